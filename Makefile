@@ -1,0 +1,73 @@
+# The commands to work with; CONTRIBUTING.md says when to use which.
+#
+# DOCS    the form that the documentation is built in: html, or linkcheck to try outer links too
+# PYTHON  the Python to use, 3.10 or newer
+# DISTRO  the ROS 2 to take from PyPI where none is sourced: jazzy (as by default) or kilted
+# QUICK   anything: bench measures little, in minutes, and leaves docs alone
+# NO_BARS anything: bench does not fail when a bar is missed
+
+PYTHON ?= python3
+DISTRO ?=
+DOCS ?= html
+VENV := .venv$(addprefix -,$(filter-out jazzy,$(DISTRO)))
+SET_UP := @$(PYTHON) tools/set_up.py $(addprefix --distro=,$(DISTRO))
+
+.DEFAULT_GOAL := help
+.PHONY: help run test test-all check colcon docs setup lock clean
+
+help:  ## print this list
+	@echo 'make TARGET [PYTHON=python3.12] [DISTRO=kilted]'
+	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile
+
+run: setup  ## set up, then drive a simulated robot
+	$(VENV)/bin/kachaka_simple_control --sim
+
+test: setup  ## set up, then run the tests
+	$(VENV)/bin/python -m pytest test
+
+test-all:  ## test with every distro on PyPI, under every Python there is from 3.10 to 3.13
+	@for distro in jazzy kilted; do for python in python3.10 python3.11 python3.12 python3.13; do \
+	    $$python -c '' 2>/dev/null || { echo "no $$python here: skipped"; continue; }; \
+	    $(MAKE) test DISTRO=$$distro PYTHON=$$python VENV=.venv-$$distro-$$python || exit 1; \
+	done; done
+
+check: setup  ## set up, then check style, types and who imports whom
+	$(VENV)/bin/ruff check
+	$(VENV)/bin/mypy
+	$(VENV)/bin/mypy --follow-imports=silent tools/environment.py
+	$(VENV)/bin/lint-imports --no-cache --no-logo
+
+bench: setup .venv-plots/made  ## measure beside the lesson's loop: half an hour; QUICK=1: minutes
+	$(VENV)/bin/python -m benchmarks --draw-with .venv-plots/bin/python $(if $(QUICK),--quick) \
+	    $(if $(NO_BARS),--no-bars)
+
+# Drawing has an environment of its own: its numpy need not be the one that a sourced ROS wants.
+.venv-plots/made: requirements/benchmarks.txt
+	$(PYTHON) -m venv --clear .venv-plots
+	.venv-plots/bin/python -m pip install --quiet --require-hashes --requirement $<
+	touch $@
+
+colcon:  ## build, run and test the package as a ROS workspace does
+	$(SET_UP) --for=colcon $(VENV)-colcon
+	tools/check_colcon.sh $(VENV)-colcon
+
+docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to do
+	$(SET_UP) --for=colcon $(VENV)-docs
+	$(VENV)-docs/bin/python -m pip --quiet --disable-pip-version-check install --no-input \
+	    --no-build-isolation --require-hashes --requirement=requirements/docs.txt
+	PYTHONPATH=. $(VENV)-docs/bin/python -m sphinx -n -W --keep-going -q -b $(DOCS) \
+	    -d docs/_build/doctrees docs docs/_build/$(DOCS)
+	$(VENV)-docs/bin/python -m pytest -rs test/test_docs.py
+
+setup:  ## make the environment, if what it is made from has changed
+	$(SET_UP) $(VENV)
+
+lock:  ## write requirements/*.txt anew, with the newest releases
+	$(PYTHON) -m venv --clear .venv-lock
+	.venv-lock/bin/python -m pip install --quiet uv
+	tools/lock.sh .venv-lock/bin/uv
+
+clean:  ## remove all that the other targets made
+	rm -rf .venv .venv-* build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf docs/_build docs/reference/generated
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,45 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Package metadata, for pip and for colcon alike; its only home."""
+
+from setuptools import find_packages, setup
+
+package_name = 'kachaka_simple_control'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    description='Drive a robot by exactly timed velocities, and stop it whatever happens',
+    author='kachaka_simple_control contributors',
+    author_email='kachaka-simple-control@example.com',
+    maintainer='kachaka_simple_control contributors',
+    maintainer_email='kachaka-simple-control@example.com',
+    license='Apache-2.0',
+    python_requires='>=3.10',
+    packages=find_packages(include=[package_name, package_name + '.*']),
+    package_data={package_name: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+    ],
+    install_requires=['setuptools'],
+    extras_require={'test': ['pytest', 'hypothesis']},
+    zip_safe=True,
+    entry_points={
+        'console_scripts': [
+            'kachaka_simple_control = kachaka_simple_control.kachaka_simple_control:main',
+            'kachaka_bridge = kachaka_simple_control.robot.bridge:main',
+        ],
+    },
+)

@@ -1,0 +1,25 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The door to the set-up: refuses a Python that is too old, in words that any Python can run."""
+
+import sys
+
+if sys.version_info < (3, 10):
+    sys.exit(
+        'set-up: Python 3.10 or newer is needed, and this is %d.%d; '
+        'name one, as in: make setup PYTHON=python3.12' % sys.version_info[:2])
+
+from environment import main
+
+sys.exit(main())
