@@ -1,0 +1,34 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What can stop a run, each in one line for a person to read."""
+
+
+class ControlError(RuntimeError):
+    """Base of the errors that end a run; ``InvalidMotionError`` comes before there is one."""
+
+
+class UsageError(ControlError):
+    """An option or a parameter cannot work as it is; nothing moved."""
+
+
+class RobotNotFoundError(ControlError):
+    """No robot listened, or none could be taken, within the time allowed; nothing moved."""
+
+
+class MotionRefusedError(ControlError):
+    """The node may not move now: it was stopped for good, or is asked from a wrong place."""
+
+
+class RunFaultError(ControlError):
+    """A run could not go on as planned; the robot was stopped."""
