@@ -1,0 +1,43 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Wait on the steady clock for absolute deadlines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+
+#: The longest nap [s]: a waiting motion thread shows a sign of life at least this often, and
+#: hears within this time that it has been stopped.
+NAP = 0.02
+
+
+def sleep_until(
+        deadline: float,
+        beat: Callable[[], None],
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep) -> None:
+    """
+    Sleep until a deadline, in naps; a deadline that has passed costs nothing.
+
+    :param deadline: when to wake [s on the clock]
+    :param beat: called after each nap; what it raises ends the wait
+    :param clock: the steady clock [s]
+    :param sleep: sleeps for a time [s]
+    """
+    left = deadline - clock()
+    while left > 0.0:
+        sleep(min(left, NAP))
+        beat()
+        left = deadline - clock()

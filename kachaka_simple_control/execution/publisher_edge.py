@@ -1,0 +1,227 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The only way out for a velocity: latch and gap, limits, publish, record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+import threading
+import time
+
+from kachaka_simple_control.errors import ControlError, MotionRefusedError, RunFaultError
+from kachaka_simple_control.execution.clocks import awake_or_asleep
+from kachaka_simple_control.execution.latch import Flag, Latch
+from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+
+
+class Access(Enum):
+    """What may be published."""
+
+    #: the robot has not been taken: not even a zero, for a zero takes a Kachaka off its dock
+    NOT_YET = 'not yet'
+    #: the robot is ours
+    OPEN = 'open'
+    #: the robot was given back: nothing, for a zero would take it again
+    CLOSED = 'closed'
+
+
+class Run:
+    """
+    One stretch of motion; only the newest run of an edge may send.
+
+    :param max_gap: the longest time between two of its messages [s]
+    """
+
+    def __init__(self, max_gap: float) -> None:
+        """Begin with nothing sent."""
+        self.max_gap = max_gap
+        self.last_sent: float | None = None
+        self.ended_by: ControlError | None = None
+
+
+class PublisherEdge:
+    """
+    Every velocity of this program passes here, one at a time.
+
+    Checks and publishing happen under one lock: once a stop has sent its first zero, no velocity
+    of the run that it stopped can follow, whichever threads are at work.
+    """
+
+    def __init__(
+            self,
+            transmit: Callable[[Velocity], None],
+            limits: Limits,
+            latch: Latch,
+            sending: Flag | None = None,
+            clock: Callable[[], float] = time.monotonic,
+            gap_clock: Callable[[], float] = awake_or_asleep) -> None:
+        """
+        Make an edge that lets nothing out yet.
+
+        :param transmit: puts a velocity on the wire
+        :param limits: what is never exceeded, whoever planned it
+        :param latch: once set, nothing but zeros leaves
+        :param sending: up while a message is handed to DDS, which may take its time
+        :param clock: the steady clock [s]
+        :param gap_clock: the clock that gaps are measured with [s]; it runs on while the machine
+            sleeps
+        """
+        self._transmit = transmit
+        self._limits = limits
+        self._latch = latch
+        self._sending = sending or Flag()
+        self._clock = clock
+        self._gap_clock = gap_clock
+        self._lock = threading.Lock()
+        self._access = Access.NOT_YET
+        self._run: Run | None = None
+        #: called with the time [s on the clock] and the velocity of each message sent
+        self.on_sent: Callable[[float, Velocity], None] = _ignore
+
+    @property
+    def access(self) -> Access:
+        """Return what may be published now."""
+        return self._access
+
+    @property
+    def run(self) -> Run | None:
+        """Return the newest run, which may be over; None if nothing ever moved."""
+        return self._run
+
+    def admit(self) -> None:
+        """Let velocities out from now on: the robot is ours."""
+        with self._lock:
+            if self._access is Access.NOT_YET:
+                self._access = Access.OPEN
+
+    def close(self) -> None:
+        """Let nothing out any more, for good."""
+        with self._lock:
+            self._access = Access.CLOSED
+
+    def begin(self, max_gap: float) -> Run:
+        """
+        Begin a run; the one before it may send no more.
+
+        :param max_gap: the longest time between two of its messages [s]
+        :returns: the run, which ``send`` asks for
+        :raises MotionRefusedError: if the robot is not ours or the latch is set
+        """
+        run = Run(max_gap)
+        with self._lock:
+            self._require_permission()
+            self._run = run
+        return run
+
+    def send(self, run: Run, velocity: Velocity) -> float:
+        """
+        Publish a velocity of a run.
+
+        :param run: the run it belongs to
+        :param velocity: what to send
+        :returns: when it was sent [s on the clock]
+        :raises ControlError: if this run may not send any more, or was late, or the velocity is
+            beyond the limits
+        """
+        with self._lock:
+            self._require_limits(velocity)
+            self._check(run)
+            self._require_no_gap(run)
+            sent = self._publish(velocity)
+            # Afterwards: what DDS takes while somebody joins the graph, 0.3 s at worst, is no sign
+            # that this program was held up.
+            run.last_sent = self._gap_clock()
+            return sent
+
+    def check(self, run: Run) -> None:
+        """
+        Raise what ``send`` would raise if the run has been stopped.
+
+        :param run: the run to look at
+        :raises ControlError: if this run may not send any more
+        """
+        with self._lock:
+            self._check(run)
+
+    def cancel(self, reason: ControlError) -> Run | None:
+        """
+        End the newest run: it sends no more, and its thread hears the reason.
+
+        :param reason: what ``send`` and ``check`` raise for it from now on
+        :returns: the run, or None if there never was one
+        """
+        with self._lock:
+            if self._run is not None and self._run.ended_by is None:
+                self._run.ended_by = reason
+            return self._run
+
+    def zero(self, after: Run | None) -> bool:
+        """
+        Publish a zero, unless the robot is not ours or has begun a newer run.
+
+        :param after: the run that this zero follows; None before the first one
+        :returns: whether it was published
+        """
+        with self._lock:
+            if self._access is not Access.OPEN or self._run is not after:
+                return False
+            self._publish(ZERO)
+            return True
+
+    def _publish(self, velocity: Velocity) -> float:
+        # Read directly before: DDS stamps a message as it takes it.
+        now = self._clock()
+        self._sending.raise_up()
+        try:
+            self._transmit(velocity)
+        finally:
+            self._sending.lower()
+        self.on_sent(now, velocity)
+        return now
+
+    def _check(self, run: Run) -> None:
+        if run.ended_by is not None:
+            raise run.ended_by
+        if run is not self._run:
+            raise MotionRefusedError('this run is over: another one has begun')
+        self._require_permission()
+
+    def _require_permission(self) -> None:
+        if self._latch.is_set:
+            raise MotionRefusedError(
+                'the robot was stopped for good; only a new node moves it again')
+        if self._access is not Access.OPEN:
+            raise MotionRefusedError(f'the robot is not ours ({self._access.value})')
+
+    def _require_limits(self, velocity: Velocity) -> None:
+        try:
+            self._limits.check(velocity)
+        except InvalidMotionError as error:
+            raise RunFaultError(f'a velocity was not sent: {error}') from None
+
+    def _require_no_gap(self, run: Run) -> None:
+        if run.last_sent is None:
+            return
+        gap = self._gap_clock() - run.last_sent
+        if gap > run.max_gap:
+            raise RunFaultError(
+                f'nothing was sent for {gap * 1e3:.0f} ms, more than the {run.max_gap * 1e3:.0f} '
+                'ms allowed: the program was held up, so the motion was given up')
+
+
+def _ignore(time_sent: float, velocity: Velocity) -> None:
+    """Record nothing."""

@@ -1,0 +1,152 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The one function that stops a robot, and who may call it when."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import threading
+import time
+from typing import Protocol
+
+from kachaka_simple_control.errors import ControlError, MotionRefusedError
+from kachaka_simple_control.execution.publisher_edge import PublisherEdge, Run
+
+#: Zeros sent back to back at first: the deepest queue in the way (a publisher of depth 10).
+BURST = 10
+#: Time between the zeros after those [s]: 25 Hz.
+INTERVAL = 0.04
+#: For how much longer zeros are sent while the robot is seen to move [s].
+INSISTENCE = 1.0
+#: How much longer than the robot's hold zeros are sent [s].
+MARGIN = 0.1
+
+
+class Guard(Protocol):
+    """Who stops the robot if this process cannot."""
+
+    def rest(self) -> None:
+        """Hear that the robot was or is being sent to rest: silence means nothing from here."""
+
+    def stopped(self) -> None:
+        """Hear that the whole stop was sent."""
+
+
+def send_stop(
+        zero: Callable[[], bool],
+        hold: float,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep) -> bool:
+    """
+    Send a whole stop.
+
+    Front-loaded: a reader that was slow or asleep plays its queue, so the first zeros push out
+    whatever velocities are in it.
+
+    :param zero: publishes one zero; returns whether it may go on
+    :param hold: how long the robot keeps a velocity without a new one [s]
+    :param clock: the steady clock [s]
+    :param sleep: sleeps for a time [s]
+    :returns: whether the stop was sent whole
+    """
+    end = clock() + hold + MARGIN
+    for _ in range(BURST):
+        if not zero():
+            return False
+    while clock() < end:
+        sleep(INTERVAL)
+        if not zero():
+            return False
+    return True
+
+
+class Stopper:
+    """Stops a run once, whoever asks and how often; a run that begins ends the stop early."""
+
+    def __init__(
+            self,
+            edge: PublisherEdge,
+            hold: float,
+            guard: Guard,
+            still_moves: Callable[[], bool] = lambda: False,
+            clock: Callable[[], float] = time.monotonic,
+            sleep: Callable[[float], None] = time.sleep) -> None:
+        """
+        Make a stopper; nothing needs stopping yet.
+
+        :param edge: where the zeros go
+        :param hold: how long the robot keeps a velocity without a new one [s]
+        :param guard: who is told
+        :param still_moves: whether the robot is seen to move on although it should not, and
+            nobody else drives it
+        :param clock: the steady clock [s]
+        :param sleep: sleeps for a time [s]
+        """
+        self._edge = edge
+        self._hold = hold
+        self._guard = guard
+        self._still_moves = still_moves
+        self._clock = clock
+        self._sleep = sleep
+        self._lock = threading.Lock()
+        self._stopped: Run | None = None
+        self._later: threading.Timer | None = None
+        #: when the newest stop began [s on the clock]; None if there was none
+        self.begun: float | None = None
+
+    def stop(self, reason: ControlError) -> None:
+        """
+        Stop the newest run, and return when the stop has been sent whole.
+
+        :param reason: what the run's own thread hears
+        """
+        self._send_stop(self._edge.cancel(reason))
+
+    def stop_unless_more(self, run: Run, within: float) -> None:
+        """
+        Stop in the background unless another run begins soon.
+
+        :param run: the run that has just ended
+        :param within: how long to wait for the next [s]
+        """
+        over = MotionRefusedError('this run is over')
+        self._later = threading.Timer(within, self._stop_if_newest, (run, over))
+        self._later.daemon = True
+        self._later.start()
+
+    def keep_quiet(self) -> None:
+        """Forget a stop that waits for its time: another run begins."""
+        if self._later is not None:
+            self._later.cancel()
+
+    def _stop_if_newest(self, run: Run, reason: ControlError) -> None:
+        if self._edge.run is run:
+            self.stop(reason)
+
+    def _send_stop(self, run: Run | None) -> None:
+        with self._lock:
+            if self._stopped is run:
+                return
+            self.begun = self._clock()
+            self._guard.rest()
+            if send_stop(lambda: self._edge.zero(run), self._hold, self._clock, self._sleep):
+                self._insist(run)
+                self._stopped = run
+                self._guard.stopped()
+
+    def _insist(self, run: Run | None) -> None:
+        """Send more zeros while the robot does not obey: a lossy link may have lost them all."""
+        end = self._clock() + INSISTENCE
+        while self._still_moves() and self._clock() < end and self._edge.zero(run):
+            self._sleep(INTERVAL)
