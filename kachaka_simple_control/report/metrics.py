@@ -1,0 +1,144 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""How far a movement was asked, sent and driven; pure."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+import math
+
+from kachaka_simple_control.motion.kinematics import Pose
+from kachaka_simple_control.motion.steps import Move
+from kachaka_simple_control.report.record import Answered, Movement, Sent
+
+#: How long after a velocity was sent odometry surely shows it [s]: two of its samples and more.
+SETTLING = 0.06
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """
+    How far a robot went along its path.
+
+    :param distance: signed length of the path [m], negative backwards
+    :param angle: heading change [rad], counter-clockwise positive
+    """
+
+    distance: float
+    angle: float
+
+
+def requested(step: Move) -> Displacement:
+    """
+    Return what a step asks for.
+
+    :param step: the step
+    :returns: velocity times duration
+    """
+    return Displacement(step.linear_x * step.duration, step.angular_z * step.duration)
+
+
+def sent(messages: Sequence[Sent]) -> Displacement:
+    """
+    Return what a receiver is told that holds each velocity until the next message.
+
+    :param messages: what was sent, in order; the last one only ends the one before
+    :returns: the sum of velocity times interval
+    """
+    pairs = list(pairwise(messages))
+    return Displacement(
+        math.fsum(one.velocity.linear_x * (two.time - one.time) for one, two in pairs),
+        math.fsum(one.velocity.angular_z * (two.time - one.time) for one, two in pairs))
+
+
+def driven(odometry: Sequence[Answered], begin: float, end: float) -> Displacement | None:
+    """
+    Return how far odometry saw the robot go between two times.
+
+    :param odometry: the poses that arrived, in order of time
+    :param begin: from when [s]
+    :param end: until when [s]
+    :returns: the displacement; None if odometry does not cover that time
+    """
+    if not odometry or odometry[0].time > begin or odometry[-1].time < end:
+        return None
+    first = bisect_left(odometry, begin, key=_time)
+    last = bisect_left(odometry, end, key=_time)
+    poses = [pose_at(odometry, begin), *(o.pose for o in odometry[first:last]),
+             pose_at(odometry, end)]
+    return Displacement(
+        math.fsum(_forward(one, two) for one, two in pairwise(poses)),
+        math.fsum(_wrapped(two.theta - one.theta) for one, two in pairwise(poses)))
+
+
+def boundaries(
+        movements: Sequence[Movement], odometry: Sequence[Answered]) -> list[float]:
+    """
+    Return where to cut odometry so that each movement gets what it moved.
+
+    Commands and odometry take their time on the way, and odometry is sampled.  Where a movement
+    meets a rest the cut is therefore made in the rest, a little aside.  A drive that begins with
+    a rest begins with the first odometry: nothing moved before it.
+
+    :param movements: the movements, in order
+    :param odometry: the poses that arrived, in order
+    :returns: one time more than there are movements [s]
+    """
+    first = movements[0]
+    # Its messages begin with the zeros that were sent while the robot was met.
+    cuts = [first.sent[-1].time - first.step.duration]
+    if odometry and first.step.velocity.is_zero:
+        cuts = [min(max(cuts[0], odometry[0].time), first.sent[-1].time)]
+    for before, after in pairwise(movements):
+        aside = SETTLING * (after.step.velocity.is_zero - before.step.velocity.is_zero)
+        cuts.append(max(cuts[-1], after.sent[0].time + aside))
+    return [*cuts, max(cuts[-1], movements[-1].sent[-1].time)]
+
+
+def pose_at(odometry: Sequence[Answered], time: float) -> Pose:
+    """
+    Return the pose at a time, between the two samples around it.
+
+    :param odometry: the poses that arrived, in order, covering the time
+    :param time: when [s]
+    :returns: the pose, interpolated linearly
+    """
+    after = odometry[bisect_left(odometry, time, key=_time)]
+    before = odometry[max(0, bisect_left(odometry, time, key=_time) - 1)]
+    if after.time <= before.time:
+        return after.pose
+    part = (time - before.time) / (after.time - before.time)
+    one, two = before.pose, after.pose
+    return Pose(
+        one.x + part * (two.x - one.x),
+        one.y + part * (two.y - one.y),
+        one.theta + part * _wrapped(two.theta - one.theta))
+
+
+def _time(answer: Answered) -> float:
+    return answer.time
+
+
+def _forward(one: Pose, two: Pose) -> float:
+    # The chord's part along the heading half-way: its sign tells forwards from backwards.
+    heading = one.theta + _wrapped(two.theta - one.theta) / 2.0
+    return (two.x - one.x) * math.cos(heading) + (two.y - one.y) * math.sin(heading)
+
+
+def _wrapped(angle: float) -> float:
+    # Odometry tells headings within a turn; between two samples a robot turns less than half.
+    return math.remainder(angle, math.tau)
