@@ -1,0 +1,92 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What goes along with a run, and ends it when something is wrong."""
+
+from __future__ import annotations
+
+import time
+
+from kachaka_simple_control.errors import RunFaultError
+from kachaka_simple_control.execution.guardian import Guardian, Unguarded
+from kachaka_simple_control.execution.renewal import Renewal
+from kachaka_simple_control.execution.stillness import Stillness
+from kachaka_simple_control.ros.robot_link import RobotLink
+
+#: How often other publishers are looked for [s].
+GLANCE = 0.1
+
+
+class Attendant:
+    """
+    Called by a run after each message, and at least every 20 ms; each call is short.
+
+    :param guardian: who is shown signs of life
+    :param renewal: what keeps manual control
+    :param link: what the graph tells of the robot
+    :param odometry: what odometry tells
+    :param odometry_timeout: how long odometry may be silent [s]; 0 for ever
+    :param needs_renewal: whether this robot needs manual control at all
+    """
+
+    def __init__(
+            self, guardian: Guardian | Unguarded, renewal: Renewal, link: RobotLink,
+            odometry: Stillness, odometry_timeout: float, needs_renewal: bool) -> None:
+        """Have looked at nothing yet."""
+        self._guardian = guardian
+        self._renewal = renewal
+        self._link = link
+        self._odometry = odometry
+        self._odometry_timeout = odometry_timeout
+        self._needs_renewal = needs_renewal
+        self._has_odometry = False
+        self._looked = float('-inf')
+
+    def met(self) -> None:
+        """Take note that a robot has just been met: odometry it has now, it must keep."""
+        self._link.met()
+        self._has_odometry = self._odometry.silence(time.monotonic()) is not None
+
+    def tick(self, rest: float) -> None:
+        """
+        Renew manual control when it is time to.
+
+        :param rest: how long the plan stays at rest from here [s]; 0 while moving
+        """
+        if self._needs_renewal:
+            self._renewal.tick(time.monotonic(), rest)
+
+    def beat(self) -> None:
+        """
+        Show a sign of life, and look around.
+
+        :raises RunFaultError: if the run must end
+        """
+        now = time.monotonic()
+        self._guardian.beat()
+        self._renewal.beat(now)
+        self._link.require_listener()
+        self._require_odometry(now)
+        if now - self._looked >= GLANCE:
+            self._looked = now
+            self._link.require_same_robot()
+            self._link.require_alone()
+
+    def _require_odometry(self, now: float) -> None:
+        silence = self._odometry.silence(now)
+        if not self._has_odometry or silence is None or not self._odometry_timeout:
+            return
+        if silence > self._odometry_timeout:
+            raise RunFaultError(
+                f'odometry has been silent for {silence:.1f} s: the robot or the link to it is '
+                'lost')

@@ -1,0 +1,164 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The guardian: a small program of its own that stops the robot when its node cannot."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import contextlib
+import mmap
+import os
+import select
+import signal
+import socket
+import sys
+
+from geometry_msgs.msg import Twist
+from kachaka_simple_control.execution.clocks import awake_or_asleep
+from kachaka_simple_control.execution.latch import Flag, Latch
+from kachaka_simple_control.execution.stopping import send_stop
+from kachaka_simple_control.execution.watchdog import Sign, Watchdog
+from kachaka_simple_control.motion.kinematics import ZERO
+from kachaka_simple_control.ros.endpoints import own_participant
+from kachaka_simple_control.ros.messages import twist
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+#: How often the graph is looked at until a subscriber was met [s].
+GLANCE = 0.02
+#: Enough for minutes of signs.
+PIPE = 65536
+
+
+class GuardianProcess:
+    """Listens to its node's signs, and publishes zeros: on request, or when signs fail."""
+
+    def __init__(self, publisher: Publisher, shared: memoryview, hold: float) -> None:
+        """
+        Have heard nothing yet.
+
+        :param publisher: where zeros go
+        :param shared: the node's memory: the latch, which is set before the first zero of a stop,
+            and the flag that is up while the node hands a message to DDS
+        :param hold: how long the robot keeps a velocity without a new one [s]
+        """
+        self._publisher = publisher
+        self._latch, self._sending = Latch(shared[:1]), Flag(shared[1:2])
+        self._hold = hold
+        self._watchdog = Watchdog()
+        self._is_matched = False
+
+    def serve(self, signs: int, endings: int) -> None:
+        """
+        Serve until the node is gone or has closed the pipe.
+
+        :param signs: the descriptor that signs are read from
+        :param endings: a descriptor that becomes readable when this program is to end
+        """
+        while not self._watchdog.is_over:
+            readable, _, _ = select.select([signs, endings], [], [], self._patience())
+            now = awake_or_asleep()
+            if endings in readable:
+                self._lost('the guardian was told to end')
+            elif signs in readable:
+                self._hear(os.read(signs, PIPE), now)
+            elif self._watchdog.is_silent(now, self._sending.is_set):
+                self._stop('the node fell silent')
+            self._look_for_a_subscriber()
+
+    def _patience(self) -> float | None:
+        patience = self._watchdog.patience()
+        if self._is_matched:
+            return patience
+        return GLANCE if patience is None else min(GLANCE, patience)
+
+    def _hear(self, heard: bytes, now: float) -> None:
+        if not heard:
+            self._lost('the node is gone')
+        for value in heard:
+            sign = bytes([value])
+            self._watchdog.hear(sign, now)
+            if sign == Sign.PRIME:
+                self._zero()
+                _say('primed')
+
+    def _lost(self, why: str) -> None:
+        if self._watchdog.lost():
+            self._stop(why)
+
+    def _stop(self, why: str) -> None:
+        self._latch.trip()
+        _say(f'stopped {why}')
+        send_stop(self._zero, self._hold)
+
+    def _zero(self) -> bool:
+        self._publisher.publish(twist(ZERO))
+        return True
+
+    def _look_for_a_subscriber(self) -> None:
+        if not self._is_matched and self._publisher.get_subscription_count() > 0:
+            self._is_matched = True
+            _say('matched')
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """
+    Be a guardian.
+
+    :param args: topic, ROS domain, depth, hold [s], and two descriptors: signs and the memory
+        shared with the node
+    :returns: the exit code
+    """
+    parser = argparse.ArgumentParser()
+    for name, kind in (
+            ('topic', str), ('domain', int), ('depth', int), ('hold', float), ('signs', int),
+            ('shared', int)):
+        parser.add_argument(name, type=kind)
+    options = parser.parse_args(args)
+    endings = _hear_signals()
+    shared = memoryview(mmap.mmap(options.shared, mmap.PAGESIZE))
+    context = Context()
+    # No arguments: the topic is resolved already, and must not be remapped again.
+    context.init(args=[], domain_id=options.domain)
+    node = Node(
+        f'_guardian_{os.getpid()}', context=context, use_global_arguments=False,
+        enable_rosout=False, start_parameter_services=False)
+    # First of all, or the node would take our publisher for somebody else's.
+    _say(f'participant {own_participant(node).hex()}')
+    publisher = node.create_publisher(Twist, options.topic, options.depth)
+    try:
+        GuardianProcess(publisher, shared, options.hold).serve(options.signs, endings)
+    finally:
+        node.destroy_node()
+        context.try_shutdown()
+    return 0
+
+
+def _say(line: str) -> None:
+    # Not print(): the node may be gone, and its end of the pipe with it.
+    with contextlib.suppress(OSError):
+        os.write(sys.stdout.fileno(), f'{line}\n'.encode())
+
+
+def _hear_signals() -> int:
+    """Make SIGTERM readable on a descriptor; leave Ctrl+C to the node."""
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+    signal.set_wakeup_fd(writer.detach(), warn_on_full_buffer=False)
+    signal.signal(signal.SIGTERM, lambda *_: None)
+    for signum in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(signum, signal.SIG_IGN)
+    return reader.detach()

@@ -1,0 +1,54 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Hear where the robot says it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+from typing import Any
+
+from kachaka_simple_control.motion.kinematics import Pose, Velocity
+from kachaka_simple_control.ros.messages import pose, velocity
+from kachaka_simple_control.ros.names import RobotNames
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+
+
+def listen_to_odometry(
+        node: Node, names: RobotNames,
+        on_odometry: Callable[[float, Pose, Velocity], None]) -> None:
+    """
+    Call a function for each pose and velocity that odometry tells.
+
+    Does nothing for a robot without odometry, or where nav_msgs is not installed.
+
+    :param node: the node that listens
+    :param names: the robot's names
+    :param on_odometry: called with the time of arrival [s on the steady clock], the pose and the
+        velocity
+    """
+    if names.odometry is None:
+        return
+    # Imported here: a drive needs no nav_msgs, it only knows less of how it went.
+    try:
+        from nav_msgs.msg import Odometry
+    except ImportError:
+        return
+
+    def hear(message: Any) -> None:
+        on_odometry(time.monotonic(), pose(message), velocity(message.twist.twist))
+
+    # Best effort, as the robot publishes it: a reliable subscription would hear nothing.
+    node.create_subscription(Odometry, names.odometry, hear, qos_profile_sensor_data)

@@ -1,0 +1,191 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What the ROS graph tells of a robot, and of who else drives it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError
+from kachaka_simple_control.execution.guardian import Guardian, Unguarded
+from kachaka_simple_control.motion.kinematics import ZERO
+from kachaka_simple_control.ros.endpoints import own_participant, participants
+from kachaka_simple_control.ros.manual_control import ManualControl
+from kachaka_simple_control.ros.messages import twist
+from kachaka_simple_control.ros.names import RobotNames
+from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.ros.waiting import wait_until
+from rclpy.node import Node
+
+HINT = ('. Is its bridge running, in the same ROS_DOMAIN_ID? Compare the name with `ros2 topic '
+        'list`. Without a robot, try `kachaka_simple_control --sim`')
+
+
+class RobotLink:
+    """Whether the robot listens, and to whom."""
+
+    def __init__(
+            self, node: Node, names: RobotNames, publisher: VelocityPublisher,
+            manual_control: ManualControl, guardian: Guardian | Unguarded,
+            allow_others: bool) -> None:
+        """
+        Look at nothing yet.
+
+        :param node: whose view of the graph is used
+        :param names: the robot's names, as they were before remapping
+        :param publisher: the publisher of velocities
+        :param manual_control: what the robot may need beside a subscription
+        :param guardian: who publishes zeros for us
+        :param allow_others: whether others may publish velocities, too
+        """
+        self._node = node
+        self._publisher = publisher
+        self._manual_control = manual_control
+        self._guardian = guardian
+        self._allow_others = allow_others
+        self._service = names.manual_control
+        self._odometry = node.resolve_topic_name(names.odometry) if names.odometry else None
+        self._participant = own_participant(node)
+        #: whose subscription is the robot's
+        self._robot: set[bytes] = set()
+
+    @property
+    def is_listening(self) -> bool:
+        """Whether anybody takes our velocities."""
+        return int(self._publisher.get_subscription_count()) > 0
+
+    def wait(self, timeout: float, check: Callable[[], None]) -> None:
+        """
+        Wait until the robot listens to us, and to nobody else.
+
+        :param timeout: how long [s]
+        :param check: called while waiting; what it raises ends the wait
+        :raises RobotNotFoundError: if it does not, with what is missing and what to try
+        """
+        if not wait_until(lambda: not self._missing(), timeout, check):
+            raise RobotNotFoundError(self._not_found(timeout))
+
+    def wait_for_guardian(self, timeout: float, check: Callable[[], None]) -> None:
+        """
+        Wait until the robot listens to our guardian, too.
+
+        :param timeout: how long [s]
+        :param check: called while waiting; what it raises ends the wait
+        :raises RobotNotFoundError: if it does not
+        """
+        if not wait_until(
+                lambda: self._guardian.is_matched and not self._missing(), timeout, check):
+            # What discovery found meanwhile tells more.
+            raise RobotNotFoundError(self._not_found(timeout) if self._missing() else (
+                f'the guardian has not met the robot within {timeout:g} s, so nothing moved; the '
+                'parameter guardian:=false drives without one'))
+
+    def require_listener(self) -> None:
+        """
+        Make sure that the robot still listens.
+
+        :raises RunFaultError: if it has left
+        """
+        if not self.is_listening:
+            raise RunFaultError(
+                f'the robot left: nobody subscribes to {self._publisher.topic_name} any more')
+
+    def require_same_robot(self) -> None:
+        """
+        Make sure that the robot is the one that was met, and not one that came in its place.
+
+        :raises RunFaultError: if it is another; it has to be met first
+        """
+        if not self._robot & self._listeners():
+            raise RunFaultError(
+                f'the robot left: who subscribes to {self._publisher.topic_name} now came later')
+
+    def require_alone(self) -> None:
+        """
+        Make sure that nobody else drives the robot, unless that is allowed, and it is one robot.
+
+        :raises RunFaultError: if that is not so; a newcomer is seen when discovery has found it
+        """
+        if not self._allow_others and (others := self.others()):
+            raise RunFaultError(self._not_alone(others))
+        if (robots := self._robots()) > 1:
+            raise RunFaultError(self._not_one(robots))
+
+    def others(self) -> list[str]:
+        """
+        Return who else publishes velocities.
+
+        :returns: the names of their nodes, where the graph tells them
+        """
+        infos = self._node.get_publishers_info_by_topic(self._publisher.topic_name)
+        ours = (self._participant, self._guardian.participant)
+        return [info.node_name for info, participant in zip(infos, participants(infos))
+                if participant not in ours]
+
+    def met(self) -> None:
+        """Remember who the robot is: who takes velocities and, if anybody does, tells odometry."""
+        listeners = self._listeners()
+        odometry = participants(
+            self._node.get_publishers_info_by_topic(self._odometry) if self._odometry else [])
+        self._robot = listeners & set(odometry) or listeners
+
+    def _listeners(self) -> set[bytes]:
+        return set(participants(
+            self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)))
+
+    def _robots(self) -> int:
+        return self._node.count_publishers(self._odometry) if self._odometry else 0
+
+    def _missing(self) -> str:
+        """Return what keeps the robot from being taken; nothing if it can be."""
+        if not self.is_listening:
+            return self._no_subscriber()
+        if not self._allow_others and (others := self.others()):
+            return self._not_alone(others)
+        return self._no_robot()
+
+    def _no_robot(self) -> str:
+        robots = self._robots()
+        if robots > 1:
+            return self._not_one(robots)
+        if not self._manual_control.is_offered:
+            return (f'a subscriber is there, but not the service {self._service}; for a robot '
+                    'without it, set the parameter manual_control to false')
+        if not self._manual_control.is_needed and self._odometry and robots == 0:
+            return f'a subscriber is there, but nobody publishes {self._odometry}'
+        return ''
+
+    def _no_subscriber(self) -> str:
+        wanted = type(twist(ZERO)).__name__
+        topic = self._publisher.topic_name
+        types = {
+            info.topic_type for info in self._node.get_subscriptions_info_by_topic(topic)}
+        if types and not any(kind.endswith('/' + wanted) for kind in types):
+            return f'its subscriber takes {", ".join(sorted(types))}, not {wanted}'
+        return 'nobody subscribes to it'
+
+    def _not_alone(self, others: list[str]) -> str:
+        return (f'somebody else publishes on {self._publisher.topic_name} (node '
+                f'{", ".join(others)}): stop that program (one that was killed is still counted '
+                'for 20 s), or set the parameter allow_other_publishers to true')
+
+    def _not_one(self, robots: int) -> str:
+        return (f'{robots} robots publish {self._odometry}, and each of them would obey; stop all '
+                'but one, or give each its own robot_namespace')
+
+    def _not_found(self, timeout: float) -> str:
+        domain = self._node.context.get_domain_id()
+        return (
+            f'no robot listens on {self._publisher.topic_name} (ROS domain {domain}) after '
+            f'{timeout:g} s: {self._missing()}{"" if self.is_listening else HINT}')

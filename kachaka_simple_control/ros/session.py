@@ -1,0 +1,234 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""One node's hold of a robot: met, driven, stopped, given back."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from kachaka_simple_control.errors import ControlError, MotionRefusedError, RunFaultError
+from kachaka_simple_control.execution.playing import play
+from kachaka_simple_control.execution.publisher_edge import Access, PublisherEdge
+from kachaka_simple_control.execution.renewal import Renewal
+from kachaka_simple_control.execution.stillness import Stillness
+from kachaka_simple_control.execution.stopping import INTERVAL, Stopper
+from kachaka_simple_control.motion.plan import Plan
+from kachaka_simple_control.robot.robot_profile import RobotProfile
+from kachaka_simple_control.ros.attendant import Attendant
+from kachaka_simple_control.ros.guarding import guard
+from kachaka_simple_control.ros.manual_control import ManualControl
+from kachaka_simple_control.ros.names import RobotNames
+from kachaka_simple_control.ros.robot_link import RobotLink
+from kachaka_simple_control.ros.settings import Settings
+from kachaka_simple_control.ros.spinner import BackgroundSpinner
+from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.ros.waiting import wait_until
+from rclpy.node import Node
+
+#: How long the robot may take to confirm that manual control was given back [s].
+FAREWELL = 1.0
+#: How long the guardian may take to publish a zero it was asked for [s].
+PATIENCE = 1.0
+
+
+class Session:
+    """
+    Everything between a plan and a robot; every way out of it stops the robot.
+
+    Runs are driven in the thread that asks for them, one at a time.  ``stop``, ``halt`` and
+    ``close`` may be called from any thread.
+    """
+
+    def __init__(
+            self, node: Node, publisher: VelocityPublisher, profile: RobotProfile,
+            names: RobotNames, settings: Settings) -> None:
+        """
+        Make a session with a robot that has not been met.
+
+        :param node: the node that publishes
+        :param publisher: its publisher of velocities, which belongs to the edge from now on
+        :param profile: the kind of robot
+        :param names: where this one is found
+        :param settings: how to treat it
+        """
+        self._node = node
+        self._hold = profile.hold
+        self._settings = settings
+        #: what odometry tells of the robot's velocity
+        self.odometry = Stillness()
+        self._guardian = guard(node, publisher, profile.hold, settings)
+        self.edge = PublisherEdge(
+            publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending)
+        self._manual_control = ManualControl(node, names.manual_control, self._require_not_halted)
+        self._link = RobotLink(
+            node, names, publisher, self._manual_control, self._guardian,
+            settings.allow_other_publishers)
+        self._stopper = Stopper(self.edge, profile.hold, self._guardian, self._still_moves)
+        self._renewal = Renewal(
+            lambda: self._manual_control.ask(True), patience=profile.hold - 1.0 / settings.rate)
+        self._attendant = Attendant(
+            self._guardian, self._renewal, self._link, self.odometry, settings.odometry_timeout,
+            self._manual_control.is_needed)
+        self._spinner = BackgroundSpinner(node, self._callback_failed)
+        self._driving = threading.Lock()
+        self._closing = threading.Lock()
+        self._halted_by: ControlError | None = None
+        self._is_met = False
+        self._is_given_back = False
+
+    def drive(self, plan: Plan) -> None:
+        """
+        Drive a plan, and leave the robot at rest.
+
+        :param plan: what to drive
+        :raises ControlError: if the robot cannot be taken or the run could not go on
+        """
+        self._require_other_thread()
+        if not self._driving.acquire(blocking=False):
+            raise MotionRefusedError('a motion is running already; wait for its end, or stop it')
+        try:
+            self._stopper.keep_quiet()
+            self._take()
+            run = play(plan, self.edge, self._hold, self._attendant)
+            self._guardian.rest()
+            self._stopper.stop_unless_more(run, within=plan.period)
+        except BaseException as error:
+            # KeyboardInterrupt and SystemExit too: whoever leaves here leaves a robot at rest.
+            self._is_met = False
+            self.stop(_reason(error))
+            self._require_no_intervention()
+            raise
+        finally:
+            self._driving.release()
+
+    def stop(self, reason: ControlError) -> bool:
+        """
+        Stop the robot, and return when that is done; nothing is sent if it never moved.
+
+        :param reason: what a motion under way in another thread is told
+        :returns: whether the robot stands still for all this program knows of it
+        """
+        try:
+            self._stopper.stop(reason)
+        except Exception as error:  # the context is gone: nobody can publish any more
+            self._node.get_logger().error(f'The stop could not be sent: {error}')
+            return False
+        if self.odometry.moves(time.monotonic()):
+            self._node.get_logger().warning(
+                'The stop is unconfirmed: zeros were sent, and odometry still sees the robot move')
+        return self.edge.access is not Access.NOT_YET
+
+    def halt(self, reason: ControlError) -> None:
+        """
+        Stop the robot, and never move it again.
+
+        :param reason: what every later motion is refused with
+        """
+        self._halted_by = self._halted_by or reason
+        self._guardian.latch.trip()
+        self.stop(reason)
+
+    def close(self) -> None:
+        """Stop the robot, give it back, and serve callbacks no more; nothing is sent after."""
+        with self._closing:
+            if not self._is_given_back:
+                self.halt(MotionRefusedError('the node is closed'))
+                self.edge.close()
+                # Its publisher must be gone, too, before the robot is given back.
+                self._guardian.dismiss()
+                self._give_back()
+                self._is_given_back = True
+            self._spinner.stop()
+
+    @property
+    def stop_confirmed_after(self) -> float | None:
+        """Return how long after the last stop began odometry saw the robot still [s]."""
+        begun, still = self._stopper.begun, self.odometry.still_since(time.monotonic())
+        return None if begun is None or still is None else max(0.0, still - begun)
+
+    def _take(self) -> None:
+        """Meet the robot and switch its manual control on; at once if that was done already."""
+        self._require_not_halted()
+        self._spinner.ensure()
+        if not (self._is_met and self._link.is_listening):
+            self._meet()
+        elif self._manual_control.is_needed and self._renewal.is_stale(time.monotonic()):
+            self._switch_manual_control_on()
+
+    def _meet(self) -> None:
+        self._link.wait(self._settings.robot_timeout, self._require_not_halted)
+        if self._manual_control.is_needed:
+            self._switch_manual_control_on()
+        self._link.wait_for_guardian(self._settings.robot_timeout, self._require_not_halted)
+        self.edge.admit()
+        self._prime()
+        self._attendant.met()
+        self._is_met = True
+
+    def _switch_manual_control_on(self) -> None:
+        asked = time.monotonic()
+        self._manual_control.take(self._settings.robot_timeout)
+        self._renewal.granted(asked)
+
+    def _prime(self) -> None:
+        """Send zeros for a while: a reader matches later than its writer sees it."""
+        end, wanted = time.monotonic() + self._settings.prime_time, self._guardian.primed
+        while time.monotonic() < end:
+            self._require_not_halted()
+            self.edge.zero(after=self.edge.run)
+            self._guardian.prime()
+            wanted += 1
+            time.sleep(INTERVAL)
+        # A zero of the guardian that came late would fall into the motion.
+        if not wait_until(lambda: self._guardian.primed >= wanted, PATIENCE):
+            raise RunFaultError(f'the guardian did not answer within {PATIENCE:g} s')
+
+    def _give_back(self) -> None:
+        wanted = self._settings.release_manual_control and self._manual_control.was_asked
+        # Somebody else may drive the robot by now.
+        if not (wanted and self._node.context.ok()) or self._link.others():
+            return
+        self._spinner.ensure(take_over=True)
+        if not self._manual_control.give_back(FAREWELL):
+            self._node.get_logger().warning(
+                f'The robot did not confirm within {FAREWELL:g} s that manual control is off; it '
+                'goes off by itself')
+
+    def _still_moves(self) -> bool:
+        return self.odometry.moves(time.monotonic()) and not self._link.others()
+
+    def _require_not_halted(self) -> None:
+        if self._halted_by is not None:
+            raise self._halted_by
+
+    def _require_no_intervention(self) -> None:
+        if self._guardian.stopped_because is not None:
+            raise RunFaultError(
+                f'the guardian stopped the robot: {self._guardian.stopped_because}')
+
+    def _require_other_thread(self) -> None:
+        if self._spinner.blocks_here():
+            raise MotionRefusedError(
+                'a motion cannot run in a callback of its own node: it would wait for callbacks '
+                'that wait for it. Start it in a thread, or from the main program')
+
+    def _callback_failed(self, error: BaseException) -> None:
+        self.halt(RunFaultError(f'a callback failed: {type(error).__name__}: {error}'))
+
+
+def _reason(error: BaseException) -> ControlError:
+    if isinstance(error, ControlError):
+        return error
+    return MotionRefusedError(f'the motion was ended by {error!r}')

@@ -1,0 +1,96 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The node's parameters: names, defaults, ranges and what they mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, Field, field, fields
+from typing import Any
+
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.execution.playing import LATENESS
+from kachaka_simple_control.robot.robot_profile import KACHAKA
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+
+
+def _setting(default: Any, description: str, lowest: float = 0.0, highest: float = 0.0) -> Any:
+    return field(default=default, metadata={
+        'description': description, 'range': (lowest, highest) if highest else None})
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Every parameter of the node, fixed when the node is made."""
+
+    robot_namespace: str = _setting(
+        KACHAKA.namespace, 'ROS namespace of the robot; prefixes its topics and its service')
+    rate: float = _setting(
+        10.0, 'How often a velocity is sent [Hz]', 1.0 / (KACHAKA.hold - LATENESS), 1000.0)
+    robot_timeout: float = _setting(
+        10.0, 'How long to wait for a robot before giving up [s]', 0.1, 3600.0)
+    prime_time: float = _setting(
+        0.5, 'How long zeros are sent to a robot just met, before it moves [s]', 0.0, 10.0)
+    manual_control: bool = _setting(
+        True, 'Switch the manual control of the robot on before the first velocity, and renew it')
+    release_manual_control: bool = _setting(
+        True, 'Give manual control back at the end, if this node switched it on')
+    guardian: bool = _setting(
+        True, 'Have a second process stop the robot if this one is killed, frozen or crashes')
+    odometry_timeout: float = _setting(
+        1.0, 'How long odometry may be silent in a run before it is given up [s]; 0: for ever',
+        0.0, 60.0)
+    allow_other_publishers: bool = _setting(
+        False, 'Drive even while somebody else publishes velocities for the same robot')
+    summary: bool = _setting(
+        False, 'Record what is sent and what odometry answers, for the table at the end')
+
+
+def declare(node: Node) -> Settings:
+    """
+    Declare the parameters on a node, and read them.
+
+    They are read-only: a drive keeps the settings that it was planned with.
+
+    :param node: whose parameters they are
+    :returns: their values
+    :raises UsageError: if a value has the wrong type or is out of range
+    """
+    return Settings(**{setting.name: _declare_one(node, setting) for setting in fields(Settings)})
+
+
+def _declare_one(node: Node, setting: Field[Any]) -> Any:
+    descriptor = ParameterDescriptor(description=setting.metadata['description'], read_only=True)
+    bounds = setting.metadata['range']
+    if bounds:
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
+        # People write rate:=20; rclpy would refuse an integer here.
+        descriptor.dynamic_typing = True
+    try:
+        value = node.declare_parameter(setting.name, setting.default, descriptor).value
+    except ParameterException as error:
+        allowed = f' It must be from {bounds[0]:g} to {bounds[1]:g}.' if bounds else ''
+        raise UsageError(f'{error}{allowed}') from None
+    return _number(setting.name, value, bounds) if bounds else value
+
+
+def _number(name: str, value: Any, bounds: tuple[float, float]) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise UsageError(f'parameter {name} is {value!r}; it must be a number')
+    if not bounds[0] <= value <= bounds[1]:
+        raise UsageError(
+            f'parameter {name} is {value}; it must be from {bounds[0]:g} to {bounds[1]:g}')
+    return float(value)

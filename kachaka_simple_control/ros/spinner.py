@@ -1,0 +1,125 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Serve a node's callbacks while a motion runs in another thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+import sys
+import threading
+from types import FrameType
+
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+#: How long the thread may take to end [s].
+PATIENCE = 2.0
+
+
+class BackgroundSpinner:
+    """
+    Spins a node in one background thread, unless somebody else does.
+
+    The thread is joined before the program ends: a thread that still spins while Python is taken
+    down aborts it.
+    """
+
+    def __init__(self, node: Node, on_error: Callable[[BaseException], None]) -> None:
+        """
+        Make a spinner that does not spin yet.
+
+        :param node: whose callbacks are served
+        :param on_error: called, in the background thread, with what a callback raised
+        """
+        self._node = node
+        self._on_error = on_error
+        self._executor: SingleThreadedExecutor | None = None
+        self._thread: threading.Thread | None = None
+
+    def ensure(self, take_over: bool = False) -> None:
+        """
+        See to it that the node's callbacks are served.
+
+        :param take_over: serve them here even if the node is in somebody else's executor
+        """
+        if take_over or not self._is_served():
+            self._start().add_node(self._node)
+
+    def blocks_here(self) -> bool:
+        """
+        Tell whether the calling thread is the one that serves the node's callbacks.
+
+        :returns: true inside a callback of this node's executor: who waits there for another
+            callback waits for ever
+        """
+        if threading.current_thread() is self._thread:
+            return True
+        return self._is_served() and not self._is_ours() and _inside_executor()
+
+    def stop(self) -> None:
+        """Spin no more, and return when the thread has ended."""
+        if self._executor is None or self._thread is None:
+            return
+        self._executor.shutdown(timeout_sec=0.0)
+        if threading.current_thread() is not self._thread:
+            self._thread.join(PATIENCE)
+        self._executor = self._thread = None
+
+    def _is_ours(self) -> bool:
+        return self._executor is not None and self._node.executor is self._executor
+
+    def _is_served(self) -> bool:
+        # A node keeps its reference to an executor that has removed it.
+        executor = self._node.executor
+        return executor is not None and self._node in executor.get_nodes()
+
+    def _start(self) -> SingleThreadedExecutor:
+        if self._executor is None:
+            self._executor = SingleThreadedExecutor(context=self._node.context)
+            self._thread = threading.Thread(
+                target=self._spin, args=(self._executor,), name='spinner', daemon=True)
+            self._thread.start()
+        return self._executor
+
+    def _spin(self, executor: SingleThreadedExecutor) -> None:
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            pass
+        except BaseException as error:
+            self._on_error(error)
+
+
+def wake_main_thread() -> None:
+    """
+    Make a main thread that waits in an executor return to Python for a moment.
+
+    Python runs signal handlers in its main thread, and only there; a wait in C++ keeps it away.
+    """
+    for frame in _executor_frames(sys._current_frames().get(threading.main_thread().ident or 0)):
+        executor = frame.f_locals.get('self')
+        if isinstance(executor, Executor):
+            executor.wake()
+            return
+
+
+def _inside_executor() -> bool:
+    return any(True for _ in _executor_frames(sys._getframe()))
+
+
+def _executor_frames(frame: FrameType | None) -> Iterator[FrameType]:
+    while frame is not None:
+        if frame.f_globals.get('__name__') == Executor.__module__:
+            yield frame
+        frame = frame.f_back
