@@ -1,0 +1,122 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The node that shows a robot to ROS 2 as the maker's own bridge does."""
+
+from __future__ import annotations
+
+import time
+
+from geometry_msgs.msg import Twist
+from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.robot.simulated import (
+    ERROR_NO_MANUAL_CONTROL,
+    ODOMETRY_PERIOD,
+    SimulatedKachaka,
+    SUCCESS,
+)
+from kachaka_simple_control.ros import messages
+from nav_msgs.msg import Odometry
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import qos_profile_sensor_data
+from std_srvs.srv import SetBool
+
+#: The frames of odometry, before their prefix.
+ODOMETRY_FRAME = 'odom'
+ROBOT_FRAME = 'base_footprint'
+#: In the official bridge both come from the robot; the simulated one has only one odometry.
+ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
+
+
+class KachakaBridge(Node):
+    """
+    Topics, service, quality of service and habits are those of the official bridge.
+
+    In particular: a velocity sent while manual control is off switches it on and is itself lost,
+    be it zero or not; nothing is limited here; there is no watchdog but the robot's own hold.
+    """
+
+    def __init__(
+            self, robot: SimulatedKachaka, namespace: str, frame_prefix: str = '') -> None:
+        """
+        Show a robot from now on.
+
+        :param robot: the robot
+        :param namespace: where its topics and its service are
+        :param frame_prefix: put before the names of the frames as it is
+        """
+        super().__init__('kachaka_bridge', namespace=namespace, start_parameter_services=False)
+        service = KACHAKA.manual_control_service
+        assert service is not None, 'a Kachaka has one'
+        self._robot = robot
+        self._frame_id = frame_prefix + ODOMETRY_FRAME
+        self._child_frame_id = frame_prefix + ROBOT_FRAME
+        self._subscription = self.create_subscription(
+            Twist, KACHAKA.velocity_topic, self._on_velocity, qos_profile_sensor_data)
+        self._service = self.create_service(
+            SetBool, service, self._on_set_enabled)
+        self._odometry = [
+            self.create_publisher(Odometry, topic, qos_profile_sensor_data)
+            for topic in ODOMETRY_TOPICS]
+        # A timer would otherwise follow /clock, which may stand still while the robot drives.
+        self._timer = self.create_timer(
+            ODOMETRY_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def summary(self) -> str:
+        """Return what the bridge serves, in one line."""
+        return (
+            f'velocities on {self._subscription.topic_name}, '
+            f'manual control at {self.resolve_service_name(self._service.srv_name)}, '
+            f'odometry on {self._odometry[0].topic_name}')
+
+    def _on_velocity(self, twist: Twist) -> None:
+        now = time.monotonic()
+        velocity, limits = messages.velocity(twist), KACHAKA.limits
+        code = self._robot.set_robot_velocity(
+            velocity.linear_x / limits.max_linear_velocity,
+            velocity.angular_z / limits.max_angular_velocity,
+            now)
+        if code == ERROR_NO_MANUAL_CONTROL:
+            self._set_manual_control(True, now)
+        elif code != SUCCESS:
+            self.get_logger().warning(f'the robot refused {velocity}', throttle_duration_sec=1.0)
+
+    def _on_set_enabled(
+            self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        code = self._set_manual_control(request.data, time.monotonic())
+        response.success = code == SUCCESS
+        return response
+
+    def _set_manual_control(self, enabled: bool, now: float) -> int:
+        code = self._robot.set_manual_control(enabled, now)
+        self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
+        return code
+
+    def _on_timer(self) -> None:
+        # Asked for in any case: a robot with a lag works out its way bit by bit as time passes,
+        # and is not to do so for minutes of it when a velocity comes.
+        now, stamp = time.monotonic(), self.get_clock().now().to_msg()
+        pose, velocity = self._robot.odometry(now)
+        listened_to = [topic for topic in self._odometry if topic.get_subscription_count() > 0]
+        if listened_to:
+            message = messages.odometry(
+                pose, velocity, stamp, self._frame_id, self._child_frame_id)
+            _publish(message, listened_to)
+
+
+def _publish(message: Odometry, publishers: list[Publisher]) -> None:
+    for publisher in publishers:
+        publisher.publish(message)

@@ -1,0 +1,60 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What is known of a robot before it is met."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from kachaka_simple_control.motion.limits import Limits
+
+
+@dataclass(frozen=True)
+class RobotProfile:
+    """
+    A robot as its commander sees it; names are relative to the robot's ROS namespace.
+
+    :param name: what people call it
+    :param namespace: its ROS namespace, absolute
+    :param velocity_topic: where it takes velocities
+    :param odometry_topic: where it tells where it is; None if nowhere
+    :param manual_control_service: what lets it take velocities (std_srvs/SetBool); None if it
+        always takes them
+    :param manual_control_timeout: how long one enabling lasts [s]
+    :param hold: how long it keeps the last velocity without a new one [s]
+    :param limits: its largest velocities
+    """
+
+    name: str
+    namespace: str
+    velocity_topic: str
+    odometry_topic: str | None
+    manual_control_service: str | None
+    manual_control_timeout: float
+    hold: float
+    limits: Limits
+
+
+#: Figures of the maker: 0.3 m/s and 1.57 rad/s (python/kachaka_api/base.py), a hold of 0.3 s and
+#: manual control for 60 s (docs/kachaka_api_client.ipynb), names (manual_control_component.cpp).
+#: All in the public repository pf-robotics/kachaka-api.
+KACHAKA = RobotProfile(
+    name='kachaka',
+    namespace='/kachaka',
+    velocity_topic='manual_control/cmd_vel',
+    odometry_topic='odometry/odometry',
+    manual_control_service='manual_control/set_enabled',
+    manual_control_timeout=60.0,
+    hold=0.3,
+    limits=Limits(max_linear_velocity=0.3, max_angular_velocity=1.57))

@@ -1,0 +1,139 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A simulated robot for the length of a ``with`` block, in a process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+import contextlib
+import subprocess
+import sys
+import threading
+
+from kachaka_simple_control.errors import ControlError
+from kachaka_simple_control.execution import child
+from kachaka_simple_control.robot.robot_profile import KACHAKA
+
+#: How long the process may take to end when it is asked to [s].
+PATIENCE = 2.0
+
+
+@contextlib.contextmanager
+def simulation(
+        namespace: str = KACHAKA.namespace,
+        options: Sequence[str] = ()) -> Iterator[SimulationProcess]:
+    """
+    Run a simulated robot on ROS 2, and end it whatever happens.
+
+    Returns at once: whoever waits for a robot waits for this one, too.
+
+    :param namespace: of its topics and its service
+    :param options: more options of ``kachaka_bridge``
+    :returns: a context manager for its process
+    :raises ControlError: if the robot ended before the block did; in place of the errors that
+        the block raised because of it
+    """
+    process = SimulationProcess(['--namespace', namespace, *options])
+    try:
+        yield process
+        process.check()
+    except Exception as error:
+        if process.is_over and error is not process.failure:
+            raise process.failure from error
+        raise
+    finally:
+        process.end()
+
+
+class SimulationProcess:
+    """
+    The bridge with a simulated robot, as a child of this process.
+
+    In its own session, so that Ctrl+C at the terminal does not reach it before the robot was
+    stopped.  Its standard input is a pipe that only this process holds: it ends with us even if
+    we are killed.
+    """
+
+    def __init__(self, options: Sequence[str]) -> None:
+        """
+        Start it.
+
+        :param options: options of ``kachaka_bridge``
+        """
+        self._last_line = 'it said nothing'
+        self._failure: ControlError | None = None
+        # Text that is no UTF-8 is shown somehow: it must not end the thread that shows it.
+        self._process = subprocess.Popen(
+            [*child.command('kachaka_simple_control.robot.bridge'),
+             '--sim', '--with-parent', *options],
+            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            start_new_session=True, env=child.environment(), text=True, errors='replace')
+        self._showing = threading.Thread(target=self._show, name='simulation', daemon=True)
+        self._showing.start()
+
+    @property
+    def pid(self) -> int:
+        """Return the number of the process."""
+        return self._process.pid
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the process has ended."""
+        return self._process.poll() is not None
+
+    @property
+    def failure(self) -> ControlError:
+        """Return what to raise once the process has ended; the same each time."""
+        if self._failure is None:
+            # What it said last may be on its way.
+            self._showing.join(PATIENCE)
+            self._failure = ControlError(
+                f'the simulated robot ended early (exit code {self._process.returncode}): '
+                f'{self._last_line}')
+        return self._failure
+
+    def check(self) -> None:
+        """
+        Make sure that the robot is still there.
+
+        :raises ControlError: if the process has ended
+        """
+        if self.is_over:
+            raise self.failure
+
+    def end(self) -> None:
+        """End the process, at the latest after a patience of 2 s; harmless if it is over."""
+        try:
+            self._process.terminate()
+            self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            pass
+        finally:
+            # Also when a signal cuts the waiting short.
+            self._process.kill()
+            self._process.wait()
+            self._close()
+
+    def _close(self) -> None:
+        self._showing.join(PATIENCE)
+        for pipe in (self._process.stdin, self._process.stderr):
+            if pipe is not None:
+                pipe.close()
+
+    def _show(self) -> None:
+        assert self._process.stderr is not None
+        for line in self._process.stderr:
+            self._last_line = line.strip() or self._last_line
+            sys.stderr.write(line)
+            sys.stderr.flush()
