@@ -1,0 +1,59 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Drive a robot by exactly timed velocities, and stop it whatever happens.
+
+Importing this package needs no ROS; the node is loaded when it is asked for.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from kachaka_simple_control.errors import (
+    ControlError,
+    MotionRefusedError,
+    RobotNotFoundError,
+    RunFaultError,
+    UsageError,
+)
+from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.motion.kinematics import Pose, Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import Plan, plan
+from kachaka_simple_control.motion.steps import Motion, Move
+
+__all__ = [
+    'ControlError',
+    'InvalidMotionError',
+    'KachakaSimpleControl',
+    'Limits',
+    'Motion',
+    'MotionRefusedError',
+    'Move',
+    'Plan',
+    'Pose',
+    'RobotNotFoundError',
+    'RunFaultError',
+    'UsageError',
+    'Velocity',
+    'plan',
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name != 'KachakaSimpleControl':
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
+    return KachakaSimpleControl

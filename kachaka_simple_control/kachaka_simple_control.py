@@ -1,0 +1,246 @@
+#!/usr/bin/env python3
+#
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The lesson's node, and the command that plays the lesson's movements with it."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import signal
+import sys
+from typing import Any
+
+if __name__ == '__main__':
+    # Run as a file, Python looks for packages beside it, and would find the file itself.
+    sys.path[0] = __file__.rpartition('/kachaka_simple_control/')[0] or '..'
+
+from geometry_msgs.msg import Twist
+from kachaka_simple_control import command_line
+from kachaka_simple_control.errors import MotionRefusedError, UsageError
+from kachaka_simple_control.execution.signals import WATCH
+from kachaka_simple_control.motion.kinematics import Pose, Velocity
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.report.record import Record
+from kachaka_simple_control.report.table import table
+from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.ros.before_shutdown import before_shutdown
+from kachaka_simple_control.ros.isolation import stay_on_this_machine
+from kachaka_simple_control.ros.names import names_of
+from kachaka_simple_control.ros.odometry import listen_to_odometry
+from kachaka_simple_control.ros.session import Session
+from kachaka_simple_control.ros.settings import declare
+from kachaka_simple_control.ros.spinner import wake_main_thread
+from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+import rclpy.signals
+
+
+class KachakaSimpleControl(Node):
+    """
+    Drives a robot by feedforward control: velocities, exactly timed, and a stop at the end.
+
+    Positive ``linear_x`` is forward [m/s], positive ``angular_z`` turns left [rad/s] (REP-103).
+    Whatever ends the program (its end, a signal, an exception), the robot is stopped first.
+    """
+
+    def __init__(self, **node_options: Any) -> None:
+        """
+        Make the node; nothing is sent before the first movement.
+
+        :param node_options: options of ``rclpy.node.Node``, such as ``namespace``
+        :raises UsageError: if a parameter has a value that cannot work
+        """
+        super().__init__('kachaka_simple_control', **node_options)
+        self.settings = declare(self)
+        self._profile = KACHAKA
+        names = names_of(
+            self._profile, self.settings.robot_namespace, self.settings.manual_control)
+        self.publisher = VelocityPublisher(self.create_publisher(Twist, names.velocity, 10))
+        self._session = Session(self, self.publisher, self._profile, names, self.settings)
+        self.record = Record()
+        if self.settings.summary:
+            self._session.edge.on_sent = self.record.add_sent
+        if self.settings.summary or self.settings.odometry_timeout:
+            listen_to_odometry(self, names, self._on_odometry)
+        self._wake = self.create_guard_condition(lambda: None)
+        self._leave_nothing_moving()
+        self.get_logger().info('Robot control node has started')
+
+    def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
+        """
+        Hold a velocity for a time, exactly, then send a zero; returns when that is done.
+
+        The first movement waits for the robot and switches its manual control on.  The next one
+        may follow at once; when none does, a whole stop is sent.
+
+        :param linear_x: forward velocity [m/s], negative backwards
+        :param angular_z: turning velocity [rad/s], positive to the left
+        :param duration: how long [s]
+        :raises InvalidMotionError: if a value is not finite or beyond the robot's limits;
+            nothing has moved
+        :raises RobotNotFoundError: if no robot listens; nothing has moved
+        :raises ControlError: if the run could not go on; the robot was stopped
+        """
+        step = Move(linear_x, angular_z, duration)
+        motion = Motion('move_robot', (step,))
+        self._session.drive(plan(motion, self._profile.limits, self.settings.rate))
+        if self.settings.summary:
+            self.record.complete(step)
+        self.get_logger().info('Robot has stopped')
+        self.get_logger().info(
+            f'Movement completed: Forward={linear_x}, Rotation={angular_z}, '
+            f'Time={duration} seconds')
+
+    def stop_robot(self) -> None:
+        """
+        Stop the robot, and end the movement that another thread is in, if one is.
+
+        A robot that this node never met is left alone: even a zero would take it.
+        """
+        if self._session.stop(MotionRefusedError('the movement was ended by stop_robot()')):
+            self.get_logger().info('Robot has stopped')
+
+    @property
+    def stop_confirmed_after(self) -> float | None:
+        """
+        Return how long after the last stop began odometry saw the robot still [s].
+
+        None if it still moves, or nobody can tell.
+        """
+        return self._session.stop_confirmed_after
+
+    def destroy_node(self) -> None:
+        """Stop the robot, give it back, and destroy the node."""
+        self._session.close()
+        WATCH.forget(self)
+        atexit.unregister(self._session.close)
+        super().destroy_node()
+
+    def on_signal(self, signum: int) -> None:
+        """
+        Stop at once and for good; called in a thread of its own.
+
+        :param signum: the signal that asks the program to end
+        """
+        self._session.halt(MotionRefusedError(f'stopped by {signal.Signals(signum).name}'))
+
+    def wake(self) -> None:
+        """Make a main thread that spins return to Python, whose signal handlers run there."""
+        self._wake.trigger()
+        wake_main_thread()
+
+    def uncaught(self, error: BaseException) -> None:
+        """
+        Stop, for the main thread ends by an exception; others may still be driving.
+
+        :param error: what nobody caught
+        """
+        if isinstance(error, KeyboardInterrupt):
+            self.get_logger().info('Program was interrupted')
+        self._session.halt(MotionRefusedError(f'the program ended by {error!r}'))
+
+    def _on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
+        self._session.odometry.hear(now, velocity)
+        if self.settings.summary:
+            self.record.add_odometry(now, pose)
+
+    def _leave_nothing_moving(self) -> None:
+        # rclpy's own handlers would shut the context down before anything could be published.
+        rclpy.signals.uninstall_signal_handlers()
+        if not WATCH.listen(self):
+            self.get_logger().warning(
+                'Made outside the main thread, this node does not hear signals: make it in the '
+                'main thread, or call stop_robot() on the way out')
+        WATCH.reinstall()
+        before_shutdown(self.context, self._session.close)
+        atexit.register(self._session.close)
+
+
+def play_lesson(robot_control: KachakaSimpleControl) -> None:
+    """
+    Play the lesson's movement sequence.
+
+    :param robot_control: the node to play it with
+    """
+    robot_control.move_robot(0.0, 0.0, 1.0)  # stand still for 1 s
+    robot_control.move_robot(0.1, 0.0, 1.0)  # forward at 0.1 m/s for 1 s
+    robot_control.move_robot(0.0, 0.0, 1.0)
+    robot_control.move_robot(0.0, 0.5, 2.0)  # left at 0.5 rad/s for 2 s
+    robot_control.move_robot(0.0, 0.0, 1.0)
+    robot_control.move_robot(0.0, -0.5, 2.0)  # right at 0.5 rad/s for 2 s
+    robot_control.move_robot(0.0, 0.0, 1.0)
+
+
+def run(options: command_line.Options) -> None:
+    """
+    Do what the command was asked to.
+
+    :param options: what that is
+    :raises ControlError: if it could not be done; the robot was stopped
+    """
+    # Started last, a simulated robot ends last: after it was stopped and given back.
+    with contextlib.ExitStack() as helpers:
+        if options.sim:
+            stay_on_this_machine()
+        start_ros(options.ros_arguments)
+        robot_control = KachakaSimpleControl(parameter_overrides=[
+            Parameter(name, value=value) for name, value in options.parameters.items()])
+        try:
+            if options.sim:
+                from kachaka_simple_control.robot.simulation import simulation
+                helpers.enter_context(simulation(robot_control.settings.robot_namespace))
+            play_lesson(robot_control)
+        except KeyboardInterrupt:
+            robot_control.get_logger().info('Program was interrupted')
+        finally:
+            robot_control.stop_robot()
+            still_after = robot_control.stop_confirmed_after
+            robot_control.destroy_node()
+            rclpy.try_shutdown()
+    if options.sim:
+        print(table(robot_control.record, still_after))
+
+
+def start_ros(arguments: list[str]) -> None:
+    """
+    Initialise ROS, without the signal handlers of its own.
+
+    :param arguments: what ROS is told, from ``--ros-args`` on
+    :raises UsageError: if ROS does not understand it
+    """
+    try:
+        rclpy.init(
+            args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise UsageError(str(error).splitlines()[0]) from None
+
+
+def main(args: list[str] | None = None) -> int:
+    """
+    Play the lesson, or what the arguments say.
+
+    :param args: arguments without the program's name; None for those of the process
+    :returns: the exit code
+    """
+    options = command_line.parse(args)
+    return command_line.exit_code(lambda: run(options))
+
+
+if __name__ == '__main__':
+    sys.exit(main())
