@@ -1,0 +1,40 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What all tests share: a ROS domain of their own, and a robot that notes what it is told."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+
+from kachaka_simple_control.ros.isolation import stay_on_this_machine
+import pytest
+
+# Before anything loads rclpy: no other robot, and no other test run, may hear this one.
+os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+stay_on_this_machine()
+# In the background of a shell Ctrl+C is ignored, and so it would be by all that is started here.
+for signum in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
+    if signal.getsignal(signum) == signal.SIG_IGN:
+        signal.signal(signum, signal.SIG_DFL)
+
+
+@pytest.fixture
+def listener():
+    """Yield something that listens and answers as the official bridge does."""
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    from listener import Listener
+    with Listener() as listener:
+        yield listener

@@ -1,0 +1,112 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Start programs as a person would, and look at how they end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import contextlib
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+ROOT = Path(__file__).resolve().parent.parent
+COMMAND = [sys.executable, '-m', 'kachaka_simple_control']
+
+
+class Program:
+    """A process, and all it printed."""
+
+    def __init__(self, command: list[str], log: Path) -> None:
+        """Start it in a session of its own."""
+        self._log = log
+        with log.open('w') as out:
+            self.process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT,
+                start_new_session=True, env=environment())
+
+    @property
+    def text(self) -> str:
+        """Return what it has printed."""
+        return self._log.read_text()
+
+    def send(self, signum: int) -> float:
+        """Send it a signal; return when [s, system clock]."""
+        now = time.time()  # before: the stop may be quicker than we are
+        self.process.send_signal(signum)
+        return now
+
+    def wait_for_text(self, text: str, timeout: float = 20.0) -> None:
+        """Return when it has printed a text."""
+        end = time.monotonic() + timeout
+        while text not in self.text:
+            assert time.monotonic() < end, f'{text!r} never came; it printed:\n{self.text}'
+            assert self.process.poll() is None, f'it ended; it printed:\n{self.text}'
+            time.sleep(0.01)
+
+    def end(self, timeout: float = 30.0) -> int:
+        """Wait for its end; return its exit code as a shell tells it."""
+        code = self.process.wait(timeout)
+        return 128 - code if code < 0 else code
+
+
+def environment() -> dict[str, str]:
+    """Return an environment in which the package under test is found first."""
+    paths = [str(ROOT), os.environ.get('PYTHONPATH', '')]
+    return {**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths))}
+
+
+@contextlib.contextmanager
+def program(command: list[str], folder: Path) -> Iterator[Program]:
+    """Run a command, and leave nothing of it behind."""
+    started = Program(command, folder / 'log.txt')
+    try:
+        yield started
+    finally:
+        children = children_of(started.process.pid)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(started.process.pid, signal.SIGKILL)
+        started.process.wait()
+        # A guardian stops the robot after its node was killed; the next test's must not hear it.
+        end = time.monotonic() + 3.0
+        while any(map(is_running, children)) and time.monotonic() < end:
+            time.sleep(0.02)
+
+
+def children_of(pid: int) -> list[int]:
+    """Return the processes that a process started and has not reaped."""
+    files = Path(f'/proc/{pid}/task').glob('*/children')
+    with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+        return [int(child) for file in files for child in file.read_text().split()]
+    return []
+
+
+def is_running(pid: int) -> bool:
+    """Tell whether a process is there and no zombie."""
+    try:
+        return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+@contextlib.contextmanager
+def script(text: str, folder: Path) -> Iterator[Program]:
+    """Run a script as a user would have written it."""
+    file = folder / 'script.py'
+    file.write_text(text)
+    with program([sys.executable, str(file)], folder) as started:
+        yield started

@@ -1,0 +1,232 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The bridge, a process of its own over real DDS: names, habits, and how it ends."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import time
+
+import pytest
+from ros_support import bridge, BridgeProcess, Probe, wait_until
+
+pytestmark = pytest.mark.ros
+pytest.importorskip('rclpy')
+pytest.importorskip('nav_msgs')
+#: What a hold of 0.3 s at 0.1 m/s drives [m].
+ONE_HOLD = 0.03
+
+
+@pytest.fixture(scope='module')
+def probe():
+    """Return a probe for all of these tests."""
+    probe = Probe()
+    yield probe
+    probe.close()
+
+
+@pytest.fixture
+def namespace(request):
+    """Return a namespace of this test, so that no other test's robot is heard."""
+    return '/' + ''.join(c if c.isalnum() else '_' for c in request.node.name)
+
+
+def settled_x(odometry, pause=0.6):
+    """Return how far the robot has come once every hold is over."""
+    time.sleep(pause)
+    return odometry[-1][1].pose.pose.position.x
+
+
+@pytest.mark.parametrize('first', [0.1, 0.0], ids=['velocity', 'zero'])
+def test_first_command_is_lost_and_takes_the_robot(probe, namespace, first):
+    """The bridge switches manual control on and does not send the velocity again."""
+    with bridge('--namespace', namespace) as process:
+        odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
+        probe.send(publisher, first)
+        assert settled_x(odometry) == 0.0
+        probe.send(publisher, 0.1)
+        assert settled_x(odometry) == pytest.approx(ONE_HOLD, abs=1e-9)
+
+
+def test_service_takes_and_releases_the_robot(probe, namespace):
+    """Nothing is lost after it said yes; a velocity after the release takes the robot again."""
+    with bridge('--namespace', namespace) as process:
+        odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
+        assert probe.set_enabled(namespace, True).success is True
+        probe.send(publisher, 0.1)
+        assert settled_x(odometry) == pytest.approx(ONE_HOLD, abs=1e-9)
+        assert probe.set_enabled(namespace, False).success is True
+        probe.send(publisher, 0.1)
+        assert settled_x(odometry) == pytest.approx(ONE_HOLD, abs=1e-9)
+        probe.send(publisher, -0.1)
+        assert settled_x(odometry) == pytest.approx(0.0, abs=1e-9)
+        assert process.text.count('manual control enabled') == 2
+
+
+def test_robot_limits_and_refuses(probe, namespace):
+    """1 m/s is 0.3 m/s for it; what is no number changes nothing, and the bridge lives on."""
+    with bridge('--namespace', namespace) as process:
+        odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
+        probe.set_enabled(namespace, True)
+        probe.send(publisher, math.inf)
+        probe.send(publisher, 0.1, math.nan)
+        assert settled_x(odometry) == 0.0
+        probe.send(publisher, 1.0)
+        assert settled_x(odometry) == pytest.approx(0.09, abs=1e-9)
+
+
+def test_turning_is_seen_in_odometry(probe, namespace):
+    """Heading, velocity and frames; what drives is told while it does."""
+    with bridge('--namespace', namespace, '--frame-prefix', 'left/') as process:
+        odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
+        wheels = probe.odometry(namespace, 'wheel_odometry/wheel_odometry')
+        probe.set_enabled(namespace, True)
+        probe.send(publisher, 0.0, 0.5)
+        assert wait_until(lambda: odometry[-1][1].twist.twist.angular.z == 0.5)
+        settled_x(odometry)
+    for message in (odometry[-1][1], wheels[-1][1]):
+        assert message.pose.pose.orientation.z == pytest.approx(math.sin(0.075))
+        assert message.pose.pose.orientation.w == pytest.approx(math.cos(0.075))
+        assert message.header.frame_id == 'left/odom'
+        assert message.child_frame_id == 'left/base_footprint'
+        assert abs(message.header.stamp.sec - time.time()) < 60.0
+
+
+def test_options_reach_the_robot(probe, namespace):
+    """A gain of 0.5 on the dock: 0.1 m off it, then half of what is sent."""
+    options = ('--docked', '--linear-gain', '0.5', '--undock-velocity', '1')
+    with bridge('--namespace', namespace, *options) as process:
+        odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
+        probe.set_enabled(namespace, True)
+        assert settled_x(odometry) == pytest.approx(0.1, abs=1e-9)
+        probe.send(publisher, 0.1)
+        assert settled_x(odometry) == pytest.approx(0.115, abs=1e-9)
+
+
+def test_odometry_comes_at_50_hz(probe, namespace):
+    """On average; single messages may be late on a busy machine."""
+    with bridge('--namespace', namespace):
+        odometry = probe.odometry(namespace)
+        time.sleep(0.3)
+        first = len(odometry) - 1
+        time.sleep(2.0)
+        (began, _), (ended, _) = odometry[first], odometry[-1]
+        assert 45.0 < (len(odometry) - 1 - first) / (ended - began) < 55.0
+
+
+def test_quality_of_service_is_the_official_one(probe, namespace):
+    """Best effort throughout: a velocity that is lost is not sent again."""
+    from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+    with bridge('--namespace', namespace):
+        probe.odometry(namespace)
+        node = probe.node
+        ends = [
+            *node.get_subscriptions_info_by_topic(f'{namespace}/manual_control/cmd_vel'),
+            *node.get_publishers_info_by_topic(f'{namespace}/odometry/odometry'),
+            *node.get_publishers_info_by_topic(f'{namespace}/wheel_odometry/wheel_odometry')]
+        assert len(ends) == 3
+        for end in ends:
+            assert end.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+            assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
+
+
+class Listeners:
+    """A publisher that counts instead of publishing."""
+
+    def __init__(self, count):
+        """Have so many subscriptions."""
+        self.count, self.published = count, 0
+
+    def get_subscription_count(self):
+        """Return how many listen."""
+        return self.count
+
+    def publish(self, _):
+        """Count."""
+        self.published += 1
+
+
+def test_odometry_is_published_only_while_somebody_listens():
+    """Each of the two by itself."""
+    from kachaka_simple_control.robot.bridge_node import KachakaBridge
+    from kachaka_simple_control.robot.simulated import SimulatedKachaka
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = KachakaBridge(SimulatedKachaka(time.monotonic()), '/alone')
+    try:
+        for counts in ((0, 0), (1, 0), (0, 2)):
+            node._odometry = [Listeners(count) for count in counts]
+            node._on_timer()
+            assert [int(count > 0) for count in counts] == [
+                publisher.published for publisher in node._odometry]
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_end_it_without_a_traceback(signum):
+    """Exit code 0, soon; a second signal does not cut the ending short."""
+    with bridge() as process:
+        assert wait_until(lambda: 'ready' in process.text)
+        process.process.send_signal(signum)
+        process.process.send_signal(signum)
+        assert process.wait(3.0) == 0
+        assert 'Traceback' not in process.text
+        assert len(process.lines) == 1
+        for name in ('manual_control/cmd_vel', 'manual_control/set_enabled', 'odometry/odometry'):
+            assert f'/kachaka/{name}' in process.text
+
+
+def test_end_of_the_parent_ends_it():
+    """Its standard input closes; without --with-parent that means nothing."""
+    with bridge('--with-parent', stdin=subprocess.PIPE) as child, \
+            bridge(stdin=subprocess.PIPE) as free:
+        assert wait_until(lambda: 'ready' in child.text and 'ready' in free.text)
+        child.process.stdin.write('anything but an end')
+        child.process.stdin.flush()
+        time.sleep(0.3)
+        assert child.process.poll() is None
+        for process in (child, free):
+            process.process.stdin.close()
+        assert child.wait(3.0) == 0
+        assert free.process.poll() is None
+
+
+@pytest.mark.parametrize(('options', 'text'), [
+    ((), 'which robot? --sim shows a simulated one'),
+    (('--sim', '--lag', '-1'), 'lag is -1.0; it must be a finite number, 0 or more'),
+    (('--sim', '--velocity-noise', 'much'), "invalid float value: 'much'"),
+    (('--sim', '--speed', '3'), 'unrecognized arguments: --speed 3'),
+    (('--sim', '--namespace', 'a-b'), 'Invalid namespace'),
+    (('--sim', '--ros-args', '-p'), 'Failed to parse ROS arguments')])
+def test_bad_arguments_are_one_line(options, text):
+    """Exit code 2."""
+    process = BridgeProcess(*options)
+    try:
+        assert process.wait() == 2
+        assert len(process.lines) == 1
+        assert process.text.startswith('kachaka_bridge: ')
+        assert text in process.text
+    finally:
+        process.end()
+
+
+def test_ros_arguments_reach_the_node(probe, namespace):
+    """Namespaces can be remapped as those of any node."""
+    with bridge('--ros-args', '-r', f'__ns:={namespace}'):
+        assert probe.odometry(namespace)

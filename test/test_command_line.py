@@ -1,0 +1,97 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Arguments and exit codes, without ROS."""
+
+import signal
+
+from kachaka_simple_control import command_line
+from kachaka_simple_control.command_line import exit_code, parse, split_ros_arguments
+from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError, UsageError
+from kachaka_simple_control.execution.signals import SignalWatch
+from kachaka_simple_control.motion.errors import InvalidMotionError
+import pytest
+
+
+def test_nothing_said_is_the_lesson_on_a_real_robot():
+    options = parse([])
+    assert not options.sim
+    assert options.parameters == {}
+    assert options.ros_arguments == []
+
+
+def test_a_simulated_drive_ends_with_a_summary():
+    assert parse(['--sim']).parameters == {'summary': True}
+
+
+def test_the_rate_is_a_parameter_of_the_node():
+    assert parse(['--rate', '50']).parameters == {'rate': 50.0}
+
+
+@pytest.mark.parametrize('arguments', [['--fast'], ['--rate', 'fast'], ['square', 'circle']])
+def test_bad_usage_is_one_sentence_and_exit_code_2(arguments, capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse(arguments)
+    assert caught.value.code == 2
+    assert 'kachaka_simple_control: error:' in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_help_names_the_exit_codes(capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse(['--help'])
+    assert caught.value.code == 0
+    assert '3 no robot listens' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('arguments, own, ros', [
+    (['--sim', '--ros-args', '-r', 'a:=b'], ['--sim'], ['--ros-args', '-r', 'a:=b']),
+    (['--ros-args', '-p', 'x:=1', '--', '--sim'], ['--sim'], ['--ros-args', '-p', 'x:=1', '--']),
+    (['--ros-args', '--', '--sim', '--ros-args', '-p', 'x:=1'], ['--sim'],
+     ['--ros-args', '--', '--ros-args', '-p', 'x:=1']),
+])
+def test_the_arguments_of_ros_are_left_to_ros(arguments, own, ros):
+    assert split_ros_arguments(arguments) == (own, ros)
+
+
+@pytest.mark.parametrize('error, code', [
+    (InvalidMotionError('linear_x is 3 m/s'), 2),
+    (UsageError('rate is 0'), 2),
+    (RobotNotFoundError('nobody'), 3),
+    (RunFaultError('late'), 1),
+    (KeyError('oops'), 1),
+    (KeyboardInterrupt(), 130),
+])
+def test_each_end_has_its_exit_code_and_no_traceback(error, code, capsys):
+    def body():
+        raise error
+
+    assert exit_code(body) == code
+    printed = capsys.readouterr().err
+    assert 'Traceback' not in printed
+    assert len(printed.splitlines()) <= 1
+
+
+def test_a_body_that_ends_well_is_0():
+    assert exit_code(lambda: None) == 0
+
+
+def test_a_signal_decides_the_exit_code_whatever_followed_from_it(monkeypatch):
+    """A run that a signal stopped fails in one way or another; the signal is the reason."""
+    watch = SignalWatch()
+    watch.signum = signal.SIGTERM
+    monkeypatch.setattr(command_line, 'WATCH', watch)
+
+    def body():
+        raise RunFaultError('late')
+
+    assert exit_code(body) == 143

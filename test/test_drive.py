@@ -1,0 +1,177 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The drive: exact where it can be, and the same however often it is asked."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Velocity, ZERO
+from kachaka_simple_control.robot.drive import approach, Drive
+from kachaka_simple_control.robot.fidelity import Fidelity, IDEAL
+import pytest
+
+REAL = Fidelity(
+    lag=0.15, linear_acceleration=0.4, angular_acceleration=3.0, linear_gain=0.97,
+    angular_gain=1.04, velocity_noise=0.1)
+velocities = st.builds(Velocity, st.floats(-0.3, 0.3), st.floats(-1.57, 1.57))
+commands = st.lists(st.tuples(st.floats(0.0, 0.4), velocities | st.just(ZERO)), max_size=5)
+questions = st.lists(st.floats(0.0, 2.5), max_size=20)
+
+
+def drive_and_ask(fidelity, commands, questions, start=0.0):
+    """Give the commands, after their pauses; ask in between; answer the state after 2.5 s."""
+    drive, time = Drive(fidelity, start, seed=7), start
+    asked = sorted(start + question for question in questions)
+    for pause, velocity in commands:
+        time += pause
+        while asked and asked[0] <= time:
+            drive.at(asked.pop(0))
+        drive.aim(velocity, time)
+    for question in asked:
+        drive.at(question)
+    return drive.at(start + 2.5)
+
+
+@pytest.mark.parametrize('fidelity', [IDEAL, REAL], ids=['ideal', 'real'])
+@given(commands=commands, questions=questions)
+def test_pose_does_not_depend_on_how_often_it_is_asked(fidelity, commands, questions):
+    """To the last bit: what a report says must not depend on who else listened."""
+    silent = drive_and_ask(fidelity, commands, [])
+    assert silent == drive_and_ask(fidelity, commands, questions)
+
+
+@given(commands=commands)
+def test_ideal_drive_is_exact(commands):
+    """Each velocity from its command to the next, as a unicycle."""
+    pose = ORIGIN
+    times = [sum(pause for pause, _ in commands[:index + 1]) for index in range(len(commands))]
+    for (_, velocity), time, following in zip(commands, times, [*times[1:], 2.5]):
+        pose = integrate(pose, velocity, following - time)
+    driven, _ = drive_and_ask(IDEAL, commands, [])
+    for name in ('x', 'y', 'theta'):
+        assert getattr(pose, name) == pytest.approx(getattr(driven, name), abs=1e-12)
+
+
+def test_same_seed_same_drive_at_any_hour():
+    """Noise belongs to the time since the start, not to the clock's own."""
+    commands = [(0.25, Velocity(0.25, 0.5)), (0.25, Velocity(0.125, -1.0))]
+    early, late = (drive_and_ask(REAL, commands, [], start)[0] for start in (0.0, 65536.0))
+    assert early.x == pytest.approx(late.x, abs=1e-9)
+    assert early.theta == pytest.approx(late.theta, abs=1e-9)
+
+
+def test_other_seed_other_drive():
+    """Noise is noise."""
+    noisy = Fidelity(velocity_noise=0.2)
+    first, second = (Drive(noisy, 0.0, seed) for seed in (1, 2))
+    for drive in (first, second):
+        drive.aim(Velocity(0.1), 0.0)
+    assert first.at(1.0) != second.at(1.0)
+
+
+def test_velocity_noise_has_the_deviation_it_was_given():
+    """The way in 1 s is the sum of 1000 velocities: noise * velocity * sqrt(1 s * 1 ms)."""
+    ways = []
+    for seed in range(200):
+        drive = Drive(Fidelity(velocity_noise=0.5), 0.0, seed)
+        drive.aim(Velocity(0.1), 0.0)
+        ways.append(drive.at(1.0)[0].x)
+    mean = sum(ways) / len(ways)
+    deviation = math.sqrt(sum((way - mean) ** 2 for way in ways) / (len(ways) - 1))
+    # 200 seeds: the deviation of a deviation is 5 %, of the mean 7 % of a deviation.
+    assert deviation == pytest.approx(0.5 * 0.1 * math.sqrt(0.001), rel=0.2)
+    assert mean == pytest.approx(0.1, abs=0.3 * deviation)
+
+
+def test_lag_delays_and_catches_up():
+    """First order: behind by velocity * lag while it drives, and none of it is lost at the end."""
+    drive = Drive(Fidelity(lag=0.1), 0.0, 0)
+    drive.aim(Velocity(0.2), 0.0)
+    assert drive.at(0.1)[1].linear_x == pytest.approx(0.2 * (1.0 - math.exp(-1.0)))
+    assert drive.at(2.0)[0].x == pytest.approx(0.2 * (2.0 - 0.1))
+    drive.aim(ZERO, 2.0)
+    # What is left when it is told to stand still and slower than 1e-6 m/s is not driven.
+    assert drive.at(10.0)[0].x == pytest.approx(0.2 * 2.0, abs=1.1e-7)
+    assert drive.at(10.0)[1] == ZERO
+
+
+def test_acceleration_is_limited():
+    """0.2 m/s at 0.4 m/s^2: a ramp of 0.5 s, which costs 0.05 m."""
+    drive = Drive(Fidelity(linear_acceleration=0.4), 0.0, 0)
+    drive.aim(Velocity(0.2), 0.0)
+    assert drive.at(0.25)[1].linear_x == pytest.approx(0.1)
+    assert drive.at(2.0)[1].linear_x == 0.2
+    assert drive.at(2.0)[0].x == pytest.approx(0.35)
+
+
+def test_gain_errors_change_the_way():
+    """A demanded metre is another metre."""
+    drive = Drive(Fidelity(linear_gain=0.9, angular_gain=1.1), 0.0, 0)
+    drive.aim(Velocity(0.1, 0.0), 0.0)
+    drive.aim(Velocity(0.0, 0.5), 1.0)
+    pose, velocity = drive.at(2.0)
+    assert (pose.x, pose.theta) == pytest.approx((0.09, 0.55))
+    assert velocity.angular_z == pytest.approx(0.55)
+
+
+def test_spiral_is_close_to_a_fine_integration():
+    """While both velocities change, the path is put together from circles; this says how well."""
+    drive = Drive(Fidelity(lag=0.3), 0.0, 0)
+    drive.aim(Velocity(0.3, 1.5), 0.0)
+    pose, step = ORIGIN, 1e-5
+    for index in range(100_000):
+        share = 1.0 - math.exp(-(index + 0.5) * step / 0.3)
+        pose = integrate(pose, Velocity(0.3 * share, 1.5 * share), step)
+    driven, _ = drive.at(1.0)
+    assert (driven.x, driven.y) == pytest.approx((pose.x, pose.y), abs=1e-7)
+
+
+def test_a_long_rest_costs_nothing():
+    """A robot with a lag that nobody told anything for a day answers at once."""
+    drive = Drive(REAL, 0.0, 0)
+    drive.aim(Velocity(0.1), 0.0)
+    drive.aim(ZERO, 0.2)
+    # 86 million grid points would take minutes.
+    pose, velocity = drive.at(86400.0)
+    assert velocity == ZERO
+    drive.aim(Velocity(0.1), 86400.0)
+    assert drive.at(86401.0)[0].x > pose.x + 0.05
+
+
+@given(
+    velocity=st.floats(-2.0, 2.0), target=st.floats(-2.0, 2.0), duration=st.floats(0.0, 3.0),
+    share=st.floats(0.0, 1.0), lag=st.sampled_from([0.0, 0.05, 0.4]),
+    acceleration=st.sampled_from([0.3, 5.0, math.inf]))
+def test_following_in_two_parts_is_following_in_one(
+        velocity, target, duration, share, lag, acceleration):
+    """The solution is exact, so it can be cut anywhere."""
+    end, way = approach(velocity, target, duration, lag, acceleration)
+    first, way_before = approach(velocity, target, share * duration, lag, acceleration)
+    second, way_after = approach(first, target, (1.0 - share) * duration, lag, acceleration)
+    assert second == pytest.approx(end, abs=1e-9)
+    assert way_before + way_after == pytest.approx(way, abs=1e-9)
+    assert min(velocity, target) - 1e-12 <= end <= max(velocity, target) + 1e-12
+
+
+@pytest.mark.parametrize(('name', 'value'), [
+    ('lag', -0.1), ('lag', math.nan), ('lag', math.inf), ('linear_acceleration', 0.0),
+    ('angular_acceleration', math.nan), ('linear_gain', math.inf), ('velocity_noise', -1.0),
+    ('odometry_noise', math.nan), ('undock_velocity', 0.0), ('undock_distance', -1.0)])
+def test_impossible_figures_are_refused(name, value):
+    """At once, with the name and the value."""
+    with pytest.raises(ValueError, match=f'{name} is {value}; it must be'):
+        Fidelity(**{name: value})

@@ -1,0 +1,239 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What no handler can catch: killed, frozen, crashed. The guardian stops the robot."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import time
+
+from program import children_of, COMMAND, is_running, program, script
+import pytest
+
+pytestmark = pytest.mark.ros
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+BEGIN = """
+import os, signal, sys, time
+import rclpy
+from kachaka_simple_control import KachakaSimpleControl
+rclpy.init()
+node = KachakaSimpleControl()
+"""
+
+
+def zeros_after(listener, since):
+    """Return the times of the zeros that followed, and assert that no motion came after them."""
+    time.sleep(1.0)
+    after = [heard for heard in listener.heard if heard.time > since]
+    zeros = [heard.time for heard in after if not heard.moves]
+    assert zeros
+    assert not [heard for heard in after if heard.moves and heard.time > zeros[0]]
+    return zeros
+
+
+def assert_whole_stop(zeros):
+    """Assert that the stop was front-loaded, and longer than the hold."""
+    assert zeros[9] - zeros[0] < 0.1
+    assert zeros[-1] - zeros[0] > 0.35
+
+
+def guardian_of(started):
+    """Return the process id of the guardian of a program."""
+    for child in children_of(started.process.pid):
+        if b'guardian_process' in Path(f'/proc/{child}/cmdline').read_bytes():
+            return child
+    raise AssertionError('it has no guardian')
+
+
+@pytest.mark.parametrize('name, bound', [
+    # The bars are 50 and 150 ms on a quiet machine; this one may be busy.
+    ('SIGKILL', 0.15), ('SIGSEGV', 0.5), ('SIGQUIT', 0.5), ('SIGSTOP', 0.3)])
+def test_the_robot_is_stopped_when_the_node_cannot(listener, tmp_path, name, bound):
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        time.sleep(0.3)
+        sent = started.send(signal.Signals[name])
+        zeros = zeros_after(listener, sent)
+        assert zeros[0] - sent < bound
+        assert_whole_stop(zeros)
+
+
+def test_the_guardian_does_not_outlive_its_node(listener, tmp_path):
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        guardian = guardian_of(started)
+        started.send(signal.SIGKILL)
+        started.end()
+        end = time.monotonic() + 3.0
+        while is_running(guardian) and time.monotonic() < end:
+            time.sleep(0.05)
+        assert not is_running(guardian)
+
+
+def test_a_frozen_node_hears_one_stop_and_moves_no_more_when_it_wakes(listener, tmp_path):
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        time.sleep(0.25)
+        sent = started.send(signal.SIGSTOP)
+        time.sleep(2.0)
+        frozen = [heard.time for heard in listener.heard if heard.time > sent]
+        assert frozen[-1] - frozen[0] < 0.7  # then silence: one stop, not a flood
+        thawed = started.send(signal.SIGCONT)
+        assert started.end() == 1
+    assert 'the guardian stopped the robot: the node fell silent' in started.text
+    assert not [heard for heard in listener.heard if heard.moves and heard.time > thawed]
+    assert len(listener.released) == 1
+
+
+def test_a_short_freeze_does_not_stop_a_healthy_run(listener, tmp_path):
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        for _ in range(5):
+            started.send(signal.SIGSTOP)
+            time.sleep(0.05)
+            started.send(signal.SIGCONT)
+            time.sleep(0.2)
+        assert started.end() == 0
+
+
+def test_a_guardian_that_dies_takes_the_run_with_it(listener, tmp_path):
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        os.kill(guardian_of(started), signal.SIGKILL)
+        killed = time.time()
+        assert started.end() == 1
+    assert 'the guardian is gone' in started.text
+    assert zeros_after(listener, killed)[0] - killed < 0.3
+
+
+def test_a_guardian_that_is_told_to_end_stops_first(listener, tmp_path):
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        os.kill(guardian_of(started), signal.SIGTERM)
+        told = time.time()
+        assert started.end() == 1
+    assert_whole_stop(zeros_after(listener, told))
+
+
+def test_ctrl_c_at_the_terminal_is_not_the_guardians(listener, tmp_path):
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        guardian = guardian_of(started)
+        assert os.getsid(guardian) == guardian
+        os.kill(guardian, signal.SIGINT)
+        assert started.end() == 0
+
+
+def test_no_child_of_the_program_keeps_the_guardian_waiting(listener, tmp_path):
+    """A child holds what its parent had open; the parent's end must still be heard."""
+    text = BEGIN + """
+import threading
+threading.Thread(target=node.move_robot, args=(0.1, 0.0, 20.0), daemon=True).start()
+time.sleep(5.0)
+if os.fork() == 0:
+    time.sleep(8.0)
+    os._exit(0)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    with script(text, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        started.process.wait(10.0)
+        killed = time.time()
+        assert zeros_after(listener, killed - 0.5)[0] - killed < 0.3
+
+
+@pytest.mark.parametrize('ending, code', [
+    ('os._exit(7)', 7), ('os.abort()', 134), ('sys.exit(5)', 5)])
+def test_a_program_may_end_without_any_cleaning_up(listener, tmp_path, ending, code):
+    text = f'{BEGIN}node.move_robot(0.1, 0.0, 0.3)\n{ending}\n'
+    with script(text, tmp_path) as started:
+        assert started.end() == code
+        end = max(heard.time for heard in listener.heard if heard.moves)
+        assert_whole_stop(zeros_after(listener, end))
+
+
+def test_a_node_that_cannot_publish_its_stop_leaves_it_to_the_guardian(listener, tmp_path):
+    """Its context is shut down under it, past every hook, as by a handler in foreign code."""
+    text = BEGIN + """
+import threading
+def pull_the_rug():
+    time.sleep(6.0)
+    with node.context.handle:
+        node.context.handle.shutdown()
+threading.Thread(target=pull_the_rug, daemon=True).start()
+node.move_robot(0.1, 0.0, 20.0)
+"""
+    with script(text, tmp_path) as started:
+        assert started.end() != 0
+        end = max(heard.time for heard in listener.heard if heard.moves)
+        zeros = zeros_after(listener, end)
+        assert zeros[0] - end < 0.6
+        assert_whole_stop(zeros)
+
+
+def test_a_node_killed_before_it_moved_leaves_nothing_to_send(listener, tmp_path):
+    """Zeros would keep a robot awake, or take it from somebody else."""
+    with script(BEGIN + 'time.sleep(20)\n', tmp_path) as started:
+        time.sleep(3.0)
+        guardian = guardian_of(started)
+        started.send(signal.SIGKILL)
+        started.end()
+        time.sleep(1.0)
+        assert not is_running(guardian)
+    assert listener.heard == []
+
+
+def test_after_the_robot_was_given_back_the_guardian_is_gone(listener, tmp_path):
+    text = BEGIN + """
+node.move_robot(0.1, 0.0, 0.3)
+node.destroy_node()
+print('given back', flush=True)
+time.sleep(20)
+"""
+    with script(text, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        guardian = guardian_of(started)
+        started.wait_for_text('given back')
+        assert not is_running(guardian)
+        count = len(listener.heard)
+        started.send(signal.SIGKILL)
+        time.sleep(0.5)
+        assert len(listener.heard) == count
+    assert len(listener.released) == 1
+
+
+def test_without_a_guardian_there_is_none(listener, tmp_path):
+    command = [*COMMAND, '--ros-args', '-p', 'guardian:=false']
+    with program(command, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        with pytest.raises(AssertionError, match='no guardian'):
+            guardian_of(started)
+        killed = started.send(signal.SIGKILL)
+        time.sleep(0.5)
+    assert not [heard for heard in listener.heard if heard.time > killed]
+
+
+def test_a_busy_machine_is_no_reason_to_stop(listener, tmp_path):
+    """Twelve busy processes on a few cores; the run goes on."""
+    busy = [subprocess.Popen(['sh', '-c', 'while :; do :; done']) for _ in range(12)]
+    try:
+        with program([*COMMAND, '--ros-args', '-p', 'robot_timeout:=60'], tmp_path) as started:
+            assert started.end(90.0) == 0, started.text
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+    assert len(listener.moves()) == 3

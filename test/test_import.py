@@ -1,0 +1,90 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What the package needs, and what it does not."""
+
+import ast
+from pathlib import Path
+import subprocess
+import sys
+
+from program import environment, program, ROOT
+import pytest
+
+BLOCK = """
+import sys
+class Block:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0] in {blocked!r}:
+            raise ModuleNotFoundError(f'{{name}} is blocked', name=name)
+sys.meta_path.insert(0, Block())
+"""
+ROS = ('rclpy', 'geometry_msgs', 'std_srvs', 'nav_msgs', 'rcl_interfaces')
+#: What a person may have installed, and rclpy does without (it uses yaml and numpy itself).
+OTHERS = (
+    'nav_msgs', 'diagnostic_msgs', 'sensor_msgs', 'jsonschema', 'rich', 'matplotlib', 'scipy',
+    'mcap', 'kachaka_api', 'grpc', 'hypothesis', 'ruckig', 'rosbags', 'pytest')
+
+
+def test_importing_the_package_and_planning_need_no_ros():
+    text = BLOCK.format(blocked=ROS) + """
+import kachaka_simple_control as ksc
+plan = ksc.plan(ksc.Motion('one', (ksc.Move(0.1, 0.0, 1.0),)), ksc.Limits(0.3, 1.57), 10.0)
+assert abs(plan.path()[-1].x - 0.1) < 1e-12
+assert 'rclpy' not in sys.modules
+"""
+    subprocess.run([sys.executable, '-c', text], check=True, env=environment())
+
+
+def test_every_public_name_is_there():
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    import kachaka_simple_control
+    for name in kachaka_simple_control.__all__:
+        assert getattr(kachaka_simple_control, name) is not None
+    with pytest.raises(AttributeError, match='nonsense'):
+        kachaka_simple_control.nonsense
+
+
+@pytest.mark.ros
+def test_the_lesson_runs_with_every_other_dependency_blocked(listener, tmp_path):
+    text = BLOCK.format(blocked=OTHERS) + """
+from kachaka_simple_control.kachaka_simple_control import main
+sys.exit(main(['--ros-args', '-p', 'rate:=10.0']))
+"""
+    with program([sys.executable, '-c', text], tmp_path) as started:
+        assert started.end() == 0, started.text
+    assert len(listener.moves()) == 3
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize('folder', ['.', 'kachaka_simple_control'])
+def test_the_nodes_file_can_be_run_as_the_shebang_suggests(
+        listener, tmp_path, monkeypatch, folder):
+    file = ROOT / 'kachaka_simple_control' / 'kachaka_simple_control.py'
+    assert file.read_text().startswith('#!/usr/bin/env python3\n')
+    monkeypatch.chdir(ROOT / folder)
+    path = file.relative_to(Path.cwd())
+    # Without our own search path, which would find the package by itself.
+    with program([sys.executable, '-E', str(path)], tmp_path) as started:
+        assert listener.wait_for(lambda heard: heard.moves).linear_x == 0.1
+        assert 'Robot control node has started' in started.text
+
+
+def test_the_pure_core_knows_nothing_but_the_standard_library():
+    for file in (ROOT / 'kachaka_simple_control' / 'motion').glob('*.py'):
+        for node in ast.walk(ast.parse(file.read_text())):
+            names = [node.module or ''] if isinstance(node, ast.ImportFrom) else [
+                alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            for name in names:
+                own = name.startswith('kachaka_simple_control.motion')
+                assert own or name.partition('.')[0] in sys.stdlib_module_names, (file, name)

@@ -1,0 +1,107 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Steps, limits and plans: what is refused, and what comes out."""
+
+from itertools import pairwise
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Motion, Move
+import pytest
+
+KACHAKA = Limits(0.3, 1.57)
+MOVES = st.builds(
+    Move, st.floats(-0.3, 0.3), st.floats(-1.57, 1.57), st.floats(0.0, 100.0))
+
+
+@pytest.mark.parametrize('arguments, text', [
+    ((math.nan, 0.0, 1.0), 'linear_x is nan m/s; it must be a finite number'),
+    ((0.0, math.inf, 1.0), 'angular_z is inf rad/s; it must be a finite number'),
+    ((0.0, 0.0, math.nan), 'duration is nan s; it must be a finite number'),
+    ((0.0, 0.0, -0.1), 'duration is -0.1 s; it must be 0 s or longer'),
+    (('fast', 0.0, 1.0), "linear_x is 'fast'; it must be a number [m/s]"),
+    ((0.0, None, 1.0), 'angular_z is None; it must be a number [rad/s]'),
+    ((0.0, 0.0, True), 'duration is True; it must be a number [s]'),
+])
+def test_a_step_nobody_could_drive_is_refused(arguments, text):
+    with pytest.raises(InvalidMotionError) as caught:
+        Move(*arguments)
+    assert text == str(caught.value)
+
+
+@pytest.mark.parametrize('velocity, text', [
+    (Velocity(0.31, 0.0), "linear_x is 0.31 m/s, outside the robot's limits of -0.3 to 0.3 m/s"),
+    (Velocity(-0.31, 0.0), "linear_x is -0.31 m/s, outside the robot's limits of -0.3 to 0.3 m/s"),
+    (Velocity(0.0, -1.6),
+     "angular_z is -1.6 rad/s, outside the robot's limits of -1.57 to 1.57 rad/s"),
+    (Velocity(math.nan, 0.0),
+     "linear_x is nan m/s, outside the robot's limits of -0.3 to 0.3 m/s"),
+    (Velocity(0.0, math.inf),
+     "angular_z is inf rad/s, outside the robot's limits of -1.57 to 1.57 rad/s"),
+])
+def test_a_velocity_beyond_the_limits_is_refused(velocity, text):
+    with pytest.raises(InvalidMotionError) as caught:
+        KACHAKA.check(velocity)
+    assert text == str(caught.value)
+
+
+def test_the_limits_themselves_are_allowed():
+    KACHAKA.check(Velocity(0.3, -1.57))
+
+
+@pytest.mark.parametrize('limits', [(0.0, 1.0), (-0.1, 1.0), (math.nan, 1.0), (0.3, 0.0)])
+def test_limits_no_robot_has_are_refused(limits):
+    with pytest.raises(InvalidMotionError, match='must be above 0'):
+        Limits(*limits)
+
+
+@pytest.mark.parametrize('rate', [0.0, -10.0, math.inf, math.nan])
+def test_a_rate_that_is_none_is_refused(rate):
+    with pytest.raises(InvalidMotionError, match='rate is .* Hz'):
+        plan(Motion('none', ()), KACHAKA, rate)
+
+
+def test_a_plan_refuses_what_a_later_step_would_break():
+    """Nothing may fail in mid-motion that could be seen before."""
+    with pytest.raises(InvalidMotionError, match='linear_x is 0.4'):
+        plan(Motion('late', (Move(0.1, 0.0, 1.0), Move(0.4, 0.0, 1.0))), KACHAKA, 10.0)
+
+
+@given(st.lists(MOVES, max_size=20))
+def test_segments_follow_each_other_without_a_gap(moves):
+    segments = plan(Motion('any', tuple(moves)), KACHAKA, 10.0).segments
+    assert all(one.end == two.start for one, two in pairwise(segments))
+    assert all(segment.end > segment.start for segment in segments)
+    assert not segments or segments[0].start == 0.0
+
+
+@given(st.lists(MOVES, min_size=1, max_size=20))
+def test_a_plan_predicts_the_heading_its_moves_add_up_to(moves):
+    heading = plan(Motion('any', tuple(moves)), KACHAKA, 10.0).path()[-1].theta
+    assert heading == pytest.approx(sum(m.angular_z * m.duration for m in moves), abs=1e-9)
+
+
+def test_the_lesson_ends_ten_centimetres_ahead_after_nine_seconds():
+    lesson = Motion('lesson', (
+        Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 2.0),
+        Move(0.0, 0.0, 1.0), Move(0.0, -0.5, 2.0), Move(0.0, 0.0, 1.0)))
+    planned = plan(lesson, KACHAKA, 10.0)
+    end = planned.path()[-1]
+    assert planned.duration == 9.0
+    assert (end.x, end.y, end.theta) == pytest.approx((0.1, 0.0, 0.0))

@@ -1,0 +1,25 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Docstrings, as ament checks them."""
+
+import pytest
+
+linter = pytest.importorskip(
+    'ament_pep257.main', reason='ament_pep257 is not installed: it comes with ROS')
+
+
+@pytest.mark.pep257
+@pytest.mark.linter
+def test_pep257():
+    assert linter.main(argv=['.']) == 0, 'docstrings off the convention: see above'

@@ -1,0 +1,104 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The player: what is due when, asked on time and late."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.execution.player import Player
+from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Motion, Move
+import pytest
+
+LIMITS = Limits(0.3, 1.57)
+MOVES = st.lists(
+    st.builds(Move, st.floats(-0.3, 0.3), st.floats(-1.5, 1.5), st.floats(0.0, 3.0)), max_size=8)
+RATES = st.floats(5.0, 200.0)
+
+
+def player_of(*moves: Move, rate: float = 10.0) -> Player:
+    """Return a player at the start of some moves."""
+    return Player(plan(Motion('test', moves), LIMITS, rate))
+
+
+def walk(player: Player) -> list:
+    """Ask exactly at each deadline; return (time asked, answer)."""
+    answers, now = [], 0.0
+    while (due := player.due(now)) is not None:
+        answers.append((now, due))
+        now = due.deadline
+    return answers
+
+
+def test_a_second_at_ten_hertz_is_ten_messages():
+    answers = walk(player_of(Move(0.1, 0.0, 1.0)))
+    assert [round(0.1 * k, 9) for k in range(10)] == [round(at, 9) for at, _ in answers]
+    assert answers[-1][1].deadline == 1.0
+
+
+def test_a_step_ends_on_its_boundary_not_on_the_grid():
+    """0.25 s at 10 Hz: the third tick is cut short, and the next step begins there."""
+    times = [at for at, _ in walk(player_of(Move(0.1, 0.0, 0.25), Move(0.2, 0.0, 0.1)))]
+    assert times == pytest.approx([0.0, 0.1, 0.2, 0.25])
+
+
+def test_a_step_of_no_time_is_nothing():
+    assert player_of(Move(0.1, 0.0, 0.0)).due(0.0) is None
+
+
+@given(moves=MOVES, rate=RATES)
+def test_asked_on_time_it_sends_each_step_for_exactly_its_time(moves, rate):
+    answers = walk(player_of(*moves, rate=rate))
+    sent = sum((due.deadline - at) * due.velocity.linear_x for at, due in answers)
+    assert sent == pytest.approx(sum(m.linear_x * m.duration for m in moves), abs=1e-9)
+    assert all(due.deadline - at <= 1.0 / rate * (1 + 1e-5) for at, due in answers)
+    assert all(due.skipped == 0 for _, due in answers)
+
+
+@given(moves=MOVES, rate=RATES, lateness=st.lists(st.floats(0.0, 0.5), max_size=200))
+def test_a_late_answer_moves_no_deadline(moves, rate, lateness):
+    """Whatever the lateness, each deadline is one that a punctual walk has too."""
+    punctual = {due.deadline for _, due in walk(player_of(*moves, rate=rate))}
+    player, now = player_of(*moves, rate=rate), 0.0
+    for late in lateness:
+        due = player.due(now)
+        if due is None:
+            break
+        assert due.deadline in punctual
+        assert due.deadline > now
+        now = due.deadline + late
+
+
+def test_what_is_due_after_a_gap_is_the_present_and_the_gap_is_counted():
+    player = player_of(Move(0.1, 0.0, 1.0), Move(0.2, 0.0, 1.0))
+    player.due(0.0)
+    due = player.due(1.05)
+    assert due.velocity == Velocity(0.2, 0.0)
+    assert due.deadline == pytest.approx(1.1)
+    assert due.skipped == 9
+
+
+def test_after_the_end_nothing_is_due():
+    player = player_of(Move(0.1, 0.0, 1.0))
+    player.due(0.0)
+    assert player.due(1.0) is None
+    assert player.due(2.0) is None
+
+
+def test_the_rest_that_remains_is_told():
+    """Manual control is renewed where there is time for an answer."""
+    player = player_of(Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0))
+    assert [due.rest for _, due in walk(player)] == pytest.approx(
+        [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, *[0.0] * 10])

@@ -1,0 +1,128 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Playing a plan through the edge, on a clock that the test moves."""
+
+from fake_time import FakeTime, Wire
+from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
+from kachaka_simple_control.execution.latch import Latch
+from kachaka_simple_control.execution.playing import max_gap, play
+from kachaka_simple_control.execution.publisher_edge import PublisherEdge
+from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Motion, Move
+import pytest
+
+LIMITS = Limits(0.3, 1.57)
+HOLD = 0.3
+
+
+class Alone:
+    """A companion that has nothing to do."""
+
+    def __init__(self):
+        """Count nothing yet."""
+        self.beats = 0
+
+    def tick(self, rest):
+        """Do nothing."""
+
+    def beat(self):
+        """Count."""
+        self.beats += 1
+
+
+class Bench:
+    """A plan, an edge and a clock, ready to play."""
+
+    def __init__(self, *moves, rate=10.0):
+        """Open the edge: the robot is ours."""
+        self.time = FakeTime()
+        self.wire = Wire(self.time)
+        self.latch = Latch()
+        self.edge = PublisherEdge(
+            self.wire.transmit, LIMITS, self.latch, None,
+            self.time.clock, self.time.clock)
+        self.edge.admit()
+        self.plan = plan(Motion('test', moves), LIMITS, rate)
+        self.companion = Alone()
+
+    def play(self):
+        """Play the plan."""
+        return play(self.plan, self.edge, HOLD, self.companion, self.time.clock, self.time.sleep)
+
+
+def test_a_move_is_held_for_its_duration_and_ends_in_a_zero():
+    bench = Bench(Move(0.1, 0.0, 1.0))
+    start = bench.time.now
+    bench.play()
+    times = [at - start for at, _ in bench.wire.sent]
+    assert times == pytest.approx([0.1 * k for k in range(11)])
+    assert [v for _, v in bench.wire.sent] == [Velocity(0.1, 0.0)] * 10 + [ZERO]
+
+
+def test_sleeping_too_long_does_not_add_up():
+    """Deadlines are absolute: 5 ms late each time, and still 1 s in all, not 1.05 s."""
+    bench = Bench(Move(0.1, 0.0, 1.0))
+    start, sleep = bench.time.now, bench.time.sleep
+    bench.time.sleep = lambda duration: sleep(duration + 0.005)
+    bench.play()
+    assert bench.wire.sent[-1][0] - start == pytest.approx(1.0, abs=0.006)
+    assert len(bench.wire.sent) == 11
+
+
+def test_it_shows_a_sign_of_life_every_20_ms():
+    bench = Bench(Move(0.1, 0.0, 1.0), rate=5.0)
+    bench.play()
+    assert bench.companion.beats >= 50
+
+
+def test_a_gap_beyond_the_limit_is_a_fault_and_sends_nothing():
+    bench = Bench(Move(0.1, 0.0, 1.0))
+
+    def freeze():
+        if len(bench.wire.sent) == 3:
+            bench.time.now += 0.2
+
+    bench.time.on_sleep = freeze
+    with pytest.raises(RunFaultError, match='nothing was sent for .* ms, more than the 200 ms'):
+        bench.play()
+    assert len(bench.wire.sent) == 3
+
+
+def test_a_gap_within_the_limit_is_driven_through():
+    bench = Bench(Move(0.1, 0.0, 1.0))
+    frozen = []
+
+    def freeze():
+        if len(bench.wire.sent) == 3 and not frozen:
+            frozen.append(True)
+            bench.time.now += 0.09
+
+    bench.time.on_sleep = freeze
+    bench.play()
+    assert bench.wire.sent[-1][1] == ZERO
+
+
+def test_a_set_latch_ends_the_run_before_anything_else_is_sent():
+    bench = Bench(Move(0.1, 0.0, 1.0))
+    bench.time.on_sleep = lambda: bench.latch.trip() if len(bench.wire.sent) == 3 else None
+    with pytest.raises(MotionRefusedError, match='stopped for good'):
+        bench.play()
+    assert len(bench.wire.sent) == 3
+
+
+@pytest.mark.parametrize('period, gap', [(0.1, 0.2), (0.01, 0.11), (0.2, 0.3), (0.25, 0.3)])
+def test_the_gap_allowed_is_a_period_and_100_ms_but_never_beyond_the_hold(period, gap):
+    assert gap == pytest.approx(max_gap(period, HOLD))

@@ -1,0 +1,202 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The edge: what leaves it, and what never does."""
+
+import contextlib
+import threading
+
+from fake_time import FakeTime, Wire
+from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
+from kachaka_simple_control.execution.latch import Flag, Latch
+from kachaka_simple_control.execution.publisher_edge import PublisherEdge
+from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+import pytest
+
+FORWARD = Velocity(0.1, 0.0)
+
+
+@pytest.fixture
+def time():
+    """Return a clock that stands still."""
+    return FakeTime()
+
+
+@pytest.fixture
+def wire(time):
+    """Return what takes the velocities."""
+    return Wire(time)
+
+
+@pytest.fixture
+def latch():
+    """Return a latch that is not set."""
+    return Latch()
+
+
+@pytest.fixture
+def edge(time, wire, latch):
+    """Return an edge to a robot that has not been taken."""
+    return PublisherEdge(wire.transmit, Limits(0.3, 1.57), latch, None, time.clock, time.clock)
+
+
+def test_before_the_robot_is_ours_not_even_a_zero_leaves(edge, wire):
+    """A zero switches a Kachaka's manual control on, and drives it off its dock."""
+    assert not edge.zero(after=None)
+    with pytest.raises(MotionRefusedError, match='not ours'):
+        edge.begin(0.2)
+    assert wire.sent == []
+
+
+def test_after_the_robot_was_given_back_nothing_leaves(edge, wire):
+    edge.admit()
+    run = edge.begin(0.2)
+    edge.close()
+    assert not edge.zero(after=run)
+    with pytest.raises(MotionRefusedError, match='not ours'):
+        edge.send(run, FORWARD)
+    edge.admit()
+    with pytest.raises(MotionRefusedError, match='not ours'):
+        edge.begin(0.2)
+    assert wire.sent == []
+
+
+@pytest.mark.parametrize('velocity', [
+    Velocity(0.31, 0.0), Velocity(0.0, -1.6), Velocity(float('nan'), 0.0),
+    Velocity(0.0, float('inf'))])
+def test_limits_hold_whoever_planned_the_velocity(edge, wire, velocity):
+    edge.admit()
+    with pytest.raises(RunFaultError, match='not sent: .* outside the robot'):
+        edge.send(edge.begin(0.2), velocity)
+    assert wire.sent == []
+
+
+def test_a_set_latch_lets_zeros_out_and_nothing_else(edge, wire, latch):
+    edge.admit()
+    run = edge.begin(0.2)
+    latch.trip()
+    with pytest.raises(MotionRefusedError, match='for good'):
+        edge.send(run, FORWARD)
+    with pytest.raises(MotionRefusedError, match='for good'):
+        edge.begin(0.2)
+    assert edge.zero(after=run)
+    assert [v for _, v in wire.sent] == [ZERO]
+
+
+def test_a_cancelled_run_hears_the_reason_and_sends_no_more(edge, wire):
+    edge.admit()
+    run = edge.begin(0.2)
+    edge.send(run, FORWARD)
+    edge.cancel(RunFaultError('because'))
+    with pytest.raises(RunFaultError, match='because'):
+        edge.send(run, FORWARD)
+    with pytest.raises(RunFaultError, match='because'):
+        edge.check(run)
+    assert len(wire.sent) == 1
+
+
+def test_only_the_newest_run_sends(edge, wire):
+    edge.admit()
+    old = edge.begin(0.2)
+    new = edge.begin(0.2)
+    with pytest.raises(MotionRefusedError, match='another one has begun'):
+        edge.send(old, FORWARD)
+    assert not edge.zero(after=old)
+    edge.send(new, FORWARD)
+    assert [v for _, v in wire.sent] == [FORWARD]
+
+
+def test_the_gap_is_checked_directly_before_publishing(edge, time, wire):
+    edge.admit()
+    run = edge.begin(0.2)
+    edge.send(run, FORWARD)
+    time.now += 0.2001
+    with pytest.raises(RunFaultError, match='200 ms'):
+        edge.send(run, FORWARD)
+    assert len(wire.sent) == 1
+
+
+def test_a_machine_that_slept_is_a_gap_although_the_steady_clock_stood_still(wire, latch):
+    steady, awake = FakeTime(), FakeTime()
+    edge = PublisherEdge(wire.transmit, Limits(0.3, 1.57), latch, None, steady.clock, awake.clock)
+    edge.admit()
+    run = edge.begin(0.2)
+    edge.send(run, FORWARD)
+    awake.now += 3600.0
+    with pytest.raises(RunFaultError, match='nothing was sent for 3600000 ms'):
+        edge.send(run, FORWARD)
+    assert len(wire.sent) == 1
+
+
+def test_the_first_message_of_a_run_has_no_gap_before_it(edge, time, wire):
+    edge.admit()
+    time.now += 3600.0
+    edge.send(edge.begin(0.2), FORWARD)
+    assert len(wire.sent) == 1
+
+
+def test_what_leaves_is_recorded_with_its_time(edge, time):
+    noted = []
+    edge.on_sent = lambda at, velocity: noted.append((at, velocity))
+    edge.admit()
+    run = edge.begin(0.2)
+    edge.send(run, FORWARD)
+    edge.zero(after=run)
+    assert noted == [(time.now, FORWARD), (time.now, ZERO)]
+
+
+def test_no_motion_follows_the_first_zero_of_a_stop_in_another_thread():
+    """Two threads, one stopping the other, many times: order on the wire is what counts."""
+    for _ in range(200):
+        sent = []
+        edge = PublisherEdge(sent.append, Limits(0.3, 1.57), Latch())
+        edge.admit()
+        run = edge.begin(10.0)
+        begun = threading.Event()
+
+        def drive(edge=edge, run=run, begun=begun):
+            with contextlib.suppress(MotionRefusedError):
+                while True:
+                    edge.send(run, FORWARD)
+                    begun.set()
+
+        thread = threading.Thread(target=drive)
+        thread.start()
+        begun.wait()
+        edge.cancel(MotionRefusedError('enough'))
+        edge.zero(after=run)
+        thread.join()
+        assert sent[-1] == ZERO
+
+
+def test_the_flag_is_up_while_dds_has_the_message():
+    flag, seen = Flag(), []
+    edge = PublisherEdge(lambda _: seen.append(flag.is_set), Limits(0.3, 1.57), Latch(), flag)
+    edge.admit()
+    edge.send(edge.begin(0.2), FORWARD)
+    assert seen == [True]
+    assert not flag.is_set
+
+
+def test_what_dds_takes_is_no_gap(time):
+    """Somebody joined the graph, and publishing took a third of a second."""
+    def transmit(_):
+        time.now += 0.33
+
+    edge = PublisherEdge(
+        transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
+    edge.admit()
+    run = edge.begin(0.2)
+    edge.send(run, FORWARD)
+    edge.send(run, FORWARD)

@@ -1,0 +1,119 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Manual control lasts 60 s: it is renewed in time, at rest where there is one."""
+
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.errors import RunFaultError
+from kachaka_simple_control.execution.renewal import Renewal
+import pytest
+
+PATIENCE = 0.2
+
+
+class Robot:
+    """Grants manual control after a while."""
+
+    def __init__(self, delay=0.0, refusal=None):
+        """Take so long, and say so."""
+        self.delay, self.refusal = delay, refusal
+        self.now = 0.0
+        self.asked = []
+
+    def ask(self):
+        """Note the time, and answer later."""
+        self.asked.append(self.now)
+        return Answer(self, self.now)
+
+
+class Answer:
+    """What the robot says."""
+
+    def __init__(self, robot, asked):
+        """Be on the way."""
+        self.robot, self.asked = robot, asked
+
+    @property
+    def done(self):
+        """Tell whether it took long enough."""
+        return self.robot.now - self.asked >= self.robot.delay
+
+    @property
+    def refusal(self):
+        """Tell what the robot says."""
+        return self.robot.refusal
+
+
+def drive(robot, duration, rest_at=lambda _: 0.0, period=0.1):
+    """Drive in simulated time, as a run does."""
+    renewal = Renewal(robot.ask, PATIENCE)
+    renewal.granted(0.0)
+    for tick in range(round(duration / period)):
+        robot.now = tick * period
+        renewal.beat(robot.now)
+        renewal.tick(robot.now, rest_at(robot.now))
+
+
+def test_ten_minutes_without_a_rest_are_renewed_every_40_seconds():
+    robot = Robot()
+    drive(robot, 600.0)
+    gaps = [b - a for a, b in zip([0.0, *robot.asked], robot.asked)]
+    assert robot.asked
+    assert all(20.0 <= gap <= 45.0 for gap in gaps)
+
+
+@given(st.lists(st.tuples(st.floats(1.0, 30.0), st.floats(0.3, 5.0)), min_size=1, max_size=20))
+def test_manual_control_is_never_older_than_45_seconds(stretches):
+    """Whatever the pattern of motion and rest."""
+    rests, now = [], 0.0
+    for moving, resting in stretches:
+        rests.append((now + moving, now + moving + resting))
+        now += moving + resting
+    robot = Robot()
+    drive(robot, now, lambda t: next((end - t for begin, end in rests if begin <= t < end), 0.0))
+    times = [0.0, *robot.asked, now]
+    assert all(b - a <= 45.0 for a, b in pairwise(times))
+    assert all(b - a >= 20.0 for a, b in pairwise(times[:-1]))
+
+
+def test_a_rest_is_used_where_there_is_one():
+    robot = Robot()
+    drive(robot, 60.0, lambda now: 30.0 - now if 25.0 <= now < 30.0 else 0.0)
+    assert robot.asked[0] == pytest.approx(25.0)
+
+
+def test_a_rest_too_short_for_an_answer_is_not_used():
+    robot = Robot()
+    drive(robot, 60.0, lambda now: 0.1 if 25.0 <= now < 25.1 else 0.0)
+    assert robot.asked[0] == pytest.approx(40.0)
+
+
+def test_an_answer_slower_than_the_hold_allows_is_a_fault():
+    with pytest.raises(RunFaultError, match='not renewed within 200 ms'):
+        drive(Robot(delay=0.5), 60.0)
+
+
+def test_a_refusal_is_a_fault_with_the_robots_words():
+    with pytest.raises(RunFaultError, match='took manual control away: on the dock'):
+        drive(Robot(refusal='on the dock'), 60.0)
+
+
+def test_before_a_run_it_is_renewed_when_a_rest_would_be_used():
+    renewal = Renewal(Robot().ask, PATIENCE)
+    assert renewal.is_stale(0.0)
+    renewal.granted(0.0)
+    assert not renewal.is_stale(19.9)
+    assert renewal.is_stale(20.0)

@@ -1,0 +1,118 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What is told of a drive: displacements, and the table."""
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Pose, Velocity, ZERO
+from kachaka_simple_control.motion.steps import Move
+from kachaka_simple_control.report.metrics import boundaries, Displacement, driven, requested, sent
+from kachaka_simple_control.report.record import Answered, Record, Sent
+from kachaka_simple_control.report.table import table
+import pytest
+
+STEPS = [Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 2.0),
+         Move(-0.1, 0.5, 2.0), Move(0.0, 0.0, 1.0)]
+
+
+def record_of(steps, delay=0.004, period=0.02, start=100.0):
+    """Return the record of a robot that does what it is told, a moment later."""
+    record, now, pose, told = Record(), start, ORIGIN, []
+    for step in steps:
+        told.append((now, step.velocity))
+        for tick in range(round(step.duration * 10)):
+            record.add_sent(now + tick / 10, step.velocity)
+        now += step.duration
+        record.add_sent(now, ZERO)
+        record.complete(step)
+    told.append((now, ZERO))
+    for sample in range(round((now - start + 0.5) / period)):
+        time = start - 0.1 + sample * period
+        pose = ORIGIN
+        for (begin, velocity), (end, _) in zip(told, [*told[1:], (math.inf, ZERO)]):
+            pose = integrate(pose, velocity, min(max(time - delay - begin, 0.0), end - begin))
+        wrapped = Pose(pose.x, pose.y, math.remainder(pose.theta, math.tau))
+        record.add_odometry(time, wrapped)
+    return record
+
+
+def test_each_movement_gets_what_it_moved():
+    """Whatever odometry is late by, and wherever its samples fall."""
+    record = record_of(STEPS)
+    cuts = boundaries(record.movements, record.odometry)
+    for movement, begin, end in zip(record.movements, cuts, cuts[1:]):
+        seen, wanted = driven(record.odometry, begin, end), requested(movement.step)
+        assert seen is not None
+        # Where two movements meet without a rest, the cut is blurred by odometry's delay.
+        assert seen.distance == pytest.approx(wanted.distance, abs=0.001)
+        assert seen.angle == pytest.approx(wanted.angle, abs=0.003)
+
+
+def test_odometry_that_comes_during_the_first_rest_is_early_enough():
+    """The graph may bring it later than the subscription to our velocities."""
+    record = record_of(STEPS)
+    del record.odometry[:30]
+    cuts = boundaries(record.movements, record.odometry)
+    assert cuts[0] == record.odometry[0].time
+    assert driven(record.odometry, cuts[0], cuts[1]) == Displacement(0.0, 0.0)
+
+
+def test_the_cuts_never_go_back():
+    record = record_of([Move(0.0, 0.0, 0.1), Move(0.1, 0.0, 0.1), Move(0.0, 0.0, 0.1)])
+    cuts = boundaries(record.movements, record.odometry)
+    assert cuts == sorted(cuts)
+    assert len(cuts) == 4
+
+
+@given(st.lists(st.tuples(st.floats(0.001, 1.0), st.floats(-0.3, 0.3)), min_size=1, max_size=20))
+def test_what_was_sent_is_each_velocity_until_the_next(pairs):
+    now, messages = 0.0, []
+    for interval, speed in pairs:
+        messages.append(Sent(now, Velocity(speed, -speed)))
+        now += interval
+    messages.append(Sent(now, ZERO))
+    wanted = sum(interval * speed for interval, speed in pairs)
+    assert sent(messages) == Displacement(pytest.approx(wanted), pytest.approx(-wanted))
+
+
+def test_odometry_that_does_not_cover_a_movement_says_nothing():
+    assert driven([], 0.0, 1.0) is None
+    assert driven([Answered(0.5, ORIGIN), Answered(2.0, ORIGIN)], 0.0, 1.0) is None
+
+
+def test_turning_past_half_a_circle_is_no_jump():
+    odometry = [Answered(0.1 * k, Pose(0.0, 0.0, math.remainder(0.5 * k, math.tau)))
+                for k in range(21)]
+    seen = driven(odometry, 0.0, 2.0)
+    assert seen.angle == pytest.approx(10.0)
+
+
+def test_the_table_shows_each_movement_and_where_it_ended():
+    lines = table(record_of(STEPS), 0.034).splitlines()
+    assert lines[0].split() == ['movement', 'requested', 'sent', 'odometry']
+    assert lines[3].startswith('0.1 m/s, 0 rad/s for 1 s')
+    assert lines[3].count('0.1000 m') == 3
+    assert len(lines) == 2 + len(STEPS) + 2
+    assert lines[-2] == 'Stop: confirmed by odometry after 0.03 s'
+    assert lines[-1].startswith('Final pose by odometry: x ')
+
+
+def test_without_odometry_the_table_says_so():
+    record = record_of(STEPS)
+    record.odometry.clear()
+    for told in (table(record, None), table(Record(), None)):
+        assert told.splitlines()[-2:] == [
+            'Stop: sent, not confirmed by odometry', 'Final pose: unknown, no odometry arrived']

@@ -1,0 +1,235 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The node inside this process: what it refuses, renews and records."""
+
+import threading
+import time
+
+from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
+from kachaka_simple_control.execution import renewal
+from kachaka_simple_control.motion.errors import InvalidMotionError
+import pytest
+
+pytestmark = pytest.mark.ros
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402, I100
+
+
+@pytest.fixture
+def make():
+    """Yield a function that makes nodes; they are taken down in the end."""
+    from kachaka_simple_control import KachakaSimpleControl
+    from rclpy.parameter import Parameter
+    rclpy.init(args=[])
+    nodes = []
+
+    def make_node(**parameters):
+        nodes.append(KachakaSimpleControl(parameter_overrides=[
+            Parameter(name, value=value) for name, value in parameters.items()]))
+        return nodes[-1]
+
+    yield make_node
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize('arguments, text', [
+    ((0.31, 0.0, 1.0), 'linear_x is 0.31 m/s'),
+    ((0.0, 1.58, 1.0), 'angular_z is 1.58 rad/s'),
+    ((float('nan'), 0.0, 1.0), 'linear_x is nan'),
+    ((0.1, 0.0, -1.0), 'duration is -1.0 s'),
+])
+def test_a_bad_movement_is_refused_before_anything_is_sent(listener, make, arguments, text):
+    node = make()
+    with pytest.raises(InvalidMotionError, match=text):
+        node.move_robot(*arguments)
+    time.sleep(0.3)
+    assert listener.heard == []
+    assert listener.answered == []
+
+
+def test_whole_numbers_are_velocities_too(listener, make):
+    make().move_robot(0, 1, 0.2)
+    assert listener.moves()[0].angular_z == 1.0
+
+
+def test_the_topic_and_its_depth_are_the_lessons(make):
+    publisher = make().publisher
+    assert publisher.topic_name == '/kachaka/manual_control/cmd_vel'
+    assert publisher.qos_profile.depth == 10
+
+
+def test_the_namespace_of_the_robot_moves_all_its_names(make):
+    from listener import Listener
+    with Listener(namespace='left/robot') as other:
+        make(robot_namespace='left/robot').move_robot(0.1, 0.0, 0.2)
+    assert [move.count for move in other.moves()] == [2]
+    assert other.enabled
+
+
+def test_nobody_publishes_beside_the_edge(listener, make):
+    from geometry_msgs.msg import Twist
+    with pytest.raises(MotionRefusedError, match='use those'):
+        make().publisher.publish(Twist())
+    assert listener.heard == []
+
+
+def test_a_robot_that_was_never_met_is_not_even_stopped(listener, make):
+    make().stop_robot()
+    time.sleep(0.3)
+    assert listener.heard == []
+
+
+def test_stopping_in_another_thread_ends_the_movement_there(listener, make):
+    node = make()
+    raised = []
+
+    def drive():
+        try:
+            node.move_robot(0.1, 0.0, 20.0)
+        except MotionRefusedError as error:
+            raised.append(str(error))
+
+    thread = threading.Thread(target=drive)
+    thread.start()
+    listener.wait_for(lambda heard: heard.moves)
+    node.stop_robot()
+    thread.join(2.0)
+    assert raised == ['the movement was ended by stop_robot()']
+    assert not listener.heard[-1].moves
+    # Stopped, but not for good.
+    node.move_robot(0.2, 0.0, 0.2)
+    assert listener.moves()[-1].linear_x == 0.2
+
+
+def test_two_movements_at_once_are_refused(listener, make):
+    node = make()
+    thread = threading.Thread(target=node.move_robot, args=(0.1, 0.0, 1.0))
+    thread.start()
+    listener.wait_for(lambda heard: heard.moves)
+    with pytest.raises(MotionRefusedError, match='running already'):
+        node.move_robot(0.2, 0.0, 1.0)
+    thread.join()
+    assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 10)]
+
+
+@pytest.mark.parametrize('own_executor', [False, True])
+def test_a_movement_from_a_callback_of_its_own_is_refused(listener, make, own_executor):
+    """It would wait for callbacks that wait for it."""
+    node = make()
+    raised = []
+
+    def callback():
+        timer.cancel()
+        with pytest.raises(MotionRefusedError, match='callback of its own node') as caught:
+            node.move_robot(0.1, 0.0, 1.0)
+        raised.append(caught.value)
+
+    timer = node.create_timer(0.2, callback)
+    if own_executor:
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        end = time.monotonic() + 5.0
+        while not raised and time.monotonic() < end:
+            executor.spin_once(timeout_sec=0.1)
+        executor.remove_node(node)
+    else:
+        node.move_robot(0.0, 0.0, 1.0)
+    assert raised
+    assert not [heard for heard in listener.heard if heard.moves]
+
+
+def test_callbacks_are_served_while_it_moves(listener, make):
+    node = make()
+    served = []
+    node.create_timer(0.05, lambda: served.append(time.monotonic()))
+    node.move_robot(0.1, 0.0, 1.0)
+    # A timer of 20 Hz in 1.5 s, priming included: 30; half of it on a bad day.
+    assert len(served) >= 15
+
+
+def test_manual_control_is_renewed_while_it_moves(listener, make, monkeypatch):
+    """In simulated minutes: what takes 40 s on a robot takes 0.4 s here."""
+    monkeypatch.setattr(renewal, 'AT_REST', 0.2)
+    monkeypatch.setattr(renewal, 'AT_LATEST', 0.4)
+    make().move_robot(0.1, 0.0, 2.0)
+    assert 4 <= len(listener.enabled) <= 7
+    assert [move.count for move in listener.moves()] == [20]
+
+
+def test_manual_control_that_grew_old_between_movements_is_renewed_first(
+        listener, make, monkeypatch):
+    node = make()
+    node.move_robot(0.1, 0.0, 0.2)
+    monkeypatch.setattr(renewal, 'AT_REST', 0.5)
+    time.sleep(1.0)
+    node.move_robot(0.2, 0.0, 0.2)
+    assert len(listener.enabled) == 2
+    second = next(heard for heard in listener.heard if heard.linear_x == 0.2)
+    assert listener.enabled[1] < second.time
+
+
+def test_a_renewal_slower_than_the_hold_is_a_fault(make, monkeypatch):
+    from listener import Listener
+    monkeypatch.setattr(renewal, 'AT_REST', 0.5)
+    monkeypatch.setattr(renewal, 'AT_LATEST', 1.0)
+    with Listener(delay=0.4) as listener:
+        with pytest.raises(RunFaultError, match='not renewed within 200 ms'):
+            make().move_robot(0.1, 0.0, 5.0)
+        time.sleep(0.5)
+        assert not listener.heard[-1].moves
+
+
+def test_a_robot_without_manual_control_is_not_asked_for_it(make):
+    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+    from listener import Listener
+    from nav_msgs.msg import Odometry
+    with Listener(serves=False) as listener:
+        listener._node.create_publisher(Odometry, 'odometry/odometry', 10)
+        make(manual_control=False).move_robot(0.1, 0.0, 0.2)
+        assert len(listener.moves()) == 1
+
+
+def test_manual_control_is_not_taken_from_somebody_else_who_drives(listener, make):
+    from geometry_msgs.msg import Twist
+    node = make()
+    node.move_robot(0.1, 0.0, 0.2)
+    other = listener._node.create_publisher(Twist, 'manual_control/cmd_vel', 10)
+    time.sleep(0.5)
+    node.destroy_node()
+    time.sleep(0.2)
+    assert listener.released == []
+    listener._node.destroy_publisher(other)
+
+
+def test_manual_control_is_kept_when_the_parameter_says_so(listener, make):
+    node = make(release_manual_control=False)
+    node.move_robot(0.1, 0.0, 0.2)
+    node.destroy_node()
+    time.sleep(0.2)
+    assert listener.released == []
+
+
+def test_a_closed_node_moves_no_more(listener, make):
+    node = make()
+    node.move_robot(0.1, 0.0, 0.2)
+    node._session.close()
+    count = len(listener.heard)
+    with pytest.raises(MotionRefusedError, match='closed'):
+        node.move_robot(0.1, 0.0, 0.2)
+    node.stop_robot()
+    time.sleep(0.2)
+    assert len(listener.heard) == count

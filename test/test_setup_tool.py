@@ -1,0 +1,218 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The set-up tool: what it refuses, in one line; what it chooses; when it does its work again."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import replace
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+TOOLS = Path(__file__).resolve().parent.parent / 'tools'
+sys.path.insert(0, str(TOOLS))
+
+import environment  # noqa: E402, I100
+
+# No ROS of the machine's own may take part; each test says what there is.
+BARE = {name: value for name, value in os.environ.items()
+        if name not in ('AMENT_PREFIX_PATH', 'PYTHONPATH', 'ROS_DISTRO')}
+WITHOUT_ENSUREPIP = """
+find = importlib.util.find_spec
+importlib.util.find_spec = lambda name, *rest: name != "ensurepip" and find(name, *rest) or None
+"""
+
+
+@pytest.fixture
+def tool(tmp_path):
+    """Return a way to start a copy of the tool on a pretended machine."""
+    shutil.copytree(TOOLS, tmp_path / 'tools', ignore=shutil.ignore_patterns('__pycache__'))
+    locks = tmp_path / 'requirements'
+    locks.mkdir()
+    for name in ('build', 'development', 'colcon', *environment.DISTROS):
+        locks.joinpath(f'{name}.txt').write_text('')
+    for name in ('setup.py', 'setup.cfg'):
+        tmp_path.joinpath(name).write_text('')
+
+    def start(*arguments: str, pretend: str = '', python: str = sys.executable, **more: str):
+        script = str(tmp_path / 'tools' / 'set_up.py')
+        program = (f'import os, platform, runpy, sys, importlib.util\n{pretend}\n'
+                   f'sys.path.insert(0, {str(tmp_path / "tools")!r})\n'
+                   f'sys.argv = {[script, *arguments]!r}\n'
+                   f'runpy.run_path({script!r}, run_name="__main__")')
+        return subprocess.run(
+            [python, '-c', program], capture_output=True, text=True, env={**BARE, **more},
+            stdin=subprocess.DEVNULL, check=False, timeout=120)
+
+    return start
+
+
+def refusal(result) -> str:
+    """Return the one line of a refusal, having made sure that it is one."""
+    assert result.returncode == 1, result
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith('set-up: ')
+    return lines[0]
+
+
+@pytest.mark.parametrize('pretend, words', [
+    ('sys.version_info = (3, 8, 10)', ['Python 3.10 or newer', 'this is 3.8', 'PYTHON=']),
+    ('platform.machine = lambda: "aarch64"', ['x86-64', 'Linux on aarch64', 'source']),
+    ('platform.libc_ver = lambda: ("", "")', ['glibc', 'source']),
+    ('platform.libc_ver = lambda: ("glibc", "2.17")', ['2.28', 'this is 2.17']),
+    ('sys.platform = "darwin"; platform.system = lambda: "Darwin"', ['Darwin', 'source']),
+    ('sys.version_info = (3, 99, 0)', ['3.10 to 3.14', 'PYTHON=']),
+    (WITHOUT_ENSUREPIP, ['apt install', '-venv']),
+])
+def test_refuses_in_one_line_what_cannot_work(tool, pretend, words):
+    line = refusal(tool('.venv', pretend=pretend))
+    assert [word for word in words if word not in line] == []
+
+
+@pytest.mark.parametrize('version', ['3.6', '3.7', '3.8', '3.9'])
+def test_an_old_python_is_refused_by_itself(version):
+    python = shutil.which(f'python{version}')
+    if python is None or subprocess.run([python, '-V'], check=False).returncode != 0:
+        pytest.skip(f'no Python {version} here')
+    # Started as make does: a too old Python must get through the file's grammar first.
+    result = subprocess.run(
+        [python, str(TOOLS / 'set_up.py'), '.venv'], capture_output=True, text=True, check=False)
+    assert f'this is {version}' in refusal(result)
+
+
+def test_the_door_is_grammar_for_python_3_6():
+    ast.parse(TOOLS.joinpath('set_up.py').read_text(), feature_version=(3, 6))
+
+
+@pytest.mark.slow
+def test_no_network_is_said_in_one_line(tool, tmp_path):
+    tmp_path.joinpath('requirements', 'build.txt').write_text(
+        f'setuptools==79.0.1 --hash=sha256:{"0" * 64}\n')
+    # Nobody listens on port 9 of this machine; retries would only make the test longer.
+    nobody = 'http://127.0.0.1:9/'
+    line = refusal(tool(
+        '.venv', PIP_CONFIG_FILE=os.devnull, PIP_INDEX_URL=nobody, PIP_EXTRA_INDEX_URL='',
+        PIP_FIND_LINKS='', PIP_RETRIES='1', PIP_PROXY='', no_proxy='*'))
+    assert 'is there a network?' in line
+    assert tmp_path.joinpath('.venv', environment.LOG).read_text()
+    assert not tmp_path.joinpath('.venv', environment.STAMP).exists()
+
+
+def test_unknown_distro_is_bad_usage(tool):
+    result = tool('.venv', '--distro=hydro')
+    assert result.returncode == 2
+    assert "'hydro'" in result.stderr
+
+
+@pytest.fixture
+def sourced(tmp_path) -> dict[str, str]:
+    """Return the environment of a shell where a ROS, of two files, is sourced."""
+    library = tmp_path / 'opt' / 'python'
+    library.joinpath('rclpy').mkdir(parents=True)
+    library.joinpath('rclpy', 'node.py').write_text('')
+    return {'ROS_DISTRO': 'humble', 'PYTHONPATH': str(library)}
+
+
+def test_a_sourced_ros_is_used_whatever_the_machine(sourced, monkeypatch, tmp_path):
+    monkeypatch.setattr(environment.platform, 'machine', lambda: 'aarch64')
+    for name, value in sourced.items():
+        monkeypatch.setenv(name, value)
+    found = environment.recipe(tmp_path, None, 'development')
+    assert (found.distro, found.sourced) == ('humble', True)
+    assert [path.stem for path in found.locks()] == ['build', 'development']
+
+
+def test_another_distro_than_the_sourced_one_is_refused(tool, sourced):
+    line = refusal(tool('.venv', '--distro=kilted', **sourced))
+    assert 'humble is sourced here' in line
+
+
+def test_a_ros_that_is_sourced_for_another_python_is_refused(tool):
+    line = refusal(tool(
+        '.venv', pretend=f'sys.executable = {shutil.which("false")!r}',
+        ROS_DISTRO='humble', AMENT_PREFIX_PATH='/opt/ros/humble'))
+    assert 'cannot import its rclpy' in line
+
+
+def test_the_name_of_a_distro_alone_is_no_ros(monkeypatch, tmp_path):
+    monkeypatch.setenv('ROS_DISTRO', 'humble')
+    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
+    monkeypatch.setattr(environment, 'require_wheels', lambda: None)
+    monkeypatch.setattr(environment.sys, 'executable', shutil.which('false'))
+    found = environment.recipe(tmp_path, None, 'development')
+    assert (found.distro, found.sourced) == ('jazzy', False)
+    assert [path.stem for path in found.locks()] == ['build', 'development', 'jazzy']
+
+
+@pytest.fixture
+def made(monkeypatch) -> list[environment.Recipe]:
+    """Return the recipes made so far; nothing is really installed."""
+    recipes: list[environment.Recipe] = []
+
+    def make(recipe: environment.Recipe) -> None:
+        recipe.folder.mkdir(exist_ok=True)
+        recipes.append(recipe)
+
+    monkeypatch.setattr(environment, 'make', make)
+    return recipes
+
+
+def test_is_done_once(made, tmp_path):
+    recipe = environment.Recipe(tmp_path / '.venv', 'jazzy', False, 'development')
+    environment.set_up(recipe)
+    environment.set_up(recipe)
+    assert made == [recipe]
+
+
+def test_is_done_again_when_its_python_or_its_ros_changes(made, monkeypatch, tmp_path):
+    recipe = environment.Recipe(tmp_path / '.venv', 'jazzy', False, 'development')
+    environment.set_up(recipe)
+    monkeypatch.setattr(environment.sys, 'executable', '/usr/bin/another')
+    environment.set_up(recipe)
+    environment.set_up(replace(recipe, sourced=True))
+    assert len(made) == 3
+
+
+def test_is_done_again_after_a_failure(made, monkeypatch, tmp_path):
+    recipe = environment.Recipe(tmp_path / '.venv', 'jazzy', False, 'development')
+
+    def fail(_: environment.Recipe) -> None:
+        raise environment.RefusalError('no')
+
+    with monkeypatch.context() as patch:
+        patch.setattr(environment, 'make', fail)
+        with pytest.raises(environment.RefusalError):
+            environment.set_up(recipe)
+    environment.set_up(recipe)
+    assert made == [recipe]
+
+
+@pytest.mark.parametrize('output, line', [
+    ('WARNING: Retrying after connection broken by NewConnectionError\nERROR: No matching',
+     'is there a network?'),
+    ('Collecting\nERROR: first\nERROR: THESE PACKAGES DO NOT MATCH THE HASHES\nfound: x\n',
+     'ERROR: THESE PACKAGES DO NOT MATCH THE HASHES'),
+    ('Traceback\n  File\nModuleNotFoundError: No module named x\n', 'No module named x'),
+    ('', 'without a word'),
+])
+def test_reason_is_one_line(output, line):
+    reason = environment.reason(output)
+    assert line in reason
+    assert '\n' not in reason

@@ -1,0 +1,157 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The simulated robot beside a program: there for a block, and gone after it whatever happens."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from kachaka_simple_control.errors import ControlError, RobotNotFoundError
+from kachaka_simple_control.execution import child
+from kachaka_simple_control.robot import simulation as module
+from kachaka_simple_control.robot.simulation import simulation
+import pytest
+from ros_support import environment, is_running, PATIENCE, ROOT, wait_until
+
+needs_ros = pytest.mark.ros
+#: Programs in place of the bridge, for what needs no ROS.
+SLEEPING = 'import time; time.sleep(60)'
+DEAF = (
+    'import signal, sys, time; signal.signal(15, signal.SIG_IGN); '
+    'print("deaf", file=sys.stderr, flush=True); time.sleep(60)')
+FAILING = 'import sys; sys.exit("first\\nlast words")'
+
+PARENT = """
+import subprocess, sys, time
+from kachaka_simple_control.robot.simulation import simulation
+with simulation('/orphan') as process:
+    sleeper = subprocess.Popen(['sleep', '60'], close_fds=False, stdout=subprocess.DEVNULL)
+    print(process.pid, sleeper.pid, 'rclpy' in sys.modules, flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def stand_in(monkeypatch):
+    """Return a function that puts another program in the bridge's place."""
+    return lambda program: monkeypatch.setattr(child, 'START', program)
+
+
+def test_robot_is_there_for_the_block_and_gone_after_it(stand_in):
+    """In a session of its own, out of reach of the terminal's Ctrl+C."""
+    stand_in(SLEEPING)
+    with simulation() as process:
+        process.check()
+        assert os.getsid(process.pid) == process.pid != os.getsid(0)
+    assert not is_running(process.pid)
+
+
+@pytest.mark.parametrize('error', [ValueError, KeyboardInterrupt, SystemExit, ControlError])
+def test_robot_is_gone_after_any_exception(stand_in, error):
+    """And the exception is the block's own."""
+    stand_in(SLEEPING)
+    with pytest.raises(error, match='mine'), simulation() as process:
+        raise error('mine')
+    assert not is_running(process.pid)
+
+
+def test_robot_that_does_not_listen_is_killed(stand_in, monkeypatch):
+    """After a patience."""
+    stand_in(DEAF)
+    monkeypatch.setattr(module, 'PATIENCE', 0.3)
+    with simulation() as process:
+        assert wait_until(lambda: process._last_line == 'deaf')
+        asked = time.monotonic()
+    assert not is_running(process.pid)
+    assert time.monotonic() - asked < PATIENCE
+
+
+def run_until_over(error=None, options=()):
+    """Run a block that waits for the robot's own end, asks for nothing, and may raise."""
+    with simulation(options=options) as process:
+        assert wait_until(lambda: process.is_over)
+        if error is not None:
+            raise error
+
+
+def test_early_end_is_told_with_its_last_words(stand_in):
+    """To a block that asks; the same error comes out of it if it does not catch it."""
+    stand_in(FAILING)
+    process = module.SimulationProcess([])
+    assert wait_until(lambda: process.is_over)
+    with pytest.raises(ControlError, match=r'ended early \(exit code 1\): last words') as caught:
+        process.check()
+    with pytest.raises(ControlError, match='last words') as again:
+        process.check()
+    assert caught.value is again.value
+    process.end()
+
+
+@pytest.mark.parametrize('error', [None, RobotNotFoundError('nobody listens')])
+def test_early_end_is_the_cause_of_what_the_block_says(stand_in, error):
+    """A robot that ended is why nobody listens, and is told even if the block does not mind."""
+    stand_in(FAILING)
+    with pytest.raises(ControlError, match='last words') as caught:
+        run_until_over(error)
+    assert caught.value.__cause__ is error
+
+
+def test_early_end_does_not_hide_an_interruption(stand_in):
+    """Ctrl+C is Ctrl+C."""
+    stand_in(FAILING)
+    with pytest.raises(KeyboardInterrupt):
+        run_until_over(KeyboardInterrupt())
+
+
+def test_what_it_says_is_shown(stand_in, capsys):
+    """On standard error, as it comes."""
+    stand_in(FAILING)
+    with pytest.raises(ControlError):
+        run_until_over()
+    assert capsys.readouterr().err == 'first\nlast words\n'
+
+
+@needs_ros
+def test_bridge_refuses_in_one_line():
+    """Its exit code is 2 and its last words say why."""
+    pytest.importorskip('rclpy')
+    with pytest.raises(ControlError, match=r'\(exit code 2\): kachaka_bridge: lag is -1.0'):
+        run_until_over(options=['--lag', '-1'])
+
+
+@needs_ros
+@pytest.mark.parametrize('folder', [ROOT / 'kachaka_simple_control', ROOT / 'test'])
+def test_death_of_the_parent_ends_the_robot(folder):
+    """Even while another child of the parent lives on; from any folder, without ROS in it."""
+    pytest.importorskip('rclpy')
+    parent = subprocess.Popen(
+        [sys.executable, '-c', 'import sys; del sys.path[0]\n' + PARENT], cwd=folder,
+        env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    robot, sleeper, has_ros = parent.stdout.readline().split()
+    try:
+        assert 'ready' in parent.stderr.readline()
+        assert has_ros == 'False'
+        parent.send_signal(signal.SIGKILL)
+        parent.wait(PATIENCE)
+        assert wait_until(lambda: not is_running(robot), 3.0)
+        assert is_running(sleeper)
+    finally:
+        parent.kill()
+        os.kill(int(sleeper), signal.SIGKILL)
+        parent.stdout.close()
+        parent.stderr.close()

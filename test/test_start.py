@@ -1,0 +1,120 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The start: a robot that comes late, halfway, twice or never."""
+
+import time
+
+from program import COMMAND, program
+import pytest
+
+pytestmark = pytest.mark.ros
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from listener import Listener  # noqa: E402, I100
+
+
+def with_parameters(*settings):
+    """Return the command with some parameters set."""
+    return [*COMMAND, '--ros-args', *(part for setting in settings for part in ('-p', setting))]
+
+
+def test_with_nobody_there_it_says_so_and_ends_with_3(tmp_path):
+    with program(with_parameters('robot_timeout:=0.5'), tmp_path) as started:
+        assert started.end() == 3
+        last = started.text.splitlines()[-1]
+    assert 'no robot listens on /kachaka/manual_control/cmd_vel (ROS domain ' in last
+    assert 'after 0.5 s: nobody subscribes to it' in last
+    assert '--sim' in last
+    assert 'Traceback' not in started.text
+
+
+def test_a_robot_that_comes_late_gets_the_first_movement_whole(tmp_path):
+    with program(COMMAND, tmp_path) as started:
+        started.wait_for_text('Robot control node has started')
+        time.sleep(1.0)
+        with Listener() as listener:
+            listener.wait_for(lambda heard: heard.angular_z != 0.0)
+            first = listener.moves()[0]
+    assert (first.linear_x, first.count) == (0.1, 10)
+    assert first.duration == pytest.approx(1.0, rel=0.01)
+
+
+def test_a_subscriber_is_not_a_robot(tmp_path):
+    """``ros2 topic echo`` subscribes too; nothing may be sent before a robot is there."""
+    with Listener(serves=False) as listener:
+        with program(with_parameters('robot_timeout:=3'), tmp_path) as started:
+            assert started.end() == 3
+        assert 'not the service /kachaka/manual_control/set_enabled' in started.text
+        assert listener.heard == []
+
+
+def test_two_robots_under_one_name_are_too_many(tmp_path):
+    """Both would obey: the wrong one, perhaps a real one beside a simulated one, as well."""
+    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+    from nav_msgs.msg import Odometry
+    with Listener() as one, Listener() as two:
+        for listener in (one, two):
+            listener._node.create_publisher(Odometry, 'odometry/odometry', 10)
+        with program(with_parameters('robot_timeout:=6'), tmp_path) as started:
+            # 1 where discovery finds the second one when the first has been met already.
+            assert started.end() in (3, 1)
+        assert '2 robots publish /kachaka/odometry/odometry' in started.text
+        assert not [heard for heard in one.heard + two.heard if heard.moves]
+
+
+def test_nothing_is_sent_before_manual_control_was_granted(tmp_path):
+    with Listener(delay=0.7) as listener, program(COMMAND, tmp_path) as started:
+        listener.wait_for(bool)
+        assert listener.enabled[0] < listener.heard[0].time
+        assert started.process.poll() is None
+
+
+def test_a_robot_that_refuses_manual_control_is_not_driven(tmp_path):
+    with Listener(grants=False) as listener:
+        with program(COMMAND, tmp_path) as started:
+            assert started.end() == 3
+        assert 'the robot refused manual control: not today' in started.text
+        assert listener.heard == []
+
+
+def test_zeros_come_first_for_the_time_that_readers_need(tmp_path):
+    with Listener() as listener:
+        with program(with_parameters('prime_time:=1.0'), tmp_path):
+            moved = listener.wait_for(lambda heard: heard.moves)
+        # 1 s of priming, then the first second of the lesson.
+        assert moved.time - listener.heard[0].time == pytest.approx(2.0, abs=0.2)
+
+
+@pytest.mark.parametrize('setting, text', [
+    ('rate:=4', 'parameter rate is 4; it must be from 5 to 1000'),
+    ('rate:=fast', "parameter rate is 'fast'; it must be a number"),
+    ('manual_control:=7', 'manual_control'),
+])
+def test_a_parameter_that_cannot_work_is_refused_in_one_line(tmp_path, setting, text):
+    with program(with_parameters(setting), tmp_path) as started:
+        assert started.end() == 2
+        assert text in started.text
+        assert len(started.text.splitlines()) == 1
+
+
+def test_arguments_that_ros_does_not_understand_are_bad_usage(tmp_path):
+    with program(with_parameters('nonsense'), tmp_path) as started:
+        assert started.end() == 2
+    assert "Couldn't parse" in started.text.splitlines()[-1]
+    assert 'Traceback' not in started.text
+
+
+def test_a_whole_number_is_a_number(tmp_path):
+    with program(with_parameters('rate:=20', 'robot_timeout:=1'), tmp_path) as started:
+        assert started.end() == 3

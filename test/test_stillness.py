@@ -1,0 +1,53 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Whether odometry sees the robot stand still."""
+
+from kachaka_simple_control.execution.stillness import FRESH, Stillness
+from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+
+FORWARD = Velocity(0.1, 0.0)
+
+
+def test_nothing_heard_is_nothing_known():
+    stillness = Stillness()
+    assert stillness.silence(1.0) is None
+    assert stillness.still_since(1.0) is None
+    assert not stillness.moves(1.0)
+
+
+def test_still_since_the_first_of_the_still_samples():
+    stillness = Stillness()
+    for now, velocity in ((1.0, FORWARD), (1.1, ZERO), (1.2, Velocity(0.001, -0.001))):
+        stillness.hear(now, velocity)
+    assert stillness.still_since(1.25) == 1.1
+    assert not stillness.moves(1.25)
+
+
+def test_moving_forward_or_turning_is_moving():
+    for velocity in (FORWARD, Velocity(-0.1, 0.0), Velocity(0.0, 0.1), Velocity(0.0, -0.1)):
+        stillness = Stillness()
+        stillness.hear(1.0, ZERO)
+        stillness.hear(1.1, velocity)
+        assert stillness.moves(1.2)
+        assert stillness.still_since(1.2) is None
+
+
+def test_old_odometry_says_nothing_of_now():
+    """Or a robot whose link is lost would be taken for one that moves, or for one that stands."""
+    moving, standing = Stillness(), Stillness()
+    moving.hear(1.0, FORWARD)
+    standing.hear(1.0, ZERO)
+    assert not moving.moves(1.0 + FRESH + 0.01)
+    assert standing.still_since(1.0 + FRESH + 0.01) is None
+    assert moving.silence(2.0) == 1.0

@@ -1,0 +1,215 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The ways out of a program: on each of them the robot is stopped and given back."""
+
+import signal
+import time
+
+from program import COMMAND, program, script
+import pytest
+
+pytestmark = pytest.mark.ros
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+#: Time from a signal to the first zero [s]: what matters is that it is far below the hold.
+SOON = 0.1
+
+BEGIN = """
+import rclpy
+from kachaka_simple_control import KachakaSimpleControl
+rclpy.init()
+node = KachakaSimpleControl()
+"""
+
+
+def assert_stopped(listener, since):
+    """Assert that a whole stop followed: soon, front-loaded, beyond the hold, nothing after."""
+    after = [heard for heard in listener.heard if heard.time > since]
+    zeros = [heard.time for heard in after if not heard.moves]
+    assert zeros[0] - since < SOON
+    assert zeros[9] - zeros[0] < 0.1
+    assert zeros[-1] - zeros[0] > 0.35
+    assert not [heard for heard in after if heard.moves and heard.time > zeros[0]]
+
+
+def assert_given_back(listener):
+    """Assert that manual control was given back once, after the last message."""
+    assert len(listener.released) == 1
+    assert listener.heard[-1].time < listener.released[0]
+
+
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM', 'SIGHUP'])
+def test_a_signal_in_mid_motion_stops_the_robot(listener, tmp_path, name):
+    signum = signal.Signals[name]
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        time.sleep(0.25)
+        sent = started.send(signum)
+        assert started.end(3.5) == 128 + signum
+    assert_stopped(listener, sent)
+    assert_given_back(listener)
+    assert ('Program was interrupted' in started.text) == (name == 'SIGINT')
+    assert 'Traceback' not in started.text
+
+
+def test_more_signals_do_not_cut_the_stop_short(listener, tmp_path):
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        sent = started.send(signal.SIGINT)
+        for _ in range(4):
+            time.sleep(0.08)
+            started.send(signal.SIGINT)
+        assert started.end() == 130
+    assert_stopped(listener, sent)
+    assert_given_back(listener)
+    assert 'Traceback' not in started.text
+
+
+def test_a_signal_before_the_robot_is_ours_sends_nothing(tmp_path):
+    """Not even zeros: they would take a robot that nobody asked for."""
+    from listener import Listener
+    with Listener(serves=False) as listener:
+        with program(COMMAND, tmp_path) as started:
+            started.wait_for_text('Robot control node has started')
+            time.sleep(2.5)
+            started.send(signal.SIGINT)
+            assert started.end(3.5) == 130
+        assert listener.heard == []
+    assert 'Traceback' not in started.text
+
+
+def test_a_signal_that_was_ignored_at_the_start_stays_ignored(listener, tmp_path):
+    command = ['sh', '-c', 'trap "" HUP; exec "$@"', 'sh', *COMMAND]
+    with program(command, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        started.send(signal.SIGHUP)
+        assert started.end() == 0
+
+
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+def test_a_script_with_a_plain_init_stops_too(listener, tmp_path, name):
+    """rclpy.init() brings rclpy's own handlers, which would make publishing impossible."""
+    signum = signal.Signals[name]
+    with script(BEGIN + 'node.move_robot(0.1, 0.0, 20.0)\n', tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        sent = started.send(signum)
+        assert started.end(3.5) == 128 + signum
+    assert_stopped(listener, sent)
+    assert_given_back(listener)
+    assert 'Traceback' not in started.text
+
+
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+def test_a_script_that_sits_in_spin_ends_at_once(listener, tmp_path, name):
+    """The main thread waits in C++; Python's handlers run only when something wakes it."""
+    text = BEGIN + 'node.move_robot(0.1, 0.0, 0.2)\nprint("spinning", flush=True)\n'
+    with script(text + 'rclpy.spin(node)\n', tmp_path) as started:
+        started.wait_for_text('spinning')
+        time.sleep(1.0)
+        started.send(signal.Signals[name])
+        assert started.end(3.5) == 128 + signal.Signals[name]
+    assert_given_back(listener)
+    assert 'Traceback' not in started.text
+
+
+def test_a_motion_in_a_thread_stops_while_the_main_thread_spins(listener, tmp_path):
+    text = BEGIN + """
+import threading
+threading.Thread(target=node.move_robot, args=(0.1, 0.0, 20.0)).start()
+rclpy.spin(node)
+"""
+    with script(text, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        sent = started.send(signal.SIGTERM)
+        assert started.end(3.5) == 143
+    assert_stopped(listener, sent)
+    assert_given_back(listener)
+
+
+@pytest.mark.parametrize(
+    'ending', ['', 'rclpy.shutdown()', 'node.destroy_node()', 'raise KeyError'])
+def test_a_script_may_end_as_it_likes(listener, tmp_path, ending):
+    with script(f'{BEGIN}node.move_robot(0.1, 0.0, 0.3)\n{ending}\n', tmp_path) as started:
+        assert started.end() == ('raise' in ending)
+    (move,) = listener.moves()
+    assert move.duration == pytest.approx(0.3, abs=0.05)
+    end = max(heard.time for heard in listener.heard if heard.moves)
+    assert_stopped(listener, end + 0.05)
+    assert_given_back(listener)
+
+
+def test_an_exception_between_movements_stops_at_once(listener, tmp_path):
+    """The end of one movement is one zero; the whole stop must not wait for a next one."""
+    text = BEGIN + """
+import time
+node.move_robot(0.1, 0.0, 0.3)
+time.sleep(60)
+"""
+    with script(text, tmp_path):
+        end = listener.wait_for(lambda heard: heard.moves).time + 0.3
+        time.sleep(1.5)
+        zeros = [heard.time for heard in listener.heard if heard.time > end - 0.05]
+    assert zeros[-1] - zeros[0] > 0.4
+    assert len(zeros) >= 11
+
+
+def test_a_callback_that_fails_stops_the_motion(listener, tmp_path):
+    text = BEGIN + """
+def fail():
+    raise ValueError('in a callback')
+node.create_timer(6.0, fail)
+node.move_robot(0.1, 0.0, 20.0)
+"""
+    with script(text, tmp_path) as started:
+        assert started.end() == 1
+    assert 'a callback failed: ValueError: in a callback' in started.text
+    assert not listener.heard[-1].moves
+    assert_given_back(listener)
+
+
+def test_an_exception_in_the_main_thread_stops_the_motion_of_another(listener, tmp_path):
+    text = BEGIN + """
+import threading, time
+threading.Thread(target=node.move_robot, args=(0.1, 0.0, 20.0)).start()
+time.sleep(4.0)
+raise ValueError('in main')
+"""
+    with script(text, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        assert started.end(10.0) == 1
+    assert 'ValueError: in main' in started.text
+    assert not listener.heard[-1].moves
+    assert_given_back(listener)
+
+
+def test_a_program_that_freezes_gives_the_motion_up(listener, tmp_path):
+    """Frozen for longer than the gap allowed: not one velocity after it wakes."""
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        time.sleep(0.25)
+        started.send(signal.SIGSTOP)
+        time.sleep(1.0)
+        thawed = started.send(signal.SIGCONT)
+        assert started.end() == 1
+    assert 'the guardian stopped the robot: the node fell silent' in started.text
+    assert not [heard for heard in listener.heard if heard.moves and heard.time > thawed]
+    assert_given_back(listener)
+
+
+def test_no_clock_can_keep_the_robot_moving(listener, tmp_path):
+    """With simulated time and nobody publishing it, the lesson's own loop drives for ever."""
+    command = [*COMMAND, '--ros-args', '-p', 'use_sim_time:=true']
+    with program(command, tmp_path) as started:
+        assert started.end(30.0) == 0
+    assert [move.duration for move in listener.moves()] == pytest.approx([1.0, 2.0, 2.0], rel=0.02)

@@ -1,0 +1,188 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The stop: front-loaded, long enough, once, and given way to a new run."""
+
+from itertools import pairwise
+
+from fake_time import FakeTime, Wire
+from kachaka_simple_control.errors import MotionRefusedError
+from kachaka_simple_control.execution.latch import Latch
+from kachaka_simple_control.execution.publisher_edge import PublisherEdge
+from kachaka_simple_control.execution.stopping import Stopper
+from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+import pytest
+
+HOLD = 0.3
+REASON = MotionRefusedError('test')
+
+
+class Guard:
+    """Notes what a guardian is told."""
+
+    def __init__(self):
+        """Hear nothing yet."""
+        self.heard = []
+
+    def rest(self):
+        """Note it."""
+        self.heard.append('rest')
+
+    def stopped(self):
+        """Note it."""
+        self.heard.append('stopped')
+
+
+class Bench:
+    """A stopper and a run that has moved."""
+
+    def __init__(self):
+        """Send one velocity."""
+        self.time = FakeTime()
+        self.wire = Wire(self.time)
+        self.edge = PublisherEdge(
+            self.wire.transmit, Limits(0.3, 1.57), Latch(), None,
+            self.time.clock, self.time.clock)
+        self.guard = Guard()
+        self.moves = lambda: False
+        self.stopper = Stopper(
+            self.edge, HOLD, self.guard, self.still_moves, self.time.clock, self.time.sleep)
+        self.edge.admit()
+        self.run = self.edge.begin(0.2)
+        self.edge.send(self.run, Velocity(0.1, 0.0))
+
+    def still_moves(self):
+        """Tell what odometry sees."""
+        return self.moves()
+
+    @property
+    def zeros(self):
+        """When zeros were sent [s]."""
+        return [at for at, velocity in self.wire.sent if velocity == ZERO]
+
+
+def test_ten_zeros_go_back_to_back():
+    """A reader that was asleep plays its queue: ten zeros push ten velocities out of it."""
+    bench = Bench()
+    begun = bench.time.now
+    bench.stopper.stop(REASON)
+    assert sum(at == begun for at in bench.zeros) >= 10
+
+
+def test_zeros_go_on_until_the_hold_is_over_at_20_hz_or_faster():
+    bench = Bench()
+    bench.stopper.stop(REASON)
+    zeros = bench.zeros
+    assert zeros[-1] - zeros[0] >= HOLD + 0.1
+    assert max(two - one for one, two in pairwise(zeros)) <= 0.05
+
+
+def test_a_stop_is_sent_once_for_a_run_however_often_it_is_asked_for():
+    bench = Bench()
+    bench.stopper.stop(REASON)
+    count = len(bench.zeros)
+    bench.stopper.stop(REASON)
+    assert len(bench.zeros) == count
+
+
+def test_a_stop_that_was_cut_short_is_sent_whole_by_the_next():
+    """Ctrl+C in the middle of a stop raises there; whoever comes next begins again."""
+    bench = Bench()
+
+    def interrupt():
+        bench.time.on_sleep = lambda: None
+        raise KeyboardInterrupt
+
+    bench.time.on_sleep = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        bench.stopper.stop(REASON)
+    begun = bench.time.now
+    bench.stopper.stop(REASON)
+    assert bench.zeros[-1] - begun >= HOLD + 0.1
+
+
+def test_nothing_is_sent_when_nothing_ever_moved():
+    time = FakeTime()
+    wire = Wire(time)
+    edge = PublisherEdge(wire.transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
+    stopper = Stopper(edge, HOLD, Guard(), clock=time.clock, sleep=time.sleep)
+    stopper.stop(REASON)
+    edge.admit()
+    stopper.stop(REASON)
+    assert wire.sent == []
+
+
+def test_the_run_in_another_thread_hears_why():
+    bench = Bench()
+    bench.stopper.stop(REASON)
+    with pytest.raises(MotionRefusedError, match='test'):
+        bench.edge.check(bench.run)
+
+
+def test_a_new_run_ends_the_stop_of_the_one_before():
+    """No zero of an old stop may fall into a new motion."""
+    bench = Bench()
+
+    def begin():
+        bench.time.on_sleep = lambda: None
+        bench.edge.send(bench.edge.begin(0.2), Velocity(0.2, 0.0))
+
+    bench.time.on_sleep = begin
+    bench.stopper.stop(REASON)
+    assert bench.wire.sent[-1][1] == Velocity(0.2, 0.0)
+
+
+def test_with_nothing_following_the_stop_comes_by_itself():
+    bench = Bench()
+    bench.stopper.stop_unless_more(bench.run, within=0.0)
+    bench.stopper._later.join(5.0)
+    assert len(bench.zeros) >= 10
+
+
+def test_with_another_run_following_it_does_not():
+    bench = Bench()
+    bench.edge.begin(0.2)
+    bench.stopper.stop_unless_more(bench.run, within=0.0)
+    bench.stopper._later.join(5.0)
+    assert bench.zeros == []
+
+
+def test_the_guardian_is_told_before_and_after():
+    """Before, or it would stop too; after, or it would stop again when the program ends."""
+    bench = Bench()
+    bench.stopper.stop(REASON)
+    assert bench.guard.heard == ['rest', 'stopped']
+
+
+def test_a_stop_that_was_cut_short_leaves_the_guardian_ready():
+    bench = Bench()
+    bench.time.on_sleep = bench.edge.close
+    bench.stopper.stop(REASON)
+    assert bench.guard.heard == ['rest']
+
+
+def test_zeros_go_on_while_the_robot_is_seen_to_move():
+    bench = Bench()
+    end = bench.time.now + 1.0
+    bench.moves = lambda: bench.time.now < end
+    bench.stopper.stop(REASON)
+    assert bench.zeros[-1] == pytest.approx(end, abs=0.05)
+
+
+def test_but_not_for_ever():
+    bench = Bench()
+    begun = bench.time.now
+    bench.moves = lambda: True
+    bench.stopper.stop(REASON)
+    assert bench.zeros[-1] - begun < 2.0

@@ -1,0 +1,138 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What a guardian makes of what it hears: when it stops the robot, and when never."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.execution.watchdog import Sign, SILENCE, STALL, Watchdog
+import pytest
+
+SIGNS = st.lists(st.tuples(st.floats(0.0, 0.3), st.sampled_from(list(Sign))), max_size=40)
+
+
+def hear(*signs, pause=0.02):
+    """Return a watchdog that heard signs, and the time of the last."""
+    watchdog, now = Watchdog(), 0.0
+    for sign in signs:
+        now += pause
+        watchdog.hear(sign, now)
+    return watchdog, now
+
+
+def test_a_node_that_goes_in_the_middle_of_a_run_leaves_a_robot_to_stop():
+    watchdog, _ = hear(Sign.PRIME, Sign.BEAT)
+    assert watchdog.lost()
+    assert watchdog.is_over
+
+
+@pytest.mark.parametrize('signs', [
+    (), (Sign.PRIME,), (Sign.BEAT, Sign.STOPPED), (Sign.BEAT, Sign.REST, Sign.STOPPED),
+    (Sign.BEAT, Sign.STOPPED, Sign.REST)])
+def test_a_node_that_moved_nothing_or_stopped_it_leaves_none(signs):
+    watchdog, _ = hear(*signs)
+    assert not watchdog.lost()
+
+
+def test_one_zero_at_the_end_of_a_run_is_not_a_stop():
+    watchdog, _ = hear(Sign.BEAT, Sign.REST)
+    assert watchdog.lost()
+
+
+def wait(watchdog, now, duration):
+    """Wait without a sign, as a guardian does; return when silence counted, or None."""
+    end = now + duration
+    while (patience := watchdog.patience()) is not None and now < end:
+        now += patience
+        if watchdog.is_silent(now):
+            return now
+    return None
+
+
+def test_silence_in_a_run_counts_once():
+    watchdog, now = hear(Sign.BEAT)
+    assert wait(watchdog, now, 60.0) == pytest.approx(now + SILENCE)
+    assert wait(watchdog, now, 60.0) is None
+    assert not watchdog.lost()
+
+
+def test_time_that_the_guardian_slept_is_not_silence():
+    """The whole machine stood still for a moment, node and guardian alike."""
+    watchdog, now = hear(Sign.BEAT)
+    assert not watchdog.is_silent(now + 0.5)
+    watchdog.hear(Sign.BEAT, now + 0.51)
+    assert not watchdog.is_silent(now + 1.0)
+
+
+def test_a_node_that_waits_for_dds_is_given_more_time():
+    watchdog, now = hear(Sign.BEAT)
+    looks = round(0.4 / 0.02)
+    assert not any(watchdog.is_silent(now + 0.02 * (k + 1), sending=True) for k in range(looks))
+    # Back from there, it has the usual time for its next sign.
+    assert wait(watchdog, now + 0.4, 1.0) == pytest.approx(now + 0.4 + SILENCE)
+
+
+def test_a_node_that_never_comes_back_from_dds_is_found_out():
+    watchdog, now = hear(Sign.BEAT)
+    told = [k for k in range(100) if watchdog.is_silent(now + 0.02 * (k + 1), sending=True)]
+    assert told == [pytest.approx(STALL / 0.02 - 1, abs=1)]
+
+
+def test_a_node_that_stays_silent_after_a_stall_is_found_out():
+    watchdog, now = hear(Sign.BEAT)
+    assert not watchdog.is_silent(now + 0.5)
+    assert wait(watchdog, now + 0.5, 1.0) <= now + 0.5 + SILENCE
+
+
+@pytest.mark.parametrize('sign', [Sign.REST, Sign.STOPPED])
+def test_silence_outside_a_run_is_peace(sign):
+    watchdog, now = hear(Sign.BEAT, sign)
+    assert not watchdog.is_silent(now + 3600.0)
+    assert watchdog.patience() is None
+
+
+@given(SIGNS)
+def test_the_robot_is_stopped_at_most_once_unless_it_moved_again(signs):
+    """And never without a beat before it."""
+    watchdog, now, moved = Watchdog(), 0.0, False
+    for pause, sign in signs:
+        now += pause
+        if watchdog.is_silent(now):
+            assert moved
+            moved = False
+        watchdog.hear(sign, now)
+        moved = (moved or sign is Sign.BEAT) and sign is not Sign.STOPPED
+    if watchdog.lost():
+        assert moved
+    assert not watchdog.lost()
+
+
+@given(SIGNS)
+def test_its_patience_ends_in_time(signs):
+    """Whatever was heard, silence is told as soon as there was enough of it, or never."""
+    watchdog, now = Watchdog(), 0.0
+    for pause, sign in signs:
+        now += pause
+        watchdog.hear(sign, now)
+    told = wait(watchdog, now, 10.0)
+    assert told is None or told - now == pytest.approx(SILENCE)
+    assert (told is None) == (not signs or not any(
+        sign is Sign.BEAT for sign in since_rest(signs)))
+
+
+def since_rest(signs):
+    """Return the signs after the last that ended a run."""
+    heard = [sign for _, sign in signs]
+    ends = [index for index, sign in enumerate(heard)
+            if sign in (Sign.REST, Sign.STOPPED)]
+    return heard[ends[-1] + 1:] if ends else heard
