@@ -1,0 +1,141 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Measure, keep the data, draw, print the tables, and judge; ``make bench`` runs this."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from datetime import datetime, timezone
+import json
+import os
+from pathlib import Path
+import random
+import subprocess
+import sys
+import time
+from typing import Any
+
+from benchmarks.bars import judge
+from benchmarks.figures import figures
+from benchmarks.page import updated
+from benchmarks.scale import FULL, QUICK, Scale
+from benchmarks.tables import Table, tables
+
+ROOT = Path(__file__).resolve().parent.parent
+RESULTS = ROOT / 'benchmarks' / 'results'
+#: The run that the page shows, kept with it.
+REFERENCE = RESULTS / 'reference.json'
+PAGE = ROOT / 'docs' / 'benchmarks.md'
+IMAGES = ROOT / 'docs' / 'images'
+
+
+def measure(scale: Scale) -> dict[str, Any]:
+    """
+    Measure everything.
+
+    :param scale: how much
+    :returns: the run, plain data
+    """
+    from kachaka_simple_control.ros.isolation import stay_on_this_machine
+    # Before anything loads rclpy: no robot, and no other run, may hear this one.
+    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    stay_on_this_machine()
+    from benchmarks import endings, machine, timing
+    described = machine.describe()
+    begin = time.monotonic()
+    # A later kind of measurement (planning speed, say) adds its line here.
+    run = {
+        'date': f'{datetime.now(timezone.utc):%Y-%m-%d}',
+        'moves': {str(rate): count for rate, count in scale.moves.items()},
+        'machine': described,
+        'starts': endings.measure_starts(scale),
+        'signals': endings.measure_signals(scale),
+        'firsts': endings.measure_firsts(scale),
+        'timing': timing.measure_timing(scale)}
+    print(f'measured in {(time.monotonic() - begin) / 60.0:.1f} minutes\n')
+    return run
+
+
+def keep(run: dict[str, Any], name: str) -> Path:
+    """
+    Write a run down, for comparing it with others.
+
+    :param run: the run
+    :param name: a part of the file's name
+    :returns: the file
+    """
+    file = RESULTS / f'{name}-{datetime.now(timezone.utc):%Y%m%d-%H%M%S}.json'
+    file.write_text(json.dumps(run, indent=1) + '\n')
+    return file
+
+
+def draw(file: Path, folder: Path, python: str) -> None:
+    """
+    Draw a run.
+
+    :param file: the run
+    :param folder: where the pictures go
+    :param python: a Python with matplotlib, which the one that measures need not have
+    """
+    subprocess.run(
+        [python, '-m', 'benchmarks.plots', str(file), str(folder)], cwd=ROOT, check=True)
+
+
+def write_page(shown: list[Table], run: dict[str, Any]) -> None:
+    """
+    Put the tables of a run on the page.
+
+    :param shown: the tables
+    :param run: the run
+    """
+    counts = ', '.join(f'{count} at {rate} Hz' for rate, count in run['moves'].items())
+    head = f'Measured on {run["date"]}.  Movements of one second by each loop: {counts}.'
+    measured = '\n'.join([head, '', *(table.markdown() for table in shown)])
+    PAGE.write_text(updated(PAGE.read_text(), measured))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Do what the arguments say.
+
+    :param arguments: the arguments without the program's name; None for those of the process
+    :returns: the exit code: 1 if a bar was missed
+    """
+    parser = argparse.ArgumentParser(prog='benchmarks', description=__doc__)
+    parser.add_argument('--quick', action='store_true', help='measure little; leaves docs alone')
+    parser.add_argument('--no-bars', action='store_true', help='a missed bar is no failure')
+    parser.add_argument('--draw-with', metavar='PYTHON', help='a Python that has matplotlib')
+    parser.add_argument('--of', type=Path, metavar='FILE', help='show this run, measure nothing')
+    options = parser.parse_args(arguments)
+    if options.of:
+        file, run = options.of.resolve(), json.loads(options.of.read_text())
+    else:
+        run = measure(QUICK if options.quick else FULL)
+        file = keep(run, 'quick' if options.quick else 'full')
+    shown = tables(run)
+    print('\n'.join(table.text() for table in shown))
+    if options.draw_with:
+        draw(file, file.with_suffix('') if options.quick else IMAGES, options.draw_with)
+    if not options.quick:
+        write_page(shown, run)
+        REFERENCE.write_bytes(file.read_bytes())
+    print(f'All of it: {file.relative_to(ROOT)}')
+    missed = [verdict.bar.what for verdict in judge(figures(run)) if not verdict.is_held]
+    print(f'Missed: {"; ".join(missed)}' if missed else 'Every bar is held')
+    return 0 if options.no_bars or not missed else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,172 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What a run comes to: named figures, from the data that it left; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from benchmarks.quantiles import median, quantile
+
+#: What never came, as a figure.
+NEVER = math.inf
+
+
+@dataclass(frozen=True)
+class Figure:
+    """
+    One number.
+
+    :param what: what was measured
+    :param loop: of which loop
+    :param value: how much; infinite for what never came
+    :param unit: of what
+    """
+
+    what: str
+    loop: str
+    value: float
+    unit: str
+
+
+def figures(run: dict[str, Any]) -> list[Figure]:
+    """
+    Return all figures of a run.
+
+    A later kind of measurement (planning speed, say) adds its function here.
+
+    :param run: what the run left
+    :returns: the figures
+    """
+    return [
+        *(figure for entry in run['timing'] for figure in _timing(entry)),
+        *_firsts(run['firsts']), *_starts(run['starts']), *_zeros(run)]
+
+
+def find(found: Sequence[Figure], what: str, loop: str) -> float | None:
+    """
+    Return one figure.
+
+    :param found: the figures
+    :param what: what was measured
+    :param loop: of which loop
+    :returns: its value; None if there is none
+    """
+    return next((one.value for one in found if (one.what, one.loop) == (what, loop)), None)
+
+
+def where(rate: int, busy: int) -> str:
+    """
+    Name the circumstances of a loop.
+
+    :param rate: its rate [Hz]
+    :param busy: how many busy processes run beside it
+    :returns: a part of a figure's name
+    """
+    return f'at {rate} Hz' + (', loaded' if busy else '')
+
+
+def _timing(entry: dict[str, Any]) -> Iterator[Figure]:
+    circumstances = where(entry['rate'], entry['busy'])
+
+    def figure(what: str, value: float, unit: str) -> Figure:
+        return Figure(f'{what} {circumstances}', entry['loop'], value, unit)
+
+    errors = [abs(error) for error in entry['errors']]
+    if errors:
+        yield figure('displacement error, median,', 100.0 * median(errors), '%')
+        yield figure('displacement error, worst,', 100.0 * max(errors), '%')
+    yield figure('jitter, p99,', 1e3 * entry['jitter']['0.99'], 'ms')
+    if entry['due']:
+        yield figure('late ticks', 100.0 * entry['late'] / entry['due'], '%')
+        yield figure('lost ticks', 100.0 * entry['lost'] / entry['due'], '%')
+    if entry['sent']:
+        for part, name in (
+                ('thread', 'the loop'), ('process', 'the process'), ('helpers', 'its helpers')):
+            yield figure(f'CPU a command, {name},', 1e6 * entry[part] / entry['sent'], 'us')
+    yield figure('memory', entry['memory'], 'MB')
+    yield figure('memory of helpers', entry['helper_memory'], 'MB')
+    yield figure('movements given up', len(entry['faults']), '')
+
+
+def _firsts(entries: list[dict[str, Any]]) -> Iterator[Figure]:
+    for late in (False, True):
+        for loop in dict.fromkeys(entry['loop'] for entry in entries):
+            arrived = [entry['arrived'] for entry in entries
+                       if (entry['loop'], entry['late']) == (loop, late)]
+            what = f'of the first 0.1 m, the robot {"late" if late else "there"},'
+            if arrived:
+                yield Figure(f'{what} least', loop, min(arrived), 'm')
+                yield Figure(f'{what} median', loop, median(arrived), 'm')
+                yield Figure(f'{what} most', loop, max(arrived), 'm')
+
+
+def _starts(entries: list[dict[str, Any]]) -> Iterator[Figure]:
+    ours = [entry for entry in entries if entry['loop'] == 'ours' and not entry['busy']]
+    for key, what in (('start', 'start to t = 0'), ('match', 'later match to t = 0')):
+        times = _times(entry[key] for entry in ours)
+        if times:
+            yield Figure(f'{what}, median', 'ours', median(times), 's')
+            yield Figure(f'{what}, worst', 'ours', max(times), 's')
+
+
+def _zeros(run: dict[str, Any]) -> Iterator[Figure]:
+    for loop, busy, names in signal_groups(run['starts']):
+        times = zeros(run['starts'], loop, busy, names)
+        what = f'{" or ".join(names)} to first zero{", loaded" if busy else ""}'
+        yield Figure(f'{what}, median', loop, 1e3 * median(times), 'ms')
+        yield Figure(f'{what}, worst', loop, 1e3 * max(times), 'ms')
+    times = _times(run['signals'])
+    if times:
+        what = 'SIGINT to first zero, many in one process'
+        yield Figure(f'{what}, median', 'ours', 1e3 * median(times), 'ms')
+        yield Figure(f'{what}, p99', 'ours', 1e3 * quantile(times, 0.99), 'ms')
+        yield Figure(f'{what}, worst', 'ours', 1e3 * max(times), 'ms')
+
+
+def signal_groups(entries: list[dict[str, Any]]) -> list[tuple[str, int, tuple[str, ...]]]:
+    """
+    Return which processes belong together.
+
+    :param entries: the processes that got a signal
+    :returns: loop, busy processes and signals of each group that is not empty
+    """
+    kinds = (('SIGINT', 'SIGTERM'), ('SIGKILL',), ('SIGSTOP',))
+    return list(dict.fromkeys(
+        (entry['loop'], entry['busy'], names)
+        for entry in entries for names in kinds if entry['signal'] in names))
+
+
+def zeros(
+        entries: list[dict[str, Any]], loop: str, busy: int,
+        names: Sequence[str]) -> list[float]:
+    """
+    Return how long the first zero took in each process of a group.
+
+    :param entries: the processes that got a signal
+    :param loop: which loop
+    :param busy: how many busy processes were beside it
+    :param names: which signals
+    :returns: the times [s]; infinite where no zero came
+    """
+    return _times(
+        entry['zero'] for entry in entries
+        if (entry['loop'], entry['busy']) == (loop, busy) and entry['signal'] in names)
+
+
+def _times(values: Iterator[float | None] | list[float | None]) -> list[float]:
+    return [NEVER if value is None else value for value in values]

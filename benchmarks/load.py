@@ -1,0 +1,47 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Keep the processors busy for a while."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import contextlib
+import subprocess
+import sys
+
+#: What a busy process runs; it ends by itself, whatever becomes of the one that started it.
+WORK = """
+import sys, time
+end = time.monotonic() + float(sys.argv[1])
+while time.monotonic() < end:
+    pass
+"""
+
+
+@contextlib.contextmanager
+def busy(count: int, longest: float = 600.0) -> Iterator[None]:
+    """
+    Run busy processes beside the ``with`` block.
+
+    :param count: how many
+    :param longest: after what time they end in any case [s]
+    """
+    processes = [
+        subprocess.Popen([sys.executable, '-c', WORK, str(longest)]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()

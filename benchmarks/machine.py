@@ -1,0 +1,75 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Name the machine and the versions that a run was made with."""
+
+from __future__ import annotations
+
+from importlib import metadata
+import os
+from pathlib import Path
+import platform
+
+PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps', 'geometry_msgs')
+DISTROS = ('humble', 'jazzy', 'kilted')
+
+
+def describe() -> dict[str, str]:
+    """
+    Describe where this runs, without the names of people, hosts or folders.
+
+    :returns: lines for a table
+    """
+    return {
+        'processor': processor(),
+        'cores': str(len(os.sched_getaffinity(0))),
+        'kernel': f'{platform.system()} {platform.release()}',
+        'Python': platform.python_version(),
+        'ROS 2': distro(),
+        'packages': ', '.join(filter(None, map(version, PACKAGES))),
+        'load before the run': f'{os.getloadavg()[0]:.2f}'}
+
+
+def processor() -> str:
+    """
+    Return the model of the processor.
+
+    :returns: its name, or the architecture where Linux does not tell
+    """
+    lines = Path('/proc/cpuinfo').read_text().splitlines()
+    names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
+    return names[0] if names else platform.machine()
+
+
+def distro() -> str:
+    """
+    Return the name of the ROS distro.
+
+    :returns: the one that is sourced, or else the one whose packages are installed
+    """
+    sourced = os.environ.get('ROS_DISTRO')
+    installed = [name for name in DISTROS if version(f'ros-{name}-rclpy')]
+    return sourced or (installed[0] if installed else 'unknown')
+
+
+def version(package: str) -> str:
+    """
+    Return the version of a package.
+
+    :param package: its name
+    :returns: name and version; nothing if it is not installed
+    """
+    try:
+        return f'{package} {metadata.version(package)}'
+    except metadata.PackageNotFoundError:
+        return ''

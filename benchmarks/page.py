@@ -1,0 +1,35 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Keep the measured part of a page up to date, and leave the rest to people; pure."""
+
+from __future__ import annotations
+
+BEGIN = '<!-- measured: written by make bench, changes here are lost -->'
+END = '<!-- measured: end -->'
+
+
+def updated(page: str, measured: str) -> str:
+    """
+    Return a page with its measured part replaced.
+
+    :param page: the page as it is
+    :param measured: the new part, without the marks around it
+    :returns: the page as it should be
+    :raises ValueError: if the page has not one such part
+    """
+    if page.count(BEGIN) != 1 or page.count(END) != 1 or page.index(END) < page.index(BEGIN):
+        raise ValueError(f'the page must have one line {BEGIN!r} and one line {END!r} after it')
+    head, _, rest = page.partition(BEGIN)
+    _, _, tail = rest.partition(END)
+    return f'{head}{BEGIN}\n\n{measured.strip()}\n\n{END}{tail}'

@@ -1,0 +1,32 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Show how far a run is."""
+
+from __future__ import annotations
+
+import sys
+
+
+def show(text: str, number: int, count: int) -> None:
+    """
+    Show what is being done: counted in place on a terminal, one line elsewhere.
+
+    :param text: what
+    :param number: the how many-th of it, from 1 on
+    :param count: of how many
+    """
+    if sys.stdout.isatty():
+        print(f'\r{text}: {number} of {count}', end='' if number < count else '\n', flush=True)
+    elif number == count:
+        print(f'{text}: {count}', flush=True)

@@ -1,0 +1,45 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Middle, tail and extremes of some numbers; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def quantile(values: Sequence[float], part: float) -> float:
+    """
+    Return the value below which a part of the values lies.
+
+    :param values: at least one number, in any order; infinity is one
+    :param part: from 0, the least, to 1, the greatest
+    :returns: the value, interpolated between the two nearest
+    """
+    ordered = sorted(values)
+    place = part * (len(ordered) - 1)
+    below = min(int(place), len(ordered) - 1)
+    above = min(below + 1, len(ordered) - 1)
+    if place <= below or ordered[above] == ordered[below]:
+        return ordered[below]  # also where infinity would make a difference that is no number
+    return ordered[below] + (place - below) * (ordered[above] - ordered[below])
+
+
+def median(values: Sequence[float]) -> float:
+    """
+    Return the value in the middle.
+
+    :param values: at least one number, in any order
+    :returns: the median
+    """
+    return quantile(values, 0.5)

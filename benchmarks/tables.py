@@ -1,0 +1,188 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The tables of a run, for a terminal and for a page; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from benchmarks.bars import judge, Verdict
+from benchmarks.figures import Figure, figures, find, signal_groups, where, zeros
+from benchmarks.quantiles import median
+
+NAMES = {
+    'ours': 'ours', 'lesson': "the lesson's loop", 'timer': 'rclpy timer', 'rate': 'rclpy Rate',
+    'floor': 'the floor'}
+
+
+@dataclass(frozen=True)
+class Table:
+    """
+    A table.
+
+    :param title: what it shows
+    :param head: the names of the columns
+    :param rows: the cells
+    """
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def text(self) -> str:
+        """
+        Return the table for a terminal.
+
+        :returns: lines of text
+        """
+        grid = [self.head, *self.rows]
+        widths = [max(len(row[column]) for row in grid) for column in range(len(self.head))]
+        grid.insert(1, tuple('-' * width for width in widths))
+        lines = ['  '.join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip()
+                 for row in grid]
+        return '\n'.join([self.title, *lines, ''])
+
+    def markdown(self) -> str:
+        """
+        Return the table for a page.
+
+        :returns: lines of Markdown
+        """
+        grid = [self.head, tuple('---' for _ in self.head), *self.rows]
+        lines = [f'| {" | ".join(row)} |' for row in grid]
+        return '\n'.join([f'**{self.title}**', '', *lines, ''])
+
+
+def tables(run: dict[str, Any]) -> list[Table]:
+    """
+    Put a run as tables.
+
+    :param run: what the run left
+    :returns: the tables, in the order to read them in
+    """
+    found = figures(run)
+    return [
+        _bars(judge(found)), *_timing(found, run['timing']), _memory(found, run['timing']),
+        _firsts(found), _starts(found), _signals(run), _machine(run)]
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """
+    Write a number with as many digits as mean something.
+
+    :param value: the number; None for none
+    :param digits: how many digits
+    :returns: text
+    """
+    if value is None:
+        return '-'
+    if math.isinf(value):
+        return 'never'
+    if value == 0.0:
+        return '0'
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f'{value:.{min(decimals, digits)}f}'
+
+
+def _bars(verdicts: list[Verdict]) -> Table:
+    return Table('What we promise of our own figures', ('figure', 'bar', 'measured', ''), tuple(
+        (verdict.bar.what, _limit(verdict), _with_unit(verdict.value, verdict.unit),
+         'held' if verdict.is_held else 'MISSED')
+        for verdict in verdicts))
+
+
+def _limit(verdict: Verdict) -> str:
+    bar = verdict.bar
+    if bar.beside is None:
+        return f'at most {_with_unit(bar.limit, verdict.unit)}'
+    own = _with_unit(verdict.limit, verdict.unit)
+    return f'at most {bar.limit:g} of {NAMES[bar.beside]}: {own}'
+
+
+def _with_unit(value: float | None, unit: str) -> str:
+    text = number(value)
+    return text if text in ('-', 'never') else f'{text} {unit}'.strip()
+
+
+def _timing(found: Sequence[Figure], entries: list[dict[str, Any]]) -> Iterator[Table]:
+    for title, parts in (
+            ('Error of the displacement on the wire, 1 s movements: median / worst [%]',
+             ('displacement error, median,', 'displacement error, worst,')),
+            ('Difference of an interval from the period, 99th percentile [ms]',
+             ('jitter, p99,',)),
+            ('Ticks that came late / that were lost [%]', ('late ticks', 'lost ticks')),
+            ("CPU a command: the loop's own thread / the whole process [us]",
+             ('CPU a command, the loop,', 'CPU a command, the process,')),
+            ('CPU a command: helper processes [us]', ('CPU a command, its helpers,',)),
+            ('Movements given up, because the program was held up', ('movements given up',))):
+        yield _by_rate(title, parts, found, entries)
+
+
+def _by_rate(
+        title: str, parts: Sequence[str], found: Sequence[Figure],
+        entries: list[dict[str, Any]]) -> Table:
+    places = list(dict.fromkeys(where(entry['rate'], entry['busy']) for entry in entries))
+    return Table(title, ('', *(place.removeprefix('at ') for place in places)), tuple(
+        (name, *(' / '.join(number(find(found, f'{part} {place}', loop)) for part in parts)
+                 for place in places))
+        for loop, name in NAMES.items()))
+
+
+def _memory(found: Sequence[Figure], entries: list[dict[str, Any]]) -> Table:
+    place = where(entries[0]['rate'], entries[0]['busy'])
+    return Table('Most memory held [MB]', ('', 'process', 'helper processes'), tuple(
+        (name, number(find(found, f'memory {place}', loop)),
+         number(find(found, f'memory of helpers {place}', loop)))
+        for loop, name in NAMES.items()))
+
+
+def _firsts(found: Sequence[Figure]) -> Table:
+    def cells(loop: str, place: str) -> Iterator[str]:
+        for part in ('least', 'median', 'most'):
+            yield number(find(found, f'of the first 0.1 m, the robot {place}, {part}', loop))
+
+    return Table(
+        "What arrived of the lesson's first movement, 0.1 m [m]",
+        ('', 'the robot is', 'least', 'median', 'most'),
+        tuple((NAMES[loop], text, *cells(loop, place))
+              for place, text in (('there', 'there before'), ('late', 'switched on later'))
+              for loop in ('ours', 'lesson')))
+
+
+def _starts(found: Sequence[Figure]) -> Table:
+    return Table('Until our program moves the robot [s]', ('', 'median', 'worst'), tuple(
+        (what, *(number(find(found, f'{what}, {part}', 'ours')) for part in ('median', 'worst')))
+        for what in ('start to t = 0', 'later match to t = 0')))
+
+
+def _signals(run: dict[str, Any]) -> Table:
+    groups = [
+        (NAMES[loop], ' or '.join(names) + (', loaded' if busy else ''),
+         zeros(run['starts'], loop, busy, names))
+        for loop, busy, names in signal_groups(run['starts'])]
+    times = [math.inf if value is None else value for value in run['signals']]
+    groups += [('ours', 'SIGINT, all to one process', times)] if times else []
+    return Table(
+        'From a signal to the first zero [ms]',
+        ('', 'signal', 'times', 'median', 'worst', 'never'),
+        tuple((name, kind, str(len(times)), number(1e3 * median(times)),
+               number(1e3 * max(times)), str(times.count(math.inf)))
+              for name, kind, times in groups))
+
+
+def _machine(run: dict[str, Any]) -> Table:
+    return Table('Measured on', ('', ''), tuple(run['machine'].items()))

@@ -1,0 +1,156 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The first half of the run: how exactly each loop keeps time, and at what cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import contextlib
+from dataclasses import asdict
+import time
+from typing import Any
+
+from benchmarks.figures import where
+from benchmarks.load import busy
+from benchmarks.loops import LOOPS
+from benchmarks.process import Contender
+from benchmarks.progress import show
+from benchmarks.quantiles import quantile
+from benchmarks.robot import Robot
+from benchmarks.scale import Scale
+from benchmarks.wire import jitters, movements, relative_error, Row, ticks
+
+DURATION = 1.0
+#: Between two turns [s]: our stop takes 0.4 s, and nobody is measured during it.
+PAUSE = 0.6
+#: After the last contender has come [s]: while programs discover each other, DDS may keep one
+#: that publishes waiting for some hundred milliseconds, whichever loop it has.
+SETTLING = 4.0
+COSTS = ('sent', 'thread', 'process', 'helpers')
+PEAKS = ('memory', 'helper_memory')
+
+
+def measure_timing(scale: Scale) -> list[dict[str, Any]]:
+    """
+    Measure each loop at each rate, idle and loaded.
+
+    :param scale: how much
+    :returns: an entry for each loop, rate and load
+    """
+    entries: list[dict[str, Any]] = []
+    for load, moves in ((0, scale.moves), (scale.busy, scale.loaded)):
+        for rate, count in moves.items():
+            entries += at_rate(rate, count, scale.turn, load)
+    return entries
+
+
+def at_rate(rate: int, count: int, turn: int, load: int) -> list[dict[str, Any]]:
+    """
+    Measure each loop at one rate.
+
+    The loops take turns, each time in another order, so that whatever the machine does meanwhile
+    hits all of them alike.
+
+    :param rate: the rate [Hz]
+    :param count: how many movements each loop makes
+    :param turn: how many of them at a time
+    :param load: how many busy processes run beside them
+    :returns: an entry for each loop
+    """
+    tallies = {name: Tally(name, rate, load) for name in LOOPS}
+    with contenders(rate) as present, busy(load):
+        for number in range(-(-count // turn)):
+            done = min(count, (number + 1) * turn)
+            show(f'{where(rate, load)}: movements by each loop'.removeprefix('at '), done, count)
+            start = number % len(present)
+            for contender, robot in present[start:] + present[:start]:
+                mark = len(robot.heard)
+                costs = contender.ask([DURATION] * min(turn, count - number * turn))
+                time.sleep(PAUSE)
+                tallies[contender.name].add(costs, movements(robot.rows(mark)))
+    return [tally.entry() for tally in tallies.values()]
+
+
+@contextlib.contextmanager
+def contenders(rate: int) -> Iterator[list[tuple[Contender, Robot]]]:
+    """
+    Start one contender for each loop, and wait until each has met its robot.
+
+    :param rate: their rate [Hz]
+    :returns: the contenders and their robots
+    """
+    with contextlib.ExitStack() as stack:
+        present = []
+        for name in LOOPS:
+            robot = stack.enter_context(Robot())
+            contender = Contender(name, 'serve', rate, robot.namespace)
+            present.append((stack.enter_context(contender), robot))
+        for contender, _ in present:
+            contender.hear()
+        time.sleep(SETTLING)
+        yield present
+
+
+class Tally:
+    """What is known of one loop at one rate."""
+
+    def __init__(self, name: str, rate: int, load: int) -> None:
+        """
+        Know nothing yet.
+
+        :param name: the loop
+        :param rate: its rate [Hz]
+        :param load: how many busy processes run beside it
+        """
+        self._head = {'loop': name, 'rate': rate, 'busy': load}
+        self._period = 1.0 / rate
+        self._costs = dict.fromkeys(COSTS, 0.0)
+        self._peaks = dict.fromkeys(PEAKS, 0.0)
+        self._faults: list[str] = []
+        self._errors: list[float] = []
+        self._jitters: list[float] = []
+        self._ticks = {'due': 0, 'late': 0, 'lost': 0}
+        self._seen = 0
+
+    def add(self, costs: dict[str, Any], found: list[list[Row]]) -> None:
+        """
+        Take note of a turn.
+
+        :param costs: what the contender says of it
+        :param found: the movements that the robot saw
+        """
+        for name in COSTS:
+            self._costs[name] += costs[name]
+        for name in PEAKS:
+            self._peaks[name] = max(self._peaks[name], costs[name])
+        self._faults += costs['faults']
+        for rows in found:
+            self._seen += len(rows)
+            self._errors.append(relative_error(rows, DURATION))
+            self._jitters += jitters(rows, self._period)
+            for name, number in asdict(ticks(rows, self._period, DURATION)).items():
+                self._ticks[name] += number
+
+    def entry(self) -> dict[str, Any]:
+        """
+        Return all of it.
+
+        :returns: plain data
+        """
+        return {
+            **self._head, 'errors': [round(error, 7) for error in self._errors], **self._ticks,
+            'seen': self._seen, 'jitter': {
+                str(part): round(quantile(self._jitters or [0.0], part), 7)
+                for part in (0.5, 0.99, 1.0)},
+            **self._costs, **self._peaks, 'faults': self._faults}
