@@ -37,7 +37,7 @@ class Program:
         with log.open('w') as out:
             self.process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT,
-                start_new_session=True, env=environment())
+                cwd=log.parent, start_new_session=True, env=environment())
 
     @property
     def text(self) -> str:

