@@ -51,7 +51,7 @@ def measure_starts(scale: Scale) -> list[dict[str, Any]]:
     def in_turn(count: int) -> list[str]:
         return [*itertools.islice(itertools.cycle(['SIGINT', 'SIGTERM']), count)]
 
-    entries = stopped('ours', [*in_turn(scale.starts), *HARD * scale.killed], 0)
+    entries = stopped('ours', in_turn(scale.starts), 0) + stopped('ours', HARD * scale.killed, 0)
     for name in OTHERS:
         entries += stopped(name, in_turn(scale.others), 0)
     with busy(scale.busy):
@@ -69,29 +69,33 @@ def stopped(name: str, names: Sequence[str], load: int) -> list[dict[str, Any]]:
     :returns: an entry for each process
     """
     entries = []
-    for number, (robot, signum) in enumerate(zip(robots(len(names)), names), 1):
+    end_well = name == 'ours' and not set(names) & set(HARD)
+    for number, (robot, signum) in enumerate(zip(robots(len(names), end_well), names), 1):
         show(f'{name}: processes stopped in mid-motion', number, len(names))
+        mark = len(robot.heard)
         with Contender(name, 'drive', RATE, robot.namespace) as contender:
             entries.append({
-                'loop': name, 'busy': load, 'signal': signum, **start_of(contender, robot),
+                'loop': name, 'busy': load, 'signal': signum, **start_of(contender, robot, mark),
                 'zero': zero_after(contender, robot, signal.Signals[signum])})
-            if name != 'ours' or signum in HARD:
+            if not end_well:
                 contender.process.kill()
     return entries
 
 
-def start_of(contender: Contender, robot: Robot) -> dict[str, float | None]:
+def start_of(contender: Contender, robot: Robot, mark: int) -> dict[str, float | None]:
     """
     Wait for the first velocity of a program that was just started.
 
     :param contender: the program
     :param robot: who waits
+    :param mark: how many messages that robot had heard before
     :returns: the time from the start of the process to t = 0, and to t = 0 from the last match:
-        the program's with the robot, or the robot's with the last publisher that it met [s]
+        the program's with the robot (ours: its guardian's, too), or the robot's with the last
+        publisher that it met [s]
     """
     known, matched = 0, contender.started
     end = time.monotonic() + PATIENCE
-    while (first := robot.first(moves, 0, GLANCE)) is None:
+    while (first := robot.first(moves, mark, GLANCE)) is None:
         if time.monotonic() > end:
             return {'start': None, 'match': None}
         if robot.publishers > known:
@@ -161,7 +165,7 @@ def plain_firsts(names: Sequence[str]) -> Iterator[float]:
     :param names: the loops, in order
     :returns: for each the displacement that arrived [m]
     """
-    for name, robot in zip(names, robots(len(names))):
+    for name, robot in zip(names, robots(len(names), lasting=False)):
         with Contender(name, 'lesson', RATE, robot.namespace) as contender:
             contender.wait(PATIENCE)
         yield moved(robot)

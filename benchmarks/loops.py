@@ -91,9 +91,9 @@ class Ours:
 
     @property
     def has_matched(self) -> bool:
-        """Return whether there are a subscriber and the service that yields the robot."""
+        """Return whether node and guardian have a subscriber, and the robot's service is there."""
         services = [name for name, _ in self.node.get_service_names_and_types()]
-        return self.node.publisher.get_subscription_count() > 0 and self._service in services
+        return self.node.is_heard and self._service in services
 
     def meet(self) -> None:
         """Let the first movement find the robot."""

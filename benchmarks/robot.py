@@ -16,7 +16,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-import contextlib
 import itertools
 from pathlib import Path
 import sys
@@ -30,7 +29,7 @@ sys.path.append(str(TESTS))  # where the listener is
 from listener import Heard, Listener  # noqa: E402
 
 #: How long a robot has been there before a program is started [s].
-AT_HOME = 3.0
+AT_HOME = 2.0
 _NUMBERS = itertools.count(1)
 
 
@@ -96,21 +95,19 @@ def new_namespace() -> str:
     return f'bench_{next(_NUMBERS)}'
 
 
-def robots(count: int) -> Iterator[Robot]:
+def robots(count: int, lasting: bool) -> Iterator[Robot]:
     """
-    Have one robot after the other, each of which has been there for a while when it is its turn.
+    Have a robot for each of several programs; each has been there for a while when it is met.
 
-    :param count: how many
+    :param count: how many programs
+    :param lasting: whether one robot serves all of them; a program that was killed is still seen
+        for a while, so that the next one needs a robot of its own
     :returns: the robots; each ends when the next is asked for
     """
-    with contextlib.ExitStack() as last:
-        following = last.enter_context(Robot())
-        time.sleep(AT_HOME)
-        for _ in range(count):
-            stack, current = last.pop_all(), following
-            with stack:
-                following = last.enter_context(Robot())
-                yield current
+    for _ in range(1 if lasting else count):
+        with Robot() as robot:
+            time.sleep(AT_HOME)
+            yield from itertools.repeat(robot, count if lasting else 1)
 
 
 def moves(heard: Heard) -> bool:

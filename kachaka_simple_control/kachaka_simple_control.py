@@ -117,6 +117,11 @@ class KachakaSimpleControl(Node):
             self.get_logger().info('Robot has stopped')
 
     @property
+    def is_heard(self) -> bool:
+        """Whether somebody subscribes to the velocities of this node and of its guardian."""
+        return self._session.is_heard
+
+    @property
     def stop_confirmed_after(self) -> float | None:
         """
         Return how long after the last stop began odometry saw the robot still [s].

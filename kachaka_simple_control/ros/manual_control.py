@@ -27,7 +27,7 @@ from std_srvs.srv import SetBool
 #: A request that nobody answers is repeated after this time [s], then after twice that, and so on:
 #: the first answer may be lost on a path that has just been found, and a slow robot must not be
 #: asked more often than it can answer.
-REPEAT = 0.25
+REPEAT = 0.1
 
 
 class ServiceAnswer:

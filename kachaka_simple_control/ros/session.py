@@ -153,6 +153,11 @@ class Session:
             self._spinner.stop()
 
     @property
+    def is_heard(self) -> bool:
+        """Whether somebody subscribes to what this node and its guardian publish."""
+        return self._link.is_listening and self._guardian.is_matched
+
+    @property
     def stop_confirmed_after(self) -> float | None:
         """Return how long after the last stop began odometry saw the robot still [s]."""
         begun, still = self._stopper.begun, self.odometry.still_since(time.monotonic())
