@@ -40,6 +40,7 @@ setup(
         'console_scripts': [
             'kachaka_simple_control = kachaka_simple_control.kachaka_simple_control:main',
             'kachaka_bridge = kachaka_simple_control.robot.bridge:main',
+            'kachaka_sim = kachaka_simple_control.robot.sim_command:main',
         ],
     },
 )

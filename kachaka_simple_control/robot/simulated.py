@@ -139,6 +139,16 @@ class SimulatedKachaka:
         self._pass(now)
         return self._is_docked
 
+    def next_change(self, now: float) -> float:
+        """
+        Return when the robot changes next if nobody tells it anything.
+
+        :param now: the time [s]
+        :returns: the time [s]; infinite if nothing is under way
+        """
+        self._pass(now)
+        return min(self._until.values(), default=math.inf)
+
     def state(self, now: float) -> tuple[Pose, Velocity]:
         """
         Return where the robot truly is, in the frame of its start, and how fast.
