@@ -34,7 +34,12 @@ setup(
         ('share/' + package_name, ['package.xml']),
     ],
     install_requires=['setuptools'],
-    extras_require={'test': ['pytest', 'hypothesis']},
+    extras_require={
+        'test': ['pytest', 'hypothesis'],
+        # What the SDK of the robot needs; itself it is installed with --no-deps, for its pins name
+        # one old grpcio that not every Python has, and a numpy that a sourced ROS may not have.
+        'kachaka': ['grpcio>=1.66.1', 'protobuf>=5.27.2', 'numpy'],
+    },
     zip_safe=True,
     entry_points={
         'console_scripts': [

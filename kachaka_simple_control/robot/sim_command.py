@@ -24,6 +24,7 @@ from typing import NoReturn
 from kachaka_simple_control.robot.ending import Ending
 from kachaka_simple_control.robot.fidelity import Fidelity
 from kachaka_simple_control.robot.fidelity_options import add_figures, fidelity
+from kachaka_simple_control.robot.power_button import hold_back, power_button
 from kachaka_simple_control.robot.simulated import SimulatedKachaka
 
 PROGRAM = 'kachaka_sim'
@@ -52,20 +53,26 @@ def main(args: Sequence[str] | None = None) -> int:
     :param args: the arguments without the program's name; those of the command line by default
     :returns: the exit code
     """
+    hold_back()
     with Ending() as ending:
-        options, how = _parse(sys.argv[1:] if args is None else args)
-        try:
-            from kachaka_simple_control.robot.grpc_server.server_thread import serving
-        except ImportError as error:
-            return _failure(MISSING.format(error=error), 1)
-        robot = SimulatedKachaka(time.monotonic(), how, options.docked, options.seed)
-        try:
-            with serving(robot, options.grpc_port, options.host) as server:
-                print(f'ready: simulated Kachaka at {server.address}', flush=True)
-                ending.wait(options.with_parent)
-        except OSError as error:
-            reason = error.strerror or error
-            return _failure(f'cannot listen at {options.host}:{options.grpc_port}: {reason}', 2)
+        return _main(sys.argv[1:] if args is None else args, ending)
+
+
+def _main(args: Sequence[str], ending: Ending) -> int:
+    options, how = _parse(args)
+    try:
+        from kachaka_simple_control.robot.grpc_server.server_thread import serving
+    except (ImportError, RuntimeError) as error:
+        return _failure(MISSING.format(error=error), 1)
+    robot = SimulatedKachaka(time.monotonic(), how, options.docked, options.seed)
+    try:
+        with serving(robot, options.grpc_port, options.host) as server, power_button(
+                lambda: server.call(SimulatedKachaka.press_power_button)):
+            print(f'ready: simulated Kachaka at {server.address}', flush=True)
+            ending.wait(options.with_parent)
+    except OSError as error:
+        reason = error.strerror or error
+        return _failure(f'cannot listen at {options.host}:{options.grpc_port}: {reason}', 2)
     return 0
 
 
@@ -93,7 +100,8 @@ def _port(text: str) -> int:
 def _parser() -> _Parser:
     parser = _Parser(
         prog=PROGRAM, allow_abbrev=False,
-        description='Simulate a Kachaka that speaks gRPC as the real one does.  Needs no ROS.')
+        description='Simulate a Kachaka that speaks gRPC as the real one does.  Needs no ROS.',
+        epilog='Signal USR1 presses its power button: a pause, or its end.')
     add = parser.add_argument
     add('--grpc-port', type=_port, default=26400, metavar='PORT',
         help='where to listen; 0: any port that is free (default: %(default)s)')

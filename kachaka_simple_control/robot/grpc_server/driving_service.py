@@ -24,7 +24,7 @@ from kachaka_simple_control.robot.grpc_server.topic import Topic
 
 
 class DrivingService:
-    """Manual control and velocities."""
+    """Manual control, velocities, and the emergency stop."""
 
     def __init__(self, station: Station) -> None:
         """
@@ -51,6 +51,13 @@ class DrivingService:
         code = self._station.robot.set_manual_control(request.enable, self._station.now())
         self._station.announce()
         return pb2.SetManualControlEnabledResponse(result=messages.result(code))
+
+    async def SetEmergencyStop(
+            self, request: pb2.EmptyRequest, context: Any) -> pb2.SetEmergencyStopResponse:
+        """Stop, and stay until the power button is pressed."""
+        code = self._station.robot.set_emergency_stop(self._station.now())
+        self._station.announce()
+        return pb2.SetEmergencyStopResponse(result=messages.result(code))
 
     async def GetManualControlEnabled(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetManualControlEnabledResponse:

@@ -19,7 +19,7 @@ import math
 
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
-from kachaka_simple_control.robot.simulated import SUCCESS
+from kachaka_simple_control.robot.error_codes import SUCCESS
 
 #: The frames that the official bridge's users see.
 MAP_FRAME = 'map'

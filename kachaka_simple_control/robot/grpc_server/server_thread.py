@@ -63,7 +63,7 @@ class ServerThread:
 
     def wake(self) -> None:
         """Look at the clock again, which somebody moved."""
-        self.call(lambda robot, now: None)
+        self.call(lambda *_: None)
 
 
 @contextlib.contextmanager

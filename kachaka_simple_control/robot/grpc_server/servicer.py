@@ -20,14 +20,20 @@ from typing import Any
 
 import grpc
 from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiServicer
+from kachaka_simple_control.robot.grpc_server.command_service import CommandService
 from kachaka_simple_control.robot.grpc_server.driving_service import DrivingService
+from kachaka_simple_control.robot.grpc_server.equipment_service import EquipmentService
+from kachaka_simple_control.robot.grpc_server.layout_service import LayoutService
 from kachaka_simple_control.robot.grpc_server.sensing_service import SensingService
 from kachaka_simple_control.robot.grpc_server.state_service import StateService
 from kachaka_simple_control.robot.grpc_server.station import Station
+from kachaka_simple_control.robot.grpc_server.transform_service import TransformService
 
 #: Every call that the robot's service has.
 CALLS = tuple(name for name in vars(KachakaApiServicer) if name[0].isupper())
-PARTS = (DrivingService, SensingService, StateService)
+PARTS = (
+    CommandService, DrivingService, EquipmentService, LayoutService, SensingService, StateService,
+    TransformService)
 #: The calls that a simulated robot has no answer to.
 UNIMPLEMENTED = tuple(
     name for name in CALLS if not any(hasattr(part, name) for part in PARTS))
@@ -51,7 +57,7 @@ class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
 
 
 def _refusal(name: str) -> Callable[[Any, Any], Awaitable[None]]:
-    async def refuse(request: Any, context: Any) -> None:
+    async def refuse(_request: Any, context: Any) -> None:
         await context.abort(
             grpc.StatusCode.UNIMPLEMENTED, f'the simulated Kachaka has no {name}')
     return refuse

@@ -15,17 +15,24 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 from kachaka_api.generated import kachaka_api_pb2 as pb2
-from kachaka_simple_control.robot.grpc_server import errors, messages
+from kachaka_simple_control.robot.error_codes import SUCCESS, TEXTS
+from kachaka_simple_control.robot.grpc_server import messages
 from kachaka_simple_control.robot.grpc_server.station import Station
-from kachaka_simple_control.robot.grpc_server.topic import Topic
+from kachaka_simple_control.robot.grpc_server.topic import constant, Topic
 
 #: Chosen, so that nobody takes it for a real one.
 SERIAL_NUMBER = 'SIMULATED'
 #: The release of the robot's software that the SDK we read belongs to.
 VERSION = '3.17.5'
+#: The list of errors in the robot's form; both of its languages are English here.
+ERRORS = json.dumps([
+    {'code': code, 'error_type': kind, 'title': text, 'description': '',
+     'title_en': text, 'description_en': '', 'ref_url': ''}
+    for code, kind, text in TEXTS])
 
 
 class StateService:
@@ -37,21 +44,21 @@ class StateService:
 
         :param station: where it is
         """
-        self._identity = Topic(station, lambda now: (SERIAL_NUMBER, VERSION))
-        self._errors: Topic[tuple[int, ...]] = Topic(station, lambda now: ())
+        self._errors = Topic(station, station.robot.errors)
+        self._constant = constant(station)
 
     async def GetRobotSerialNumber(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRobotSerialNumberResponse:
         """Tell a serial number that no real robot has."""
-        cursor, (serial_number, _) = await self._identity.get(request.metadata.cursor)
+        cursor, _ = await self._constant.get(request.metadata.cursor)
         return pb2.GetRobotSerialNumberResponse(
-            metadata=messages.metadata(cursor), serial_number=serial_number)
+            metadata=messages.metadata(cursor), serial_number=SERIAL_NUMBER)
 
     async def GetRobotVersion(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRobotVersionResponse:
         """Tell the release of the software."""
-        cursor, (_, version) = await self._identity.get(request.metadata.cursor)
-        return pb2.GetRobotVersionResponse(metadata=messages.metadata(cursor), version=version)
+        cursor, _ = await self._constant.get(request.metadata.cursor)
+        return pb2.GetRobotVersionResponse(metadata=messages.metadata(cursor), version=VERSION)
 
     async def IsReady(self, request: pb2.EmptyRequest, context: Any) -> pb2.IsReadyResponse:
         """Say yes."""
@@ -66,4 +73,4 @@ class StateService:
             self, request: pb2.EmptyRequest, context: Any) -> pb2.GetRobotErrorCodeJsonResponse:
         """Tell what the codes mean."""
         return pb2.GetRobotErrorCodeJsonResponse(
-            json=errors.as_json(), result=messages.result(0))
+            json=ERRORS, result=messages.result(SUCCESS))

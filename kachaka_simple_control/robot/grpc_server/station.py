@@ -20,6 +20,7 @@ import contextlib
 import math
 
 from kachaka_simple_control.robot.grpc_server.clock import Clock
+from kachaka_simple_control.robot.grpc_server.localisation import Localisation
 from kachaka_simple_control.robot.simulated import SimulatedKachaka
 
 
@@ -40,6 +41,7 @@ class Station:
         """
         self.robot = robot
         self.clock = clock
+        self.localisation = Localisation()
         self._changed = asyncio.Event()
         self._cursor = 0
 

@@ -78,3 +78,13 @@ class Topic(Generic[T]):
     def _refresh_at(self, now: float) -> None:
         self._value = self._read(now)
         self._cursor = self._station.new_cursor()
+
+
+def constant(station: Station) -> Topic[None]:
+    """
+    Return the topic of all that never changes, which has one cursor for good.
+
+    :param station: where it does not change
+    :returns: the topic
+    """
+    return Topic(station, lambda _: None)
