@@ -24,6 +24,7 @@ import traceback
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError, UsageError
 from kachaka_simple_control.execution.signals import WATCH
 from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.robot.real.address import Address
 
 NAME = 'kachaka_simple_control'
 DONE, FAULTED, BAD_USAGE, NO_ROBOT, SIGNALLED = 0, 1, 2, 3, 128
@@ -42,11 +43,18 @@ class Options:
     :param sim: whether to start a simulated robot beside the node
     :param parameters: parameters of the node that the arguments set
     :param ros_arguments: what ROS itself is told, from ``--ros-args`` on
+    :param address: of the real robot to start a bridge to beside the node; None for no bridge
     """
 
     sim: bool
     parameters: dict[str, object]
     ros_arguments: list[str]
+    address: str | None = None
+
+    @property
+    def brings_robot(self) -> bool:
+        """Whether the command starts a robot's bridge, simulated or not, beside the node."""
+        return self.sim or self.address is not None
 
 
 def parse(arguments: Sequence[str] | None = None) -> Options:
@@ -62,9 +70,13 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         prog=NAME, epilog=EPILOG, allow_abbrev=False,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Play the lesson's seven movements: forward, left and right, exactly timed.")
-    parser.add_argument(
+    robot = parser.add_mutually_exclusive_group()
+    robot.add_argument(
         '--sim', action='store_true',
         help='start a simulated Kachaka, drive it, and print what was asked, sent and driven')
+    robot.add_argument(
+        '--address', type=_address, metavar='HOST',
+        help='do the same with the real Kachaka at this address, HOST or HOST:PORT')
     parser.add_argument(
         '--rate', type=float, metavar='HZ', help='how often a velocity is sent (default: 10)')
     parser.add_argument(
@@ -72,9 +84,10 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')
     options = parser.parse_args(own)
     parameters: dict[str, object] = {} if options.rate is None else {'rate': options.rate}
-    if options.sim:
+    answer = Options(options.sim, parameters, ros, options.address)
+    if answer.brings_robot:
         parameters['summary'] = True
-    return Options(options.sim, parameters, ros)
+    return answer
 
 
 def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -111,6 +124,13 @@ def exit_code(body: Callable[[], None]) -> int:
             code = _code_of(error)
             print(f'{NAME}: {_text(error)}', file=sys.stderr)
     return code if WATCH.signum is None else SIGNALLED + WATCH.signum
+
+
+def _address(text: str) -> str:
+    try:
+        return str(Address.parse(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _code_of(error: Exception) -> int:

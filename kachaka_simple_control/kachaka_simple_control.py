@@ -199,17 +199,17 @@ def run(options: command_line.Options) -> None:
     :param options: what that is
     :raises ControlError: if it could not be done; the robot was stopped
     """
-    # Started last, a simulated robot ends last: after it was stopped and given back.
+    # Started last, a bridge ends last: after its robot was stopped and given back.
     with contextlib.ExitStack() as helpers:
-        if options.sim:
+        if options.brings_robot:
             stay_on_this_machine()
         start_ros(options.ros_arguments)
         robot_control = KachakaSimpleControl(parameter_overrides=[
             Parameter(name, value=value) for name, value in options.parameters.items()])
         try:
-            if options.sim:
-                from kachaka_simple_control.robot.simulation import simulation
-                helpers.enter_context(simulation(robot_control.settings.robot_namespace))
+            if options.brings_robot:
+                helpers.enter_context(
+                    robot_of(options, robot_control.settings.robot_namespace))
             play_lesson(robot_control)
         except KeyboardInterrupt:
             robot_control.get_logger().info('Program was interrupted')
@@ -218,8 +218,24 @@ def run(options: command_line.Options) -> None:
             still_after = robot_control.stop_confirmed_after
             robot_control.destroy_node()
             rclpy.try_shutdown()
-    if options.sim:
+    if options.brings_robot:
         print(table(robot_control.record, still_after))
+
+
+def robot_of(
+        options: command_line.Options,
+        namespace: str) -> contextlib.AbstractContextManager[object]:
+    """
+    Return the robot that the command brings along, in a process of its own.
+
+    :param options: what the command was asked to do
+    :param namespace: where the robot is to be found
+    :returns: a context manager: it is there within
+    """
+    from kachaka_simple_control.robot.simulation import real_robot, simulation
+    if options.address is None:
+        return simulation(namespace)
+    return real_robot(options.address, namespace)
 
 
 def start_ros(arguments: list[str]) -> None:
