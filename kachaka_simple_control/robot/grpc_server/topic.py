@@ -57,10 +57,9 @@ class Topic(Generic[T]):
         """
         while True:
             self._refresh()
-            if cursor in (0, self._cursor) and cursor != 0:
-                await self._station.wait(self._next)
-            else:
+            if cursor != self._cursor:
                 return self._cursor, self._value
+            await self._station.wait(self._next)
 
     @property
     def _next(self) -> float:
@@ -70,7 +69,8 @@ class Topic(Generic[T]):
         now = self._station.now()
         if self._period:
             if now >= self._next:
-                self._index = int((now - self._begin) / self._period)
+                # At the very time the quotient may be rounded down, and would be due for ever.
+                self._index = max(self._index + 1, int((now - self._begin) / self._period))
                 self._refresh_at(now)
         elif self._read(now) != self._value:
             self._refresh_at(now)
