@@ -78,6 +78,7 @@ COMMANDS = ('bash', 'console', 'sh', 'shell')
 PROGRAMS = {
     'kachaka_simple_control': 'kachaka_simple_control',
     'kachaka_bridge': 'kachaka_simple_control.robot.bridge',
+    'kachaka_sim': 'kachaka_simple_control.robot.sim_command',
 }
 MARK = re.compile(r'<!-- test: (.+?) -->')
 RUN = re.compile(

@@ -72,8 +72,7 @@ class Recipe:
 
         :returns: their paths, in the order to install them in
         """
-        kachaka = ['kachaka'] if self.purpose == 'development' else []
-        names = ['build', self.purpose, *kachaka, *([] if self.sourced else [self.distro])]
+        names = ['build', self.purpose, 'kachaka', *([] if self.sourced else [self.distro])]
         return [ROOT / 'requirements' / f'{name}.txt' for name in names]
 
     def digest(self) -> str:
