@@ -50,13 +50,13 @@ class HelmAtRandom(RuleBasedStateMachine):
 
     @rule(linear=st.sampled_from([0.5, -1.0, 0.1]))
     def motion_comes(self, linear):
-        """The newest command."""
+        """Hear the newest command."""
         self.now += 0.001
         self.helm.hear(Command(linear, 0.0, self.now))
 
     @rule()
     def stop_comes(self):
-        """The newest command; it has to leave at once, unless one is under way."""
+        """Hear a zero; it has to leave at once, unless one is under way."""
         self.now += 0.001
         self.last_stop = self.now
         self.helm.hear(Command(0.0, 0.0, self.now))
@@ -77,7 +77,7 @@ class HelmAtRandom(RuleBasedStateMachine):
 
     @rule()
     def link_is_lost(self):
-        """Calls under way end later."""
+        """Go on; calls under way end later."""
         self.helm.lose()
         self.is_linked = False
 
