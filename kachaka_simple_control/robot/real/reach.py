@@ -19,9 +19,8 @@ import socket
 
 from kachaka_simple_control.robot.real.address import Address
 
-SWITCH_ON = (
-    "switch the Kachaka API on in the robot's phone app (its settings, `Kachaka API`), and wait "
-    'until the robot has started anew')
+#: Where the switch is: docs/GENERAL.md in pf-robotics/kachaka-api.
+SWITCH_ON = 'switch the Kachaka API on in the phone app (Settings, the robot, Kachaka API)'
 
 
 class UnreachableError(RuntimeError):
@@ -40,8 +39,8 @@ def require_listener(address: Address, timeout: float) -> None:
         with socket.create_connection((address.host, address.port), timeout):
             return
     except socket.gaierror:
-        text = (f'there is no host {address.host!r}: look the IP address of the robot up in its '
-                'phone app')
+        text = (f'there is no host {address.host!r}: look the IP address of the robot up in the '
+                'phone app (Settings, App information)')
     except ConnectionRefusedError:
         text = f'{address} is there, but refuses connections: {SWITCH_ON}'
     except TimeoutError:

@@ -29,8 +29,8 @@ from kachaka_simple_control.robot.real.robot_client import RobotClient
 
 #: A motion may be under way, and beside it a stop that overtakes it.
 WORKERS = 2
-#: How long the robot may take to answer when it is told of the end [s]; twice at most.
-FAREWELL = 0.4
+#: How long the robot may take to answer when it is told of the end [s]; asked thrice at most.
+FAREWELL = 0.3
 #: How long it may take to switch manual control on or off for somebody else [s].
 MANUAL_CONTROL_DEADLINE = 3.0
 GOES_ON = 'it moves again after a zero, or after 1 s without velocities'
@@ -171,6 +171,8 @@ class RealRobot:
         return self._client.set_velocity(command.linear, command.angular, order.deadline)
 
     def _note(self, outcome: Outcome, begun: float) -> None:
+        if self._is_over:
+            return  # calls that the end cut short say nothing about the link
         change = self.link.note(outcome, begun, time.monotonic())
         if change is Change.LOST:
             moved = self._helm.may_move
