@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Three processes: a robot over gRPC, the bridge, the node; the lesson, and every way out of it."""
+"""Three processes, a robot over gRPC, the bridge, the node: the lesson, and ways out of it."""
 
 from __future__ import annotations
 
