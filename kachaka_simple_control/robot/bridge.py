@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 import contextlib
 import sys
-import threading
 import time
 from typing import NoReturn, TYPE_CHECKING
 
@@ -34,7 +33,7 @@ from kachaka_simple_control.robot.simulated import SimulatedKachaka
 
 if TYPE_CHECKING:
     from kachaka_simple_control.robot.bridge_node import BridgeNode
-    from rclpy.node import Node
+    from kachaka_simple_control.robot.spinners import Spinner
 
 PROGRAM = 'kachaka_bridge'
 DONE, FAULTED, BAD_USAGE, NO_ROBOT = 0, 1, 2, 3
@@ -195,34 +194,23 @@ def _parser() -> _Parser:
 
 
 def _serve(node: BridgeNode, ending: Ending, with_parent: bool) -> None:
-    # Nodes are served in threads of their own: the main thread is the one that hears signals,
-    # and sleeps until there is one, so it takes no time from them.
+    # Served in threads of their own: the main thread is the one that hears signals, and sleeps
+    # until there is one, so it takes no time from them.
     with contextlib.ExitStack() as stack:
-        for served in node.parts:
-            stack.enter_context(_served(served, ending))
+        for spinner in node.spinners():
+            stack.enter_context(_spinning(spinner, ending))
         node.get_logger().info(f'ready: {node.summary}')
         ending.wait(with_parent)
 
 
 @contextlib.contextmanager
-def _served(node: Node, ending: Ending) -> Iterator[None]:
-    from rclpy.executors import SingleThreadedExecutor
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    over = threading.Event()
-
-    def spin() -> None:
-        while not over.is_set():
-            executor.spin_once()
-
+def _spinning(spinner: Spinner, ending: Ending) -> Iterator[None]:
     with ThreadPoolExecutor(max_workers=1) as threads:
-        spinning = threads.submit(spin)
+        spinning = threads.submit(spinner.run)
         spinning.add_done_callback(lambda _: ending.end())
         yield
-        # A task wakes the executor; shutting it down under way would pull away what it waits on.
-        executor.create_task(over.set)
+        spinner.stop()
         spinning.result()
-    executor.shutdown()
 
 
 if __name__ == '__main__':

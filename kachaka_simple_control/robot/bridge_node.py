@@ -26,6 +26,7 @@ from kachaka_simple_control.robot.simulated import (
     SimulatedKachaka,
     SUCCESS,
 )
+from kachaka_simple_control.robot.spinners import NodeSpinner, Spinner
 from kachaka_simple_control.ros import messages
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
@@ -57,9 +58,7 @@ class BridgeNode(Node):
         service = KACHAKA.manual_control_service
         assert service is not None, 'a Kachaka has one'
         self._subscription = self.create_subscription(
-            Twist, KACHAKA.velocity_topic,
-            lambda twist: self.drive(messages.velocity(twist), time.monotonic()),
-            qos_profile_sensor_data)
+            Twist, KACHAKA.velocity_topic, self.hear, qos_profile_sensor_data)
         self._service = (desk or self).create_service(SetBool, service, self._on_set_enabled)
         self._odometry = [
             self.create_publisher(Odometry, topic, qos_profile_sensor_data)
@@ -73,10 +72,17 @@ class BridgeNode(Node):
             f'manual control at {self.resolve_service_name(self._service.srv_name)}, '
             f'odometry on {self._odometry[0].topic_name}')
 
-    @property
-    def parts(self) -> list[Node]:
-        """Return the nodes to spin, each in a thread of its own."""
-        return [self]
+    def spinners(self) -> list[Spinner]:
+        """Return what to run, each in a thread of its own."""
+        return [NodeSpinner(self)]
+
+    def hear(self, twist: Twist) -> None:
+        """
+        Take a message in.
+
+        :param twist: the message
+        """
+        self.drive(messages.velocity(twist), time.monotonic())
 
     def close(self) -> None:
         """Leave the robot, before the node is destroyed."""

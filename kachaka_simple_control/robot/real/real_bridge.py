@@ -33,6 +33,7 @@ from kachaka_simple_control.robot.real.real_robot import RealRobot
 from kachaka_simple_control.robot.real.speaker import Speaker
 from kachaka_simple_control.robot.real.watch import Watch
 from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.robot.spinners import Ear, NodeSpinner, Spinner
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
@@ -41,8 +42,8 @@ class RealBridge(BridgeNode):
     """
     Shows a robot that answers over gRPC.
 
-    Velocities are spun alone: the service is a matter of a second node, ``desk``, which needs
-    another thread; odometry and diagnostics are published from threads of their own.
+    Velocities have a thread to themselves: the service is a matter of a second node, ``desk``,
+    and of another thread; odometry and diagnostics are published from threads of their own.
     """
 
     def __init__(
@@ -74,10 +75,9 @@ class RealBridge(BridgeNode):
         for feed in self._feeds:
             feed.start()
 
-    @property
-    def parts(self) -> list[Node]:
-        """Return the nodes to spin, each in a thread of its own."""
-        return [self, self.desk]
+    def spinners(self) -> list[Spinner]:
+        """Return what to run, each in a thread of its own."""
+        return [Ear(self, self._subscription, self.hear), NodeSpinner(self.desk)]
 
     @property
     def summary(self) -> str:
