@@ -76,6 +76,9 @@ def program(command: list[str], folder: Path) -> Iterator[Program]:
     started = Program(command, folder / 'log.txt')
     try:
         yield started
+    except BaseException:
+        print(f'{command} printed:\n{started.text}')
+        raise
     finally:
         children = children_of(started.process.pid)
         with contextlib.suppress(ProcessLookupError):
