@@ -38,7 +38,7 @@ setup(
     zip_safe=True,
     entry_points={
         'console_scripts': [
-            'kachaka_simple_control = kachaka_simple_control.kachaka_simple_control:main',
+            'kachaka_simple_control = kachaka_simple_control.__main__:main',
             'kachaka_bridge = kachaka_simple_control.robot.bridge:main',
         ],
     },

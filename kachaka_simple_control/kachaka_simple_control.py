@@ -13,12 +13,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The lesson's node, and the command that plays the lesson's movements with it."""
+"""The lesson's node, and the lesson's movements played with it."""
 
 from __future__ import annotations
 
 import atexit
-import contextlib
 import signal
 import sys
 from typing import Any
@@ -29,16 +28,14 @@ if __name__ == '__main__':
 
 from geometry_msgs.msg import Twist
 from kachaka_simple_control import command_line
-from kachaka_simple_control.errors import MotionRefusedError, UsageError
+from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.execution.signals import WATCH
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.record import Record
-from kachaka_simple_control.report.table import table
 from kachaka_simple_control.robot.robot_profile import KACHAKA
 from kachaka_simple_control.ros.before_shutdown import before_shutdown
-from kachaka_simple_control.ros.isolation import stay_on_this_machine
 from kachaka_simple_control.ros.names import names_of
 from kachaka_simple_control.ros.odometry import listen_to_odometry
 from kachaka_simple_control.ros.session import Session
@@ -47,7 +44,6 @@ from kachaka_simple_control.ros.spinner import wake_main_thread
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 import rclpy
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 import rclpy.signals
 
 
@@ -192,59 +188,33 @@ def play_lesson(robot_control: KachakaSimpleControl) -> None:
     robot_control.move_robot(0.0, 0.0, 1.0)
 
 
-def run(options: command_line.Options) -> None:
+def lesson(arguments: list[str] | None) -> None:
     """
-    Do what the command was asked to.
+    Play the lesson from the first line of a program to its last.
 
-    :param options: what that is
-    :raises ControlError: if it could not be done; the robot was stopped
+    :param arguments: what ROS is told; None for the arguments of the process
+    :raises ControlError: if it could not be played; the robot was stopped
     """
-    # Started last, a simulated robot ends last: after it was stopped and given back.
-    with contextlib.ExitStack() as helpers:
-        if options.sim:
-            stay_on_this_machine()
-        start_ros(options.ros_arguments)
-        robot_control = KachakaSimpleControl(parameter_overrides=[
-            Parameter(name, value=value) for name, value in options.parameters.items()])
-        try:
-            if options.sim:
-                from kachaka_simple_control.robot.simulation import simulation
-                helpers.enter_context(simulation(robot_control.settings.robot_namespace))
-            play_lesson(robot_control)
-        except KeyboardInterrupt:
-            robot_control.get_logger().info('Program was interrupted')
-        finally:
-            robot_control.stop_robot()
-            still_after = robot_control.stop_confirmed_after
-            robot_control.destroy_node()
-            rclpy.try_shutdown()
-    if options.sim:
-        print(table(robot_control.record, still_after))
-
-
-def start_ros(arguments: list[str]) -> None:
-    """
-    Initialise ROS, without the signal handlers of its own.
-
-    :param arguments: what ROS is told, from ``--ros-args`` on
-    :raises UsageError: if ROS does not understand it
-    """
+    rclpy.init(args=arguments)
+    robot_control = KachakaSimpleControl()
     try:
-        rclpy.init(
-            args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        raise UsageError(str(error).splitlines()[0]) from None
+        play_lesson(robot_control)
+    except KeyboardInterrupt:
+        robot_control.get_logger().info('Program was interrupted')
+    finally:
+        robot_control.stop_robot()
+        robot_control.destroy_node()
+        rclpy.try_shutdown()
 
 
 def main(args: list[str] | None = None) -> int:
     """
-    Play the lesson, or what the arguments say.
+    Play the lesson; the command of the same name can do more.
 
-    :param args: arguments without the program's name; None for those of the process
+    :param args: what ROS is told; None for the arguments of the process
     :returns: the exit code
     """
-    options = command_line.parse(args)
-    return command_line.exit_code(lambda: run(options))
+    return command_line.exit_code(lambda: lesson(args))
 
 
 if __name__ == '__main__':

@@ -24,7 +24,7 @@ from kachaka_simple_control.execution.stillness import Stillness
 from kachaka_simple_control.ros.robot_link import RobotLink
 
 #: How often other publishers are looked for [s].
-GLANCE = 0.1
+GLANCE = 0.2
 
 
 class Attendant:
