@@ -151,6 +151,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
     with script(text, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
+        time.sleep(1.0)
         (tmp_path / 'go').touch()
         started.process.wait(10.0)
         killed = time.time()
