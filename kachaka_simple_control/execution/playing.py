@@ -81,15 +81,12 @@ def play(
 
     beat()
     player = Player(plan)
-    start: float | None = None
     due = player.due(0.0)
     while due is not None:
-        sent = edge.send(run, due.velocity)
-        # t = 0 is when the first velocity really left.
-        start = sent if start is None else start
+        edge.send(run, due.velocity)
         companion.tick(due.rest)
-        sleep_until(start + due.deadline, beat, clock, sleep)
+        sleep_until(run.began + due.deadline, beat, clock, sleep)
         # The deadline has passed, even if the difference of two clock readings rounds below it.
-        due = player.due(max(clock() - start, due.deadline))
+        due = player.due(max(clock() - run.began, due.deadline))
     edge.send(run, ZERO)
     return run
