@@ -82,9 +82,12 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
     """
     if not (math.isfinite(rate) and rate > 0.0):
         raise InvalidMotionError(f'rate is {rate} Hz; it must be a finite number above 0 Hz')
-    for step in motion.steps:
+    moves = [step for step in motion.steps if isinstance(step, Move)]
+    if len(moves) < len(motion.steps):
+        raise InvalidMotionError('only Move can be planned yet')
+    for step in moves:
         limits.check(step.velocity)
-    return Plan(segments=_segments(motion.steps), period=1.0 / rate)
+    return Plan(segments=_segments(moves), period=1.0 / rate)
 
 
 def _segments(steps: Sequence[Move]) -> tuple[Segment, ...]:
