@@ -14,7 +14,6 @@
 """Steps, limits and plans: what is refused, and what comes out."""
 
 from itertools import pairwise
-import math
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,12 +26,6 @@ import pytest
 KACHAKA = Limits(0.3, 1.57)
 MOVES = st.builds(
     Move, st.floats(-0.3, 0.3), st.floats(-1.57, 1.57), st.floats(0.0, 100.0))
-
-
-@pytest.mark.parametrize('rate', [0.0, -10.0, math.inf, math.nan])
-def test_a_rate_that_is_none_is_refused(rate):
-    with pytest.raises(InvalidMotionError, match='rate is .* Hz'):
-        plan(Motion('none', ()), KACHAKA, rate)
 
 
 def test_a_plan_refuses_what_a_later_step_would_break():

@@ -20,6 +20,9 @@ from dataclasses import dataclass
 from kachaka_simple_control.motion.errors import InvalidMotionError
 from kachaka_simple_control.motion.validation import require_finite, require_speed
 
+#: The least radius [m]: a circle of a micrometre is none that a robot could drive.
+MIN_RADIUS = 1e-6
+
 
 @dataclass(frozen=True)
 class Forward:
@@ -75,6 +78,7 @@ class Arc:
     one on the right; a negative angle goes the same way back.
 
     :param radius: distance of the centre [m], positive on the left, negative on the right, not 0
+        nor nearly so
     :param angle: how much of the circle [rad], negative backwards
     :param speed: drive no faster than this along the path [m/s], positive; None: as fast as the
         robot may
@@ -88,11 +92,12 @@ class Arc:
         """
         Refuse a step that nobody could drive.
 
-        :raises InvalidMotionError: if a value is not a finite number, the radius is zero, or the
-            speed not positive
+        :raises InvalidMotionError: if a value is not a finite number, the radius zero or almost,
+            or the speed not positive
         """
-        if require_finite('radius', self.radius, 'm') == 0.0:
+        if abs(require_finite('radius', self.radius, 'm')) < MIN_RADIUS:
             raise InvalidMotionError(
-                f'radius is {self.radius} m; it must not be 0 m: to turn in place is a Turn')
+                f'radius is {self.radius} m; it must be {MIN_RADIUS} m from 0 m at least: '
+                'to turn in place is a Turn')
         require_finite('angle', self.angle, 'rad')
         require_speed(self.speed, 'm/s')

@@ -24,10 +24,15 @@ from kachaka_simple_control.motion.goals import Arc, Forward, Turn
 from kachaka_simple_control.motion.kinematics import Velocity
 from kachaka_simple_control.motion.validation import require_duration, require_finite
 
-__all__ = ['MAX_NESTING', 'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Step', 'Turn', 'Wait']
+__all__ = [
+    'MAX_NESTING', 'MAX_TIMES', 'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Step', 'Turn',
+    'Wait',
+]
 
 #: How many repeats may stand within each other.
 MAX_NESTING = 20
+#: How often something may be repeated.
+MAX_TIMES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,7 @@ class Repeat:
     """
     Do some steps several times.
 
-    :param times: how often, 0 or more
+    :param times: how often, from 0 to a million
     :param steps: what to do each time, in order; a list is kept as a tuple
     """
 
@@ -100,8 +105,8 @@ class Repeat:
         """
         if isinstance(self.times, bool) or not isinstance(self.times, int):
             raise InvalidMotionError(f'times is {self.times!r}; it must be a whole number')
-        if self.times < 0:
-            raise InvalidMotionError(f'times is {self.times}; it must be 0 or more')
+        if not 0 <= self.times <= MAX_TIMES:
+            raise InvalidMotionError(f'times is {self.times}; it must be from 0 to {MAX_TIMES}')
         object.__setattr__(self, 'steps', _steps(self.steps))
         if _nesting(self) > MAX_NESTING:
             raise InvalidMotionError(
