@@ -12,3 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """Motions as files: YAML that people write, with errors that name file, line and step."""
+
+from __future__ import annotations
+
+from kachaka_simple_control.motion_file.library import find, library
+from kachaka_simple_control.motion_file.motion_file import MotionFile
+from kachaka_simple_control.motion_file.problems import MotionFileError, Problem
+from kachaka_simple_control.motion_file.reader import load, loads
+from kachaka_simple_control.motion_file.writer import dump
+
+__all__ = [
+    'MotionFile',
+    'MotionFileError',
+    'Problem',
+    'dump',
+    'find',
+    'library',
+    'load',
+    'loads',
+]

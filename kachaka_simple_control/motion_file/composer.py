@@ -16,11 +16,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import re
 from typing import Any
 
 from kachaka_simple_control.motion_file.document import Document, Node
 from kachaka_simple_control.motion_file.problems import (
     dotted,
+    INSTALL,
     MAX_PROBLEMS,
     Problem,
     UnreadableFileError,
@@ -32,9 +34,6 @@ from kachaka_simple_control.motion_file.units import quoted
 MAX_VALUES = 100_000
 #: How deep they may be nested; a motion's innermost step in 20 repeats is 64 deep.
 MAX_DEPTH = 70
-INSTALL = (
-    'to read files, PyYAML and jsonschema are needed: pip install PyYAML jsonschema, or '
-    'sudo apt install python3-yaml python3-jsonschema')
 
 
 def compose(text: str) -> Document:
@@ -63,7 +62,8 @@ def compose(text: str) -> Document:
 def _not_yaml(error: Any, text: str) -> Problem:
     mark = getattr(error, 'problem_mark', None) or getattr(error, 'context_mark', None)
     reason = getattr(error, 'problem', None) or getattr(error, 'context', None) or 'no reason'
-    found = text.split('\n')[mark.line][mark.column:mark.column + 1] if mark else ''
+    lines = re.split('\r\n|\r|\n', text)[mark.line:mark.line + 1] if mark else []
+    found = ''.join(lines)[mark.column:mark.column + 1] if mark else ''
     if 'cannot start any token' in reason and found:
         advice = 'indent with spaces' if found == '\t' else 'put the text in quotes'
         reason = f'nothing can begin with {quoted(found)} here; {advice}'

@@ -26,6 +26,10 @@ from kachaka_simple_control.motion_file.units import quoted
 MAX_LINES = 100
 #: After so many problems the rest of a file is not looked at.
 MAX_PROBLEMS = 1000
+#: What is said to whom a library is missing.
+INSTALL = (
+    'to read files, PyYAML and jsonschema are needed: pip install PyYAML jsonschema, or '
+    'sudo apt install python3-yaml python3-jsonschema')
 #: The way to a place in a file: keys of mappings and indices of lists.
 Place = Sequence[str | int]
 _PLAIN_KEY = re.compile(r'[\w-]{1,40}')

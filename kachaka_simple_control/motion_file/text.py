@@ -24,8 +24,9 @@ from kachaka_simple_control.motion_file.problems import Problem, UnreadableFileE
 
 #: The largest file that is read [bytes].
 MAX_BYTES = 1_000_000
-#: What YAML 1.1 and 1.2 allow in a text.
-_UNPRINTABLE = re.compile('[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')
+#: All but what YAML allows, without the line breaks that editors do not count as such.
+_UNPRINTABLE = re.compile(
+    '[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
