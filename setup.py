@@ -28,13 +28,17 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.10',
     packages=find_packages(include=[package_name, package_name + '.*']),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', 'motions/*', 'robots/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
     ],
     install_requires=['setuptools'],
-    extras_require={'test': ['pytest', 'hypothesis']},
+    extras_require={
+        # Motions and robots in files; the lesson needs none.
+        'motions': ['PyYAML>=5.4', 'jsonschema>=3.2'],
+        'test': ['pytest', 'hypothesis'],
+    },
     zip_safe=True,
     entry_points={
         'console_scripts': [

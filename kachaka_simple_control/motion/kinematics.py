@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import math
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Velocity:
     """
     What a robot is told: REP-103 axes, x forward, counter-clockwise positive.
@@ -37,7 +37,7 @@ class Velocity:
         return self.linear_x == 0.0 and self.angular_z == 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Pose:
     """
     Where a robot is, in the ``odom`` frame of REP-105.
