@@ -13,6 +13,7 @@
 # limitations under the License.
 """What is drawn of a plan, before there is a picture: lines, outlines, stairs."""
 
+from itertools import groupby
 import math
 
 from hypothesis import given
@@ -20,7 +21,7 @@ from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat
 from kachaka_simple_control.report.looks import nice
 from kachaka_simple_control.report.outline import nose, outline
-from kachaka_simple_control.report.staircase import MAX_CORNERS, staircase
+from kachaka_simple_control.report.staircase import COLUMNS, MAX_CORNERS, staircase
 from kachaka_simple_control.report.track import distinct, line, MAX_POINTS, Stretch, stretches
 from plans import BACK, BOX, DISC, HOUR, preview, QUARTER, SQUARE
 import pytest
@@ -131,16 +132,25 @@ def test_stairs_hold_each_velocity_until_the_next(motion, limits, rate):
                 assert held[-1] == getattr(segment.velocity, component)
 
 
-def test_thinned_stairs_are_as_high_and_as_long():
+def test_thinned_stairs_look_the_same(monkeypatch):
+    """In each column of the picture they reach as low, as high, and end as the others."""
     plan = preview(HOUR).plan
-    corners = staircase(plan, 'linear_x')
-    assert len(corners) <= MAX_CORNERS < len(plan.segments)
-    times = [time for time, _ in corners]
-    assert times == sorted(times)
-    assert corners[-1] == (plan.duration, 0.0)
-    for begin in range(0, int(plan.duration) - 60, 60):
-        values = [value for time, value in corners if begin <= time < begin + 60]
-        assert (min(values), max(values)) == (0.0, 0.3)
+    thinned = staircase(plan, 'linear_x')
+    monkeypatch.setattr('kachaka_simple_control.report.staircase.MAX_CORNERS', math.inf)
+    whole = staircase(plan, 'linear_x')
+    assert len(thinned) <= MAX_CORNERS < len(whole)
+    for few, all_ in zip(by_column(thinned), by_column(whole), strict=True):
+        assert few == sorted(few)
+        assert set(few) <= set(all_)
+        values = [value for _, value in all_]
+        assert {min(values), max(values)} <= {value for _, value in few}
+        assert (few[0], few[-1]) == (all_[0], all_[-1])
+
+
+def by_column(corners):
+    """Return what is drawn in each column."""
+    width = corners[-1][0] / COLUMNS
+    return [list(column) for _, column in groupby(corners, lambda corner: corner[0] // width)]
 
 
 @pytest.mark.parametrize('step, expected', [
