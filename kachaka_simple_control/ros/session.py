@@ -68,7 +68,7 @@ class Session:
         self._settings = settings
         #: what odometry tells of the robot's velocity
         self.odometry = Stillness()
-        self._guardian = guard(node, publisher, profile.hold, settings)
+        self._guardian = guard(node, publisher, profile, settings)
         self.edge = PublisherEdge(
             publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending)
         self._manual_control = ManualControl(node, names.manual_control, self._require_not_halted)
@@ -88,11 +88,12 @@ class Session:
         self._is_met = False
         self._is_given_back = False
 
-    def drive(self, plan: Plan) -> None:
+    def drive(self, plan: Plan) -> float:
         """
         Drive a plan, and leave the robot at rest.
 
         :param plan: what to drive
+        :returns: when the first velocity was sent [s on the steady clock]
         :raises ControlError: if the robot cannot be taken or the run could not go on
         """
         self._require_other_thread()
@@ -104,6 +105,7 @@ class Session:
             run = play(plan, self.edge, self._hold, self._attendant)
             self._guardian.rest()
             self._stopper.stop_unless_more(run, within=plan.period)
+            return run.began
         except BaseException as error:
             # KeyboardInterrupt and SystemExit too: whoever leaves here leaves a robot at rest.
             self._is_met = False
