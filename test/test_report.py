@@ -18,7 +18,9 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Pose, Velocity, ZERO
-from kachaka_simple_control.motion.steps import Move
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Turn, Wait
 from kachaka_simple_control.report.metrics import boundaries, Displacement, driven, requested, sent
 from kachaka_simple_control.report.record import Answered, Record, Sent
 from kachaka_simple_control.report.table import table
@@ -26,6 +28,11 @@ import pytest
 
 STEPS = [Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 2.0),
          Move(-0.1, 0.5, 2.0), Move(0.0, 0.0, 1.0)]
+
+
+def stages(*steps):
+    """Return what a record is told of steps that were driven in one run."""
+    return plan(Motion('test', steps), Limits(1.0, 2.0), 10.0).stages
 
 
 def record_of(steps, delay=0.004, period=0.02, start=100.0):
@@ -37,7 +44,7 @@ def record_of(steps, delay=0.004, period=0.02, start=100.0):
             record.add_sent(now + tick / 10, step.velocity)
         now += step.duration
         record.add_sent(now, ZERO)
-        record.complete(step)
+        record.complete(stages(step), now - step.duration)
     told.append((now, ZERO))
     for sample in range(round((now - start + 0.5) / period)):
         time = start - 0.1 + sample * period
@@ -68,6 +75,25 @@ def test_odometry_that_comes_during_the_first_rest_is_early_enough():
     cuts = boundaries(record.movements, record.odometry)
     assert cuts[0] == record.odometry[0].time
     assert driven(record.odometry, cuts[0], cuts[1]) == Displacement(0.0, 0.0)
+
+
+def test_the_steps_of_one_run_share_its_messages():
+    """What is sent for each is what it asks for, up to rounding of times."""
+    steps = [Forward(0.2), Wait(0.5), Arc(-0.3, 1.0), Turn(-2.0), Move(0.1, 0.2, 0.33)]
+    planned = plan(Motion('all', steps), Limits(0.3, 1.5, 0.5, 2.0, 2.0, 8.0), 20.0)
+    record, began = Record(), 1000.0
+    for zero in range(10):
+        record.add_sent(began - 0.5 + zero / 25, ZERO)
+    for segment in planned.segments:
+        record.add_sent(began + segment.start, segment.velocity)
+    record.add_sent(began + planned.duration, ZERO)
+    record.complete(planned.stages, began)
+    assert [movement.step for movement in record.movements] == steps
+    assert record.sent == []
+    for movement in record.movements:
+        told, wanted = sent(movement.sent), requested(movement.step)
+        assert told.distance == pytest.approx(wanted.distance, abs=1e-9)
+        assert told.angle == pytest.approx(wanted.angle, abs=1e-9)
 
 
 def test_the_cuts_never_go_back():

@@ -15,10 +15,16 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
-from kachaka_simple_control.motion.steps import Move
+from kachaka_simple_control.motion.plan import Stage
+from kachaka_simple_control.motion.steps import Step
+
+#: A message is not early if it is by less than this [s]: times are sums of others.
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -50,13 +56,15 @@ class Answered:
 @dataclass(frozen=True)
 class Movement:
     """
-    One movement and the messages that belong to it.
+    One step and the messages that belong to it.
 
     :param step: what was asked for
-    :param sent: its messages, from its first to the zero at its end
+    :param began: when it began by the plan [s on the steady clock]
+    :param sent: its messages, from its first to the one after its last, which ends it
     """
 
-    step: Move
+    step: Step
+    began: float
     sent: tuple[Sent, ...]
 
 
@@ -65,8 +73,8 @@ class Record:
     """
     What happened, as far as this program can tell.
 
-    :param movements: the movements that were completed, in order
-    :param sent: every message since the last completed movement
+    :param movements: the steps that were completed, in order
+    :param sent: every message since the last completed run
     :param odometry: every pose that arrived, in order
     """
 
@@ -92,11 +100,20 @@ class Record:
         """
         self.odometry.append(Answered(time, pose))
 
-    def complete(self, step: Move) -> None:
+    def complete(self, stages: Sequence[Stage], began: float) -> None:
         """
-        Assign the messages since the last movement to the one that has just ended.
+        Assign the messages since the last run to the steps of the one that has just ended.
 
-        :param step: what was asked for
+        :param stages: its steps
+        :param began: when its first message was sent [s on the steady clock]
         """
-        self.movements.append(Movement(step, tuple(self.sent)))
+        starts = [bisect_left(self.sent, began + stage.start - ROUNDING, key=_time)
+                  for stage in stages]
+        for stage, first, last in zip(stages, starts, [*starts[1:], len(self.sent) - 1]):
+            self.movements.append(Movement(
+                stage.step, began + stage.start, tuple(self.sent[first:last + 1])))
         self.sent.clear()
+
+
+def _time(sent: Sent) -> float:
+    return sent.time
