@@ -37,6 +37,7 @@ setup(
     extras_require={
         # Motions and robots in files; the lesson needs none.
         'motions': ['PyYAML>=5.4', 'jsonschema>=3.2'],
+        'plot': ['matplotlib>=3.5'],
         'test': ['pytest', 'hypothesis'],
     },
     zip_safe=True,

@@ -29,6 +29,10 @@ def act(options: Options) -> None:
     :param options: what was asked
     :raises ControlError: if it could not be done
     """
+    if options.looks_only:
+        from kachaka_simple_control.looking import look
+        look(options)
+        return
     try:
         # Here, for much of the command needs no ROS, and Ctrl+C is heard by now.
         from kachaka_simple_control.driving import drive

@@ -16,15 +16,20 @@
 from __future__ import annotations
 
 import contextlib
+from typing import TYPE_CHECKING
 
 from kachaka_simple_control.command_line import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.report.table import table
+from kachaka_simple_control.robot.robot_profile import KACHAKA, profile_of
 from kachaka_simple_control.ros.isolation import stay_on_this_machine
 import rclpy
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.motion_file import MotionFile
 
 
 def drive(options: Options) -> None:
@@ -33,19 +38,22 @@ def drive(options: Options) -> None:
 
     :param options: what was asked
     :raises ControlError: if it could not be done; the robot was stopped
+    :raises InvalidMotionError: if it cannot be done; nothing has moved
     """
+    motion_file = _motion_file(options)
     # Started last, a simulated robot ends last: after it was stopped and given back.
     with contextlib.ExitStack() as helpers:
         if options.sim:
             stay_on_this_machine()
         start_ros(options.ros_arguments)
         robot_control = KachakaSimpleControl(parameter_overrides=[
-            Parameter(name, value=value) for name, value in options.parameters.items()])
+            Parameter(name, value=value)
+            for name, value in _parameters(options, motion_file).items()])
         try:
             if options.sim:
                 from kachaka_simple_control.robot.simulation import simulation
                 helpers.enter_context(simulation(robot_control.settings.robot_namespace))
-            play_lesson(robot_control)
+            _play(robot_control, motion_file, options.wait)
         except KeyboardInterrupt:
             robot_control.get_logger().info('Program was interrupted')
         finally:
@@ -57,7 +65,7 @@ def drive(options: Options) -> None:
         print(table(robot_control.record, still_after))
 
 
-def start_ros(arguments: list[str]) -> None:
+def start_ros(arguments: tuple[str, ...]) -> None:
     """
     Initialise ROS, without the signal handlers of its own.
 
@@ -65,6 +73,44 @@ def start_ros(arguments: list[str]) -> None:
     :raises UsageError: if ROS does not understand it
     """
     try:
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[*arguments], signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         raise UsageError(str(error).splitlines()[0]) from None
+
+
+def _motion_file(options: Options) -> MotionFile | None:
+    """Read the motion, and refuse what its robot cannot do before anything is started."""
+    robot = options.robot
+    motion_file = None
+    if options.motions or options.wait:
+        from kachaka_simple_control.motion_file import find
+        motion_file = find(options.motions[0] if options.motions else 'lesson')
+        robot = robot or motion_file.robot
+    profile = profile_of(robot or KACHAKA.name)
+    if options.sim and profile.velocity_topic != KACHAKA.velocity_topic:
+        raise UsageError(
+            f'the simulated robot is a kachaka, not a {profile.name}: leave --sim or --robot out')
+    if motion_file is not None:
+        motion_file.check(profile.limits, profile.name)
+    return motion_file
+
+
+def _parameters(options: Options, motion_file: MotionFile | None) -> dict[str, object]:
+    said = [{'robot': options.robot, 'rate': options.rate, 'summary': options.sim or None}]
+    if motion_file is not None:
+        said.insert(0, {'robot': motion_file.robot, 'rate': motion_file.rate})
+    return {name: value for values in said for name, value in values.items() if value is not None}
+
+
+def _play(
+        robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool) -> None:
+    if motion_file is None:
+        play_lesson(robot_control)
+        return
+    profile = robot_control.profile
+    limits = motion_file.check(profile.limits, profile.name)
+    if wait:
+        from kachaka_simple_control.ros.stand_by import stand_by
+        stand_by(robot_control, lambda: robot_control.run(motion_file.motion, limits))
+    else:
+        robot_control.run(motion_file.motion, limits)

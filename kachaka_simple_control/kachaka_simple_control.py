@@ -26,25 +26,27 @@ if __name__ == '__main__':
     # Run as a file, Python looks for packages beside it, and would find the file itself.
     sys.path[0] = __file__.rpartition('/kachaka_simple_control/')[0] or '..'
 
-from geometry_msgs.msg import Twist
 from kachaka_simple_control import command_line
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.execution.signals import WATCH
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
-from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.record import Record
-from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.robot.robot_profile import profile_of
 from kachaka_simple_control.ros.before_shutdown import before_shutdown
 from kachaka_simple_control.ros.names import names_of
 from kachaka_simple_control.ros.odometry import listen_to_odometry
 from kachaka_simple_control.ros.session import Session
-from kachaka_simple_control.ros.settings import declare
+from kachaka_simple_control.ros.settings import declare, declare_robot
 from kachaka_simple_control.ros.spinner import wake_main_thread
+from kachaka_simple_control.ros.velocity_message import VelocityMessage
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 import rclpy
 from rclpy.node import Node
 import rclpy.signals
+from std_srvs.srv import Trigger
 
 
 class KachakaSimpleControl(Node):
@@ -63,17 +65,21 @@ class KachakaSimpleControl(Node):
         :raises UsageError: if a parameter has a value that cannot work
         """
         super().__init__('kachaka_simple_control', **node_options)
-        self.settings = declare(self)
-        self._profile = KACHAKA
+        self.profile = profile_of(declare_robot(self))
+        self.settings = declare(self, self.profile)
         names = names_of(
-            self._profile, self.settings.robot_namespace, self.settings.manual_control)
-        self.publisher = VelocityPublisher(self.create_publisher(Twist, names.velocity, 10))
-        self._session = Session(self, self.publisher, self._profile, names, self.settings)
+            self.profile, self.settings.robot_namespace, self.settings.manual_control)
+        message = VelocityMessage(
+            self.profile.message_type, self.profile.frame,
+            lambda: self.get_clock().now().to_msg())
+        self.publisher = VelocityPublisher(self, names.velocity, message)
+        self._session = Session(self, self.publisher, self.profile, names, self.settings)
         self.record = Record()
         if self.settings.summary:
             self._session.edge.on_sent = self.record.add_sent
         if self.settings.summary or self.settings.odometry_timeout:
             listen_to_odometry(self, names, self._on_odometry)
+        self.create_service(Trigger, '~/stop', self._on_stop)
         self._wake = self.create_guard_condition(lambda: None)
         self._leave_nothing_moving()
         self.get_logger().info('Robot control node has started')
@@ -93,15 +99,30 @@ class KachakaSimpleControl(Node):
         :raises RobotNotFoundError: if no robot listens; nothing has moved
         :raises ControlError: if the run could not go on; the robot was stopped
         """
-        step = Move(linear_x, angular_z, duration)
-        motion = Motion('move_robot', (step,))
-        self._session.drive(plan(motion, self._profile.limits, self.settings.rate))
-        if self.settings.summary:
-            self.record.complete(step)
+        self._drive(Motion('move_robot', (Move(linear_x, angular_z, duration),)), None)
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
             f'Movement completed: Forward={linear_x}, Rotation={angular_z}, '
             f'Time={duration} seconds')
+
+    def run(self, motion: Motion, limits: Limits | None = None) -> None:
+        """
+        Drive a motion, exactly timed; returns when its last zero was sent.
+
+        The first drive waits for the robot and switches its manual control on.  The next one may
+        follow at once; when none does, a whole stop is sent.
+
+        :param motion: what to do
+        :param limits: what to plan it with; None for what the robot can do
+        :raises InvalidMotionError: if the robot cannot do it; nothing has moved
+        :raises RobotNotFoundError: if no robot listens; nothing has moved
+        :raises ControlError: if the run could not go on; the robot was stopped
+        """
+        driven = self._drive(motion, limits)
+        self.get_logger().info('Robot has stopped')
+        self.get_logger().info(
+            f'Motion completed: {motion.name}, {len(driven.stages)} steps, '
+            f'{driven.duration:.3f} seconds')
 
     def stop_robot(self) -> None:
         """
@@ -155,6 +176,20 @@ class KachakaSimpleControl(Node):
         if isinstance(error, KeyboardInterrupt):
             self.get_logger().info('Program was interrupted')
         self._session.halt(MotionRefusedError(f'the program ended by {error!r}'))
+
+    def _drive(self, motion: Motion, limits: Limits | None) -> Plan:
+        planned = plan(motion, limits or self.profile.limits, self.settings.rate)
+        began = self._session.drive(planned)
+        if self.settings.summary:
+            self.record.complete(planned.stages, began)
+        return planned
+
+    def _on_stop(
+            self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        del request
+        self.stop_robot()
+        response.success = True
+        return response
 
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
         self._session.odometry.hear(now, velocity)

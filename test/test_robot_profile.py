@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from importlib.resources import files
 import math
 import re
@@ -23,7 +22,7 @@ import re
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.robot.robot_file import find_robot, RobotFileError, robots
-from kachaka_simple_control.robot.robot_profile import Box, Disc, KACHAKA, RobotProfile
+from kachaka_simple_control.robot.robot_profile import Box, Disc, KACHAKA, profile_of, RobotProfile
 import pytest
 
 pytest.importorskip('yaml', reason='needs PyYAML')
@@ -53,26 +52,17 @@ def test_the_package_knows_three_robots():
     assert [find_robot(name).name for name in robots()] == robots()
 
 
-def test_the_file_of_kachaka_says_what_the_lesson_runs_with_and_accelerations():
-    file = find_robot('kachaka')
-    chosen = file.limits
-    assert math.isfinite(
-        chosen.max_linear_acceleration + chosen.max_angular_acceleration
-        + chosen.max_linear_jerk + chosen.max_angular_jerk)
-    assert chosen == replace(
-        KACHAKA.limits,
-        max_linear_acceleration=chosen.max_linear_acceleration,
-        max_angular_acceleration=chosen.max_angular_acceleration,
-        max_linear_jerk=chosen.max_linear_jerk,
-        max_angular_jerk=chosen.max_angular_jerk)
-    assert replace(file, limits=KACHAKA.limits) == KACHAKA
+def test_the_file_says_of_kachaka_what_the_lesson_uses_without_it():
+    assert find_robot('kachaka') == KACHAKA
+    assert profile_of('kachaka') is KACHAKA
+    assert profile_of('generic') == find_robot('generic')
 
 
-def test_kachaka_is_what_its_maker_says():
+def test_kachaka_is_what_its_maker_says_with_chosen_accelerations():
     assert KACHAKA == RobotProfile(
         'kachaka', '/kachaka', 'manual_control/cmd_vel', 'odometry/odometry',
-        'manual_control/set_enabled', 60.0, 0.3, Limits(0.3, 1.57), 'Twist', 'base_link',
-        Box(0.387, 0.24, 0.0435))
+        'manual_control/set_enabled', 60.0, 0.3, Limits(0.3, 1.57, 0.5, 2.5, 2.0, 10.0), 'Twist',
+        'base_link', Box(0.387, 0.24, 0.0435))
 
 
 def test_other_robots_take_other_messages_and_need_no_manual_control():

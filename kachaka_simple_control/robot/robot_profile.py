@@ -84,7 +84,8 @@ class RobotProfile:
 #: Figures of the maker: 0.3 m/s and 1.57 rad/s (python/kachaka_api/base.py), a hold of 0.3 s and
 #: manual control for 60 s (docs/kachaka_api_client.ipynb), names (manual_control_component.cpp),
 #: outline (kachaka_description).  All in the public repository pf-robotics/kachaka-api.
-#: ``robots/kachaka.yaml`` says the same, and accelerations; the lesson needs no file to be read.
+#: Its accelerations and jerks are chosen, for the maker publishes none.  ``robots/kachaka.yaml``
+#: says the same; the lesson needs no file to be read.
 KACHAKA = RobotProfile(
     name='kachaka',
     namespace='/kachaka',
@@ -93,5 +94,22 @@ KACHAKA = RobotProfile(
     manual_control_service='manual_control/set_enabled',
     manual_control_timeout=60.0,
     hold=0.3,
-    limits=Limits(max_linear_velocity=0.3, max_angular_velocity=1.57),
+    limits=Limits(
+        max_linear_velocity=0.3, max_angular_velocity=1.57,
+        max_linear_acceleration=0.5, max_angular_acceleration=2.5,
+        max_linear_jerk=2.0, max_angular_jerk=10.0),
     footprint=Box(length=0.387, width=0.240, ahead=0.0435))
+
+
+def profile_of(name_or_path: str) -> RobotProfile:
+    """
+    Return a robot's profile; all but the Kachaka's are read from files.
+
+    :param name_or_path: a name that the package knows, or the path of a file
+    :returns: the robot
+    :raises UsageError: if there is none, or it cannot be read
+    """
+    if name_or_path == KACHAKA.name:
+        return KACHAKA
+    from kachaka_simple_control.robot.robot_file import find_robot
+    return find_robot(name_or_path)
