@@ -46,9 +46,10 @@ def read_text(path: str | os.PathLike[str]) -> str:
         raise UnreadableFileError(Problem('this is a folder; name a file in it')) from None
     except PermissionError:
         raise UnreadableFileError(Problem('you are not allowed to read this file')) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or error
-        raise UnreadableFileError(Problem(f'it cannot be read: {reason}')) from None
+    except ValueError:
+        raise UnreadableFileError(Problem('no file can have this name')) from None
+    except OSError as error:
+        raise UnreadableFileError(Problem(f'it cannot be read: {error.strerror}')) from None
     return decode(data)
 
 
