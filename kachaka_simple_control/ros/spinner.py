@@ -98,6 +98,9 @@ class BackgroundSpinner:
         except ExternalShutdownException:
             pass
         except BaseException as error:
+            # It spins no more: who waits for an answer from now on needs another executor.
+            if self._executor is executor:
+                self._executor = self._thread = None
             self._on_error(error)
 
 
