@@ -39,12 +39,16 @@ setup(
         'motions': ['PyYAML>=5.4', 'jsonschema>=3.2'],
         'plot': ['matplotlib>=3.5'],
         'test': ['pytest', 'hypothesis'],
+        # What the SDK of the robot needs; itself it is installed with --no-deps, for its pins name
+        # one old grpcio that not every Python has, and a numpy that a sourced ROS may not have.
+        'kachaka': ['grpcio>=1.66.1', 'protobuf>=5.27.2', 'numpy'],
     },
     zip_safe=True,
     entry_points={
         'console_scripts': [
             'kachaka_simple_control = kachaka_simple_control.__main__:main',
             'kachaka_bridge = kachaka_simple_control.robot.bridge:main',
+            'kachaka_sim = kachaka_simple_control.robot.sim_command:main',
         ],
     },
 )

@@ -24,6 +24,7 @@ import traceback
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError, UsageError
 from kachaka_simple_control.execution.signals import WATCH
 from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.robot.real.address import Address
 
 NAME = 'kachaka_simple_control'
 DONE, FAULTED, BAD_USAGE, NO_ROBOT, SIGNALLED = 0, 1, 2, 3, 128
@@ -48,6 +49,7 @@ class Options:
     :param plot: where to draw what a motion will do; None if nowhere
     :param wait: whether to drive only when a service asks for it
     :param ros_arguments: what ROS itself is told, from ``--ros-args`` on
+    :param address: of the real robot to start a bridge to beside the node; None for no bridge
     """
 
     motions: tuple[str, ...] = ()
@@ -59,11 +61,17 @@ class Options:
     plot: str | None = None
     wait: bool = False
     ros_arguments: tuple[str, ...] = ()
+    address: str | None = None
 
     @property
     def looks_only(self) -> bool:
         """Whether nothing is to move."""
         return self.list or self.plan or self.plot is not None
+
+    @property
+    def brings_robot(self) -> bool:
+        """Whether the command starts a robot's bridge, simulated or not, beside the node."""
+        return self.sim or self.address is not None
 
 
 def parse(arguments: Sequence[str] | None = None) -> Options:
@@ -101,9 +109,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--plot', metavar='FILE',
         help='draw what the motions will do, as .png, .svg or .pdf; likewise')
-    parser.add_argument(
+    robot = parser.add_mutually_exclusive_group()
+    robot.add_argument(
         '--sim', action='store_true',
         help='start a simulated Kachaka, drive it, and print what was asked, sent and driven')
+    robot.add_argument(
+        '--address', type=_address, metavar='HOST',
+        help='do the same with the real Kachaka at this address, HOST or HOST:PORT')
     parser.add_argument(
         '--wait', action='store_true',
         help='stand by: ~/run starts the motion, ~/stop ends it (std_srvs/Trigger)')
@@ -154,6 +166,13 @@ def exit_code(body: Callable[[], None]) -> int:
             code = _code_of(error)
             print(f'{NAME}: {_text(error)}', file=sys.stderr)
     return code if WATCH.signum is None else SIGNALLED + WATCH.signum
+
+
+def _address(text: str) -> str:
+    try:
+        return str(Address.parse(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _code_of(error: Exception) -> int:

@@ -41,18 +41,18 @@ def drive(options: Options) -> None:
     :raises InvalidMotionError: if it cannot be done; nothing has moved
     """
     motion_file = _motion_file(options)
-    # Started last, a simulated robot ends last: after it was stopped and given back.
+    # Started last, a bridge ends last: after its robot was stopped and given back.
     with contextlib.ExitStack() as helpers:
-        if options.sim:
+        if options.brings_robot:
             stay_on_this_machine()
         start_ros(options.ros_arguments)
         robot_control = KachakaSimpleControl(parameter_overrides=[
             Parameter(name, value=value)
             for name, value in _parameters(options, motion_file).items()])
         try:
-            if options.sim:
-                from kachaka_simple_control.robot.simulation import simulation
-                helpers.enter_context(simulation(robot_control.settings.robot_namespace))
+            if options.brings_robot:
+                helpers.enter_context(
+                    _robot_of(options, robot_control.settings.robot_namespace))
             _play(robot_control, motion_file, options.wait)
         except KeyboardInterrupt:
             robot_control.get_logger().info('Program was interrupted')
@@ -61,7 +61,7 @@ def drive(options: Options) -> None:
             still_after = robot_control.stop_confirmed_after
             robot_control.destroy_node()
             rclpy.try_shutdown()
-    if options.sim:
+    if options.brings_robot:
         print(table(robot_control.record, still_after))
 
 
@@ -78,6 +78,15 @@ def start_ros(arguments: tuple[str, ...]) -> None:
         raise UsageError(str(error).splitlines()[0]) from None
 
 
+def _robot_of(
+        options: Options, namespace: str) -> contextlib.AbstractContextManager[object]:
+    """Return the robot that the command brings along, in a process of its own."""
+    from kachaka_simple_control.robot.simulation import real_robot, simulation
+    if options.address is None:
+        return simulation(namespace)
+    return real_robot(options.address, namespace)
+
+
 def _motion_file(options: Options) -> MotionFile | None:
     """Read the motion, and refuse what its robot cannot do before anything is started."""
     robot = options.robot
@@ -87,16 +96,17 @@ def _motion_file(options: Options) -> MotionFile | None:
         motion_file = find(options.motions[0] if options.motions else 'lesson')
         robot = robot or motion_file.robot
     profile = profile_of(robot or KACHAKA.name)
-    if options.sim and profile.velocity_topic != KACHAKA.velocity_topic:
+    if options.brings_robot and profile.velocity_topic != KACHAKA.velocity_topic:
         raise UsageError(
-            f'the simulated robot is a kachaka, not a {profile.name}: leave --sim or --robot out')
+            f'the robot of --sim and --address is a kachaka, not a {profile.name}: leave that '
+            'out, or --robot')
     if motion_file is not None:
         motion_file.check(profile.limits, profile.name)
     return motion_file
 
 
 def _parameters(options: Options, motion_file: MotionFile | None) -> dict[str, object]:
-    said = [{'robot': options.robot, 'rate': options.rate, 'summary': options.sim or None}]
+    said = [{'robot': options.robot, 'rate': options.rate, 'summary': options.brings_robot or None}]
     if motion_file is not None:
         said.insert(0, {'robot': motion_file.robot, 'rate': motion_file.rate})
     return {name: value for values in said for name, value in values.items() if value is not None}

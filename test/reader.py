@@ -33,6 +33,7 @@ from quotes import compare
 PROGRAMS = {
     'kachaka_simple_control': 'kachaka_simple_control',
     'kachaka_bridge': 'kachaka_simple_control.robot.bridge',
+    'kachaka_sim': 'kachaka_simple_control.robot.sim_command',
 }
 PATIENCE = 300.0
 

@@ -72,7 +72,7 @@ class Recipe:
 
         :returns: their paths, in the order to install them in
         """
-        names = ['build', self.purpose, *([] if self.sourced else [self.distro])]
+        names = ['build', self.purpose, 'kachaka', *([] if self.sourced else [self.distro])]
         return [ROOT / 'requirements' / f'{name}.txt' for name in names]
 
     def digest(self) -> str:
@@ -215,7 +215,8 @@ def make(wanted: Recipe) -> None:
     options = ['--system-site-packages'] if wanted.sourced else []
     run(wanted, [sys.executable, '-m', 'venv', '--clear', *options, str(wanted.folder)])
     for lock in wanted.locks():
-        pip(wanted, '--require-hashes', f'--requirement={lock}')
+        # A lock names all that is wanted; more than that would be what it left out on purpose.
+        pip(wanted, '--no-deps', '--require-hashes', f'--requirement={lock}')
     if wanted.purpose == 'development':
         pip(wanted, '--no-deps', f'--editable={ROOT}')
     run(wanted, [str(wanted.folder / 'bin' / 'python'), '-c', USE_ROS])

@@ -16,8 +16,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+import contextlib
 import sys
 import threading
 import time
@@ -25,25 +26,18 @@ from typing import NoReturn, TYPE_CHECKING
 
 from kachaka_simple_control.robot.ending import Ending
 from kachaka_simple_control.robot.fidelity import Fidelity
+from kachaka_simple_control.robot.fidelity_options import add_figures, fidelity
+from kachaka_simple_control.robot.real.address import Address, PORT
+from kachaka_simple_control.robot.real.reach import UnreachableError
+from kachaka_simple_control.robot.sim_command import MISSING
 from kachaka_simple_control.robot.simulated import SimulatedKachaka
 
 if TYPE_CHECKING:
-    from kachaka_simple_control.robot.bridge_node import KachakaBridge
+    from kachaka_simple_control.robot.bridge_node import BridgeNode
+    from rclpy.node import Node
 
 PROGRAM = 'kachaka_bridge'
-#: Of each option that is a figure of ``Fidelity``: name, unit, help.
-FIGURES = (
-    ('lag', 'S', 'time constant of the drive'),
-    ('linear_acceleration', 'M/S2', 'largest change of the forward velocity'),
-    ('angular_acceleration', 'RAD/S2', 'largest change of the turning velocity'),
-    ('linear_gain', 'F', 'true over demanded forward velocity'),
-    ('angular_gain', 'F', 'true over demanded turning velocity'),
-    ('velocity_noise', 'F', 'standard deviation of the velocity, as a part of it'),
-    ('odometry_noise', 'M', 'standard deviation of the position in odometry'),
-    ('heading_noise', 'RAD', 'standard deviation of the heading in odometry'),
-    ('undock_distance', 'M', 'how far the robot drives off its dock'),
-    ('undock_velocity', 'M/S', 'how fast it does that'),
-)
+DONE, FAULTED, BAD_USAGE, NO_ROBOT = 0, 1, 2, 3
 
 
 class _Parser(argparse.ArgumentParser):
@@ -55,7 +49,27 @@ class _Parser(argparse.ArgumentParser):
 
         :param message: what is wrong
         """
-        self.exit(2, f'{PROGRAM}: {message}\n')
+        self.exit(BAD_USAGE, f'{PROGRAM}: {message}\n')
+
+
+class _EndedError(Exception):
+    """The program ends early: with an exit code, and a line that says why."""
+
+    def __init__(self, code: int, text: object) -> None:
+        super().__init__(str(text))
+        self.code = code
+
+
+class _Verdict:
+    """Why the bridge gave up, if it did."""
+
+    def __init__(self, ending: Ending) -> None:
+        self._ending = ending
+        self.text = ''
+
+    def give_up(self, text: str) -> None:
+        self.text = self.text or text
+        self._ending.end()
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -66,50 +80,98 @@ def main(args: Sequence[str] | None = None) -> int:
     :returns: the exit code
     """
     with Ending() as ending:
-        return _main([*(sys.argv[1:] if args is None else args)], ending)
+        try:
+            _main([*(sys.argv[1:] if args is None else args)], ending)
+        except _EndedError as ended:
+            print(f"{PROGRAM}: {' '.join(str(ended).split())}", file=sys.stderr)
+            return ended.code
+        return DONE
 
 
-def _main(args: list[str], ending: Ending) -> int:
+def _main(args: list[str], ending: Ending) -> None:
     try:
-        from kachaka_simple_control.robot.bridge_node import KachakaBridge
         import rclpy
         from rclpy.exceptions import NameValidationException
         from rclpy.signals import SignalHandlerOptions
         from rclpy.utilities import remove_ros_args
         from rclpy.validate_namespace import validate_namespace
     except ImportError as error:
-        return _failure(f'ROS 2 is missing here ({error})', 1)
+        raise _EndedError(FAULTED, f'ROS 2 is missing here ({error})') from None
+    verdict = _Verdict(ending)
     try:
-        options, fidelity = _parse(remove_ros_args(args))
+        options, how = _parse(remove_ros_args(args))
         namespace = '/' + options.namespace.strip('/')
         validate_namespace(namespace)
+        make = _real(options, verdict) if options.address else _simulated(options, how)
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        robot = SimulatedKachaka(time.monotonic(), fidelity, options.docked, options.seed)
-        node = KachakaBridge(robot, namespace, options.frame_prefix)
+        node = make(namespace)
+    except UnreachableError as error:
+        raise _EndedError(NO_ROBOT, error) from None
     except (RuntimeError, NameValidationException) as error:
-        return _failure(str(error), 2)
+        raise _EndedError(BAD_USAGE, error) from None
     try:
         _serve(node, ending, options.with_parent)
     finally:
+        node.close()
         node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    if verdict.text:
+        raise _EndedError(FAULTED, verdict.text)
 
 
-def _failure(message: str, code: int) -> int:
-    print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
-    return code
+def _simulated(
+        options: argparse.Namespace, how: Fidelity) -> Callable[[str], BridgeNode]:
+    """Return what makes the node of a simulated robot, told the namespace."""
+    try:
+        from kachaka_simple_control.robot.bridge_node import KachakaBridge
+    except ImportError as error:
+        raise _EndedError(FAULTED, f'ROS 2 is missing here ({error})') from None
+
+    def make(namespace: str) -> BridgeNode:
+        robot = SimulatedKachaka(time.monotonic(), how, options.docked, options.seed)
+        return KachakaBridge(robot, namespace, options.frame_prefix)
+
+    return make
+
+
+def _real(options: argparse.Namespace, verdict: _Verdict) -> Callable[[str], BridgeNode]:
+    """Meet the real robot, and return what makes its node, told the namespace."""
+    try:
+        from kachaka_simple_control.robot.real.meeting import meet
+    except (ImportError, RuntimeError) as error:  # its SDK refuses an older gRPC so
+        raise _EndedError(FAULTED, MISSING.format(error=error)) from None
+    try:
+        from kachaka_simple_control.robot.real.real_bridge import RealBridge
+    except ImportError as error:
+        raise _EndedError(FAULTED, f'ROS 2 is missing here ({error})') from None
+    meeting = meet(options.address)
+
+    def make(namespace: str) -> BridgeNode:
+        return RealBridge(
+            meeting, namespace, options.frame_prefix,
+            *([verdict.give_up] if options.give_up else []))
+
+    return make
 
 
 def _parse(args: list[str]) -> tuple[argparse.Namespace, Fidelity]:
     parser = _parser()
     options = parser.parse_args(args)
-    if not options.sim:
-        parser.error('which robot? --sim shows a simulated one')
+    if not options.sim and options.address is None:
+        parser.error('which robot? --sim shows a simulated one, --address HOST a real one')
+    if options.sim and options.address is not None:
+        parser.error('one robot at a time: --sim or --address')
     try:
-        return options, Fidelity(**{name: getattr(options, name) for name, _, _ in FIGURES})
+        return options, fidelity(options)
     except ValueError as error:
         parser.error(str(error))
+
+
+def _address(text: str) -> Address:
+    try:
+        return Address.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _parser() -> _Parser:
@@ -119,20 +181,31 @@ def _parser() -> _Parser:
         epilog='ROS arguments follow after --ros-args.')
     add = parser.add_argument
     add('--sim', action='store_true', help='show a simulated robot')
+    add('--address', type=_address, metavar='HOST',
+        help=f'show the real robot at this address, HOST or HOST:PORT (default: {PORT})')
     add('--namespace', default='kachaka', help='of all its names (default: %(default)s)')
     add('--frame-prefix', default='', metavar='PREFIX', help='put before the names of frames')
-    add('--docked', action='store_true', help='the robot starts on its charging dock')
+    add('--give-up', action='store_true',
+        help='end with code 1 when a real robot refuses to move, or is lost while it moves')
+    add('--docked', action='store_true', help='the simulated robot starts on its charging dock')
     add('--seed', type=int, default=0, help='of all noise (default: %(default)s)')
-    for name, unit, text in FIGURES:
-        add(f"--{name.replace('_', '-')}", type=float, default=getattr(Fidelity, name),
-            metavar=unit, help=f'{text} (default: %(default)s)')
+    add_figures(parser)
     add('--with-parent', action='store_true', help='end when standard input does')
     return parser
 
 
-def _serve(node: KachakaBridge, ending: Ending, with_parent: bool) -> None:
-    # The node is served in a thread of its own: the main thread is the one that hears signals,
-    # and sleeps until there is one, so it takes no time from the node.
+def _serve(node: BridgeNode, ending: Ending, with_parent: bool) -> None:
+    # Nodes are served in threads of their own: the main thread is the one that hears signals,
+    # and sleeps until there is one, so it takes no time from them.
+    with contextlib.ExitStack() as stack:
+        for served in node.parts:
+            stack.enter_context(_served(served, ending))
+        node.get_logger().info(f'ready: {node.summary}')
+        ending.wait(with_parent)
+
+
+@contextlib.contextmanager
+def _served(node: Node, ending: Ending) -> Iterator[None]:
     from rclpy.executors import SingleThreadedExecutor
     executor = SingleThreadedExecutor()
     executor.add_node(node)
@@ -145,8 +218,7 @@ def _serve(node: KachakaBridge, ending: Ending, with_parent: bool) -> None:
     with ThreadPoolExecutor(max_workers=1) as threads:
         spinning = threads.submit(spin)
         spinning.add_done_callback(lambda _: ending.end())
-        node.get_logger().info(f'ready: {node.summary}')
-        ending.wait(with_parent)
+        yield
         # A task wakes the executor; shutting it down under way would pull away what it waits on.
         executor.create_task(over.set)
         spinning.result()

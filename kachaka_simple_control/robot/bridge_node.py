@@ -11,13 +11,14 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The node that shows a robot to ROS 2 as the maker's own bridge does."""
+"""The nodes that show a robot to ROS 2 as the maker's own bridge does."""
 
 from __future__ import annotations
 
 import time
 
 from geometry_msgs.msg import Twist
+from kachaka_simple_control.motion.kinematics import Velocity
 from kachaka_simple_control.robot.robot_profile import KACHAKA
 from kachaka_simple_control.robot.simulated import (
     ERROR_NO_MANUAL_CONTROL,
@@ -33,6 +34,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import SetBool
 
+NODE = 'kachaka_bridge'
 #: The frames of odometry, before their prefix.
 ODOMETRY_FRAME = 'odom'
 ROBOT_FRAME = 'base_footprint'
@@ -40,9 +42,73 @@ ROBOT_FRAME = 'base_footprint'
 ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
 
 
-class KachakaBridge(Node):
+class BridgeNode(Node):
+    """The topics, the service and the quality of service of the official bridge."""
+
+    def __init__(self, namespace: str, desk: Node | None = None) -> None:
+        """
+        Listen from now on.
+
+        :param namespace: where its topics and its service are
+        :param desk: the node that offers the service, if it is another; one that is spun by
+            another thread does not hold velocities up
+        """
+        super().__init__(NODE, namespace=namespace, start_parameter_services=False)
+        service = KACHAKA.manual_control_service
+        assert service is not None, 'a Kachaka has one'
+        self._subscription = self.create_subscription(
+            Twist, KACHAKA.velocity_topic,
+            lambda twist: self.drive(messages.velocity(twist), time.monotonic()),
+            qos_profile_sensor_data)
+        self._service = (desk or self).create_service(SetBool, service, self._on_set_enabled)
+        self._odometry = [
+            self.create_publisher(Odometry, topic, qos_profile_sensor_data)
+            for topic in ODOMETRY_TOPICS]
+
+    @property
+    def summary(self) -> str:
+        """Return what the bridge serves, in one line."""
+        return (
+            f'velocities on {self._subscription.topic_name}, '
+            f'manual control at {self.resolve_service_name(self._service.srv_name)}, '
+            f'odometry on {self._odometry[0].topic_name}')
+
+    @property
+    def parts(self) -> list[Node]:
+        """Return the nodes to spin, each in a thread of its own."""
+        return [self]
+
+    def close(self) -> None:
+        """Leave the robot, before the node is destroyed."""
+
+    def drive(self, velocity: Velocity, now: float) -> None:
+        """
+        Let the robot have a velocity.
+
+        :param velocity: the velocity, which may not be finite
+        :param now: when it came [s, steady clock]
+        """
+        raise NotImplementedError
+
+    def set_manual_control(self, enabled: bool) -> str:
+        """
+        Let the robot take velocities, or none.
+
+        :param enabled: whether it takes them
+        :returns: why it refuses; nothing if it does not
+        """
+        raise NotImplementedError
+
+    def _on_set_enabled(
+            self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        response.message = self.set_manual_control(request.data)
+        response.success = not response.message
+        return response
+
+
+class KachakaBridge(BridgeNode):
     """
-    Topics, service, quality of service and habits are those of the official bridge.
+    Shows a simulated robot, with the habits of the official bridge.
 
     In particular: a velocity sent while manual control is off switches it on and is itself lost,
     be it zero or not; nothing is limited here; there is no watchdog but the robot's own hold.
@@ -57,53 +123,41 @@ class KachakaBridge(Node):
         :param namespace: where its topics and its service are
         :param frame_prefix: put before the names of the frames as it is
         """
-        super().__init__('kachaka_bridge', namespace=namespace, start_parameter_services=False)
-        service = KACHAKA.manual_control_service
-        assert service is not None, 'a Kachaka has one'
+        super().__init__(namespace)
         self._robot = robot
         self._frame_id = frame_prefix + ODOMETRY_FRAME
         self._child_frame_id = frame_prefix + ROBOT_FRAME
-        self._subscription = self.create_subscription(
-            Twist, KACHAKA.velocity_topic, self._on_velocity, qos_profile_sensor_data)
-        self._service = self.create_service(
-            SetBool, service, self._on_set_enabled)
-        self._odometry = [
-            self.create_publisher(Odometry, topic, qos_profile_sensor_data)
-            for topic in ODOMETRY_TOPICS]
         # A timer would otherwise follow /clock, which may stand still while the robot drives.
         self._timer = self.create_timer(
             ODOMETRY_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    @property
-    def summary(self) -> str:
-        """Return what the bridge serves, in one line."""
-        return (
-            f'velocities on {self._subscription.topic_name}, '
-            f'manual control at {self.resolve_service_name(self._service.srv_name)}, '
-            f'odometry on {self._odometry[0].topic_name}')
+    def drive(self, velocity: Velocity, now: float) -> None:
+        """
+        Let the robot have a velocity.
 
-    def _on_velocity(self, twist: Twist) -> None:
-        now = time.monotonic()
-        velocity, limits = messages.velocity(twist), KACHAKA.limits
+        :param velocity: the velocity, which may not be finite
+        :param now: when it came [s, steady clock]
+        """
+        limits = KACHAKA.limits
         code = self._robot.set_robot_velocity(
             velocity.linear_x / limits.max_linear_velocity,
             velocity.angular_z / limits.max_angular_velocity,
             now)
         if code == ERROR_NO_MANUAL_CONTROL:
-            self._set_manual_control(True, now)
+            self.set_manual_control(True)
         elif code != SUCCESS:
             self.get_logger().warning(f'the robot refused {velocity}', throttle_duration_sec=1.0)
 
-    def _on_set_enabled(
-            self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        code = self._set_manual_control(request.data, time.monotonic())
-        response.success = code == SUCCESS
-        return response
+    def set_manual_control(self, enabled: bool) -> str:
+        """
+        Let the robot take velocities, or none.
 
-    def _set_manual_control(self, enabled: bool, now: float) -> int:
-        code = self._robot.set_manual_control(enabled, now)
+        :param enabled: whether it takes them
+        :returns: why it refuses; nothing if it does not
+        """
+        code = self._robot.set_manual_control(enabled, time.monotonic())
         self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
-        return code
+        return '' if code == SUCCESS else f'error {code}'
 
     def _on_timer(self) -> None:
         # Asked for in any case: a robot with a lag works out its way bit by bit as time passes,

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A simulated robot for the length of a ``with`` block, in a process of its own."""
+"""A bridge to a robot for the length of a ``with`` block, in a process of its own."""
 
 from __future__ import annotations
 
@@ -20,13 +20,21 @@ import contextlib
 import subprocess
 import sys
 import threading
+import time
 
-from kachaka_simple_control.errors import ControlError
+from kachaka_simple_control.errors import ControlError, RobotNotFoundError
 from kachaka_simple_control.execution import child
 from kachaka_simple_control.robot.robot_profile import KACHAKA
 
 #: How long the process may take to end when it is asked to [s].
 PATIENCE = 2.0
+#: How long it may take to start, and to meet a robot or to say why it cannot [s].
+START = 20.0
+#: What the bridge says once it listens, and what its last words begin with.
+READY = 'ready: '
+LAST_WORDS = 'kachaka_bridge: '
+#: Its exit code when no robot answers.
+NO_ROBOT = 3
 
 
 @contextlib.contextmanager
@@ -44,7 +52,36 @@ def simulation(
     :raises ControlError: if the robot ended before the block did; in place of the errors that
         the block raised because of it
     """
-    process = SimulationProcess(['--namespace', namespace, *options])
+    with _running(SimulationProcess(
+            ['--sim', '--namespace', namespace, *options], 'the simulated robot')) as process:
+        yield process
+
+
+@contextlib.contextmanager
+def real_robot(
+        address: str, namespace: str = KACHAKA.namespace) -> Iterator[SimulationProcess]:
+    """
+    Run a bridge to a real robot, and end it whatever happens.
+
+    Returns when the robot has answered.  When the robot refuses to move, or is lost while it
+    moves, the bridge ends, and with it whatever is driven through it.
+
+    :param address: of the robot, HOST or HOST:PORT
+    :param namespace: of its topics and its service
+    :returns: a context manager for its process
+    :raises RobotNotFoundError: if no robot answers
+    :raises ControlError: if the bridge ended before the block did; in place of the errors that
+        the block raised because of it
+    """
+    with _running(SimulationProcess(
+            ['--address', address, '--give-up', '--namespace', namespace],
+            'the bridge to the robot')) as process:
+        process.wait_until_ready()
+        yield process
+
+
+@contextlib.contextmanager
+def _running(process: SimulationProcess) -> Iterator[SimulationProcess]:
     try:
         yield process
         process.check()
@@ -58,25 +95,29 @@ def simulation(
 
 class SimulationProcess:
     """
-    The bridge with a simulated robot, as a child of this process.
+    The bridge with its robot, as a child of this process.
 
     In its own session, so that Ctrl+C at the terminal does not reach it before the robot was
     stopped.  Its standard input is a pipe that only this process holds: it ends with us even if
     we are killed.
     """
 
-    def __init__(self, options: Sequence[str]) -> None:
+    def __init__(
+            self, options: Sequence[str], name: str = 'the simulated robot') -> None:
         """
         Start it.
 
         :param options: options of ``kachaka_bridge``
+        :param name: what to call it
         """
+        self._name = name
         self._last_line = 'it said nothing'
+        self._ready = threading.Event()
         self._failure: ControlError | None = None
         # Text that is no UTF-8 is shown somehow: it must not end the thread that shows it.
         self._process = subprocess.Popen(
             [*child.command('kachaka_simple_control.robot.bridge'),
-             '--sim', '--with-parent', *options],
+             '--with-parent', *options],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
             start_new_session=True, env=child.environment(), text=True, errors='replace')
         self._showing = threading.Thread(target=self._show, name='simulation', daemon=True)
@@ -98,10 +139,13 @@ class SimulationProcess:
         if self._failure is None:
             # What it said last may be on its way.
             self._showing.join(PATIENCE)
-            self._failure = ControlError(
-                f'the simulated robot ended early (exit code {self._process.returncode}): '
-                f'{self._last_line}')
+            self._failure = self._what_happened(self._process.returncode)
         return self._failure
+
+    def _what_happened(self, code: int) -> ControlError:
+        if code == NO_ROBOT:
+            return RobotNotFoundError(self._last_line.removeprefix(LAST_WORDS))
+        return ControlError(f'{self._name} ended early (exit code {code}): {self._last_line}')
 
     def check(self) -> None:
         """
@@ -111,6 +155,18 @@ class SimulationProcess:
         """
         if self.is_over:
             raise self.failure
+
+    def wait_until_ready(self) -> None:
+        """
+        Return when it listens.
+
+        :raises ControlError: if it ends instead, or does neither in time
+        """
+        end = time.monotonic() + START
+        while not self._ready.wait(0.02):
+            self.check()
+            if time.monotonic() > end:
+                raise ControlError(f'{self._name} is not ready after {START:g} s')
 
     def end(self) -> None:
         """End the process, at the latest after a patience of 2 s; harmless if it is over."""
@@ -135,5 +191,8 @@ class SimulationProcess:
         assert self._process.stderr is not None
         for line in self._process.stderr:
             self._last_line = line.strip() or self._last_line
-            sys.stderr.write(line)
-            sys.stderr.flush()
+            if READY in line:
+                self._ready.set()
+            if not line.startswith(LAST_WORDS):  # whoever is told of its end hears them
+                sys.stderr.write(line)
+                sys.stderr.flush()

@@ -1,0 +1,266 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+What the bridge to a real robot adds to the call that no bridge can do without.
+
+From publishing a velocity to its arrival at the robot, beside the bare gRPC call from asking to
+arrival, in turns at the same rates against the same robot; all processes on this machine.
+``python -m benchmarks.bridge_latency`` prints the table.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+import contextlib
+import json
+import os
+from pathlib import Path
+import random
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+from benchmarks.meter import process_time
+from benchmarks.nanosleep import BILLION, sleep_until
+from benchmarks.quantiles import median, quantile
+from benchmarks.tables import number, Table
+
+ROOT = Path(__file__).resolve().parent.parent
+RATES = (10, 50, 100)
+#: How long each of the two is measured at each rate, at a time, and how often [s].
+BLOCK, TURNS = 6.0, 3
+#: The bar: the bridge's median over that of the bare call.
+BAR = 2.0
+NAMES = {'floor': 'the bare call', 'bridge': 'through the bridge'}
+#: Each velocity is another, so that each arrival is known: steps of the robot's part of the largest.
+STEP = 1e-4
+MAX_LINEAR = 0.3
+
+Send = Callable[[float], None]
+
+
+def measure(
+        rates: Sequence[int] = RATES, block: float = BLOCK,
+        turns: int = TURNS) -> list[dict[str, Any]]:
+    """
+    Measure both.
+
+    :param rates: how often a velocity is sent [Hz]
+    :param block: how long at a time [s]
+    :param turns: how often
+    :returns: for each of the two and each rate: ``who``, ``rate`` [Hz], ``latency`` (of each
+        velocity that arrived [s]), ``sent``, and ``cpu`` (of the caller or the bridge, a command
+        [s])
+    """
+    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    entries = [{'who': who, 'rate': rate, 'latency': [], 'sent': 0, 'cpu': 0.0}
+               for rate in rates for who in NAMES]
+    with _robot() as robot, _floor(robot) as floor, _bridge(robot) as bridge:
+        for _ in range(turns):
+            for entry in entries:
+                send, cpu = floor if entry['who'] == 'floor' else bridge
+                _measure_block(entry, send, cpu, robot, block)
+    for entry in entries:
+        entry['cpu'] /= entry['sent']
+    return entries
+
+
+def ratio(entries: Sequence[dict[str, Any]], rate: int) -> float:
+    """
+    Return how many times the bare call's median latency the bridge's is.
+
+    :param entries: what ``measure`` returned
+    :param rate: at which rate [Hz]
+    :returns: the ratio
+    """
+    medians = {entry['who']: median(entry['latency']) for entry in entries
+               if entry['rate'] == rate}
+    return medians['bridge'] / medians['floor']
+
+
+def table(entries: Sequence[dict[str, Any]]) -> Table:
+    """
+    Put the figures as a table.
+
+    :param entries: what ``measure`` returned
+    :returns: the table
+    """
+    return Table(
+        'From asking to arrival at the robot',
+        ('rate [Hz]', '', 'median [ms]', '95 % [ms]', 'worst [ms]', 'arrived', 'CPU a command [ms]',
+         'of the bare call'),
+        tuple(_row(entries, entry) for entry in entries))
+
+
+def _row(entries: Sequence[dict[str, Any]], entry: dict[str, Any]) -> tuple[str, ...]:
+    latency = entry['latency']
+    times = ratio(entries, entry['rate']) if entry['who'] == 'bridge' else 1.0
+    return (
+        str(entry['rate']), NAMES[entry['who']],
+        *(number(1e3 * quantile(latency, part)) for part in (0.5, 0.95, 1.0)),
+        f'{len(latency)} of {entry["sent"]}', number(1e3 * entry['cpu']), f'{times:.2f}')
+
+
+def _measure_block(
+        entry: dict[str, Any], send: Send, cpu: Callable[[], float], robot: _Robot,
+        block: float) -> None:
+    period = BILLION // entry['rate']
+    count = int(block * entry['rate'])
+    robot.rows()
+    sent: dict[int, float] = {}
+    before, due = cpu(), time.monotonic_ns() + period
+    for index in range(1, count + 1):
+        sleep_until(due)
+        due += period
+        sent[index] = time.monotonic()
+        send(index * STEP)
+    time.sleep(0.1)
+    entry['cpu'] += cpu() - before
+    entry['sent'] += count
+    arrived = {round(linear / STEP): at for at, linear in reversed(robot.rows())}
+    entry['latency'] += [arrived[index] - at for index, at in sent.items() if index in arrived]
+    send(0.0)
+    time.sleep(0.2)
+
+
+@contextlib.contextmanager
+def _floor(robot: _Robot) -> Iterator[tuple[Send, Callable[[], float]]]:
+    import grpc
+    from kachaka_api.generated import kachaka_api_pb2 as pb2
+    from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiStub
+    with grpc.insecure_channel(robot.address) as channel:
+        stub = KachakaApiStub(channel)
+
+        def send(linear: float) -> None:
+            stub.SetRobotVelocity(pb2.SetRobotVelocityRequest(linear=linear), timeout=1.0)
+
+        yield send, time.process_time
+
+
+@contextlib.contextmanager
+def _bridge(robot: _Robot) -> Iterator[tuple[Send, Callable[[], float]]]:
+    from geometry_msgs.msg import Twist
+    import rclpy
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'kachaka_simple_control.robot.bridge', '--address', robot.address],
+        cwd=ROOT, stdin=subprocess.DEVNULL)
+    rclpy.init()
+    node = rclpy.create_node('bridge_latency')
+    publisher = node.create_publisher(Twist, '/kachaka/manual_control/cmd_vel', 10)
+    message = Twist()
+
+    def send(linear: float) -> None:
+        message.linear.x = linear * MAX_LINEAR
+        publisher.publish(message)
+
+    try:
+        end = time.monotonic() + 20.0
+        while not robot.rows():
+            assert process.poll() is None and time.monotonic() < end, 'the bridge hears nothing'
+            send(STEP)
+            time.sleep(0.1)
+        yield send, lambda: process_time(str(process.pid))
+    finally:
+        process.terminate()
+        process.wait(10.0)
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+class _Robot:
+    """A robot in a process of its own, which notes when what arrives."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        assert process.stdin is not None and process.stdout is not None
+        self._stdin, self._stdout = process.stdin, process.stdout
+        self.address = self._stdout.readline().strip()
+
+    def rows(self) -> list[tuple[float, float]]:
+        """Return what arrived since this was asked last: when [s], and the forward velocity."""
+        print(file=self._stdin, flush=True)
+        rows: list[tuple[float, float]] = json.loads(self._stdout.readline())
+        return rows
+
+
+@contextlib.contextmanager
+def _robot() -> Iterator[_Robot]:
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'benchmarks.bridge_latency', '--be-robot'], cwd=ROOT,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    try:
+        yield _Robot(process)
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _be_robot() -> None:
+    import grpc
+    from kachaka_api.generated import kachaka_api_pb2 as pb2
+    from kachaka_api.generated import kachaka_api_pb2_grpc as pb2_grpc
+    rows: list[tuple[float, float]] = []
+    lock = threading.Lock()
+    done = pb2.SetRobotVelocityResponse(result=pb2.Result(success=True))
+
+    class Servicer(pb2_grpc.KachakaApiServicer):  # type: ignore[misc]
+        def SetRobotVelocity(self, request: Any, context: Any) -> Any:  # noqa: ARG002, N802
+            with lock:
+                rows.append((time.monotonic(), request.linear))
+            return done
+
+        def GetRobotSerialNumber(self, request: Any, context: Any) -> Any:  # noqa: ARG002, N802
+            return pb2.GetRobotSerialNumberResponse(serial_number='BENCHMARK')
+
+        def GetRobotVersion(self, request: Any, context: Any) -> Any:  # noqa: ARG002, N802
+            return pb2.GetRobotVersionResponse(version='0')
+
+    server = grpc.server(ThreadPoolExecutor(4))
+    pb2_grpc.add_KachakaApiServicer_to_server(Servicer(), server)
+    print(f'127.0.0.1:{server.add_insecure_port("127.0.0.1:0")}', flush=True)
+    server.start()
+    for _ in sys.stdin:
+        with lock:
+            print(json.dumps(rows), flush=True)
+            rows.clear()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Measure, print, and judge.
+
+    :param arguments: the arguments without the program's name; None for those of the process
+    :returns: the exit code: 1 if the bar was missed
+    """
+    parser = argparse.ArgumentParser(prog='bridge_latency', description=__doc__)
+    parser.add_argument('--quick', action='store_true', help='measure little')
+    parser.add_argument('--be-robot', action='store_true', help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    if options.be_robot:
+        _be_robot()
+        return 0
+    entries = measure(block=1.0, turns=1) if options.quick else measure()
+    print(table(entries).text())
+    missed = [rate for rate in RATES if ratio(entries, rate) > BAR]
+    print(f'Missed at {missed} Hz: more than {BAR:g} times the bare call' if missed else
+          f'Held: at the median at most {BAR:g} times the bare call')
+    return 1 if missed else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

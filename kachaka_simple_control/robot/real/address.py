@@ -1,0 +1,68 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Where a robot is found on the network."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+#: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).
+PORT = 26400
+
+
+@dataclass(frozen=True)
+class Address:
+    """
+    The address of a robot.
+
+    :param host: its name or its IP address
+    :param port: the TCP port of its gRPC service
+    """
+
+    host: str
+    port: int = PORT
+
+    @classmethod
+    def parse(cls, text: str) -> Address:
+        """
+        Read an address as people write it.
+
+        :param text: ``HOST`` or ``HOST:PORT``; an IPv6 address with a port stands in brackets
+        :returns: the address
+        :raises ValueError: if it is none, in one line
+        """
+        host, port = _split(text.strip())
+        if not host or any(c.isspace() or c == '/' for c in text.strip()) or set('[]') & set(host):
+            raise ValueError(
+                f'{text!r} is no address of a robot; write HOST or HOST:{PORT}, for example '
+                f'192.168.1.20 or 192.168.1.20:{PORT}')
+        if not (port.isascii() and port.isdigit() and 1 <= int(port) <= 65535):
+            raise ValueError(f'the port in {text!r} must be a number from 1 to 65535')
+        return cls(host, int(port))
+
+    def __str__(self) -> str:
+        """Return it as gRPC takes it."""
+        host = f'[{self.host}]' if ':' in self.host else self.host
+        return f'{host}:{self.port}'
+
+
+def _split(text: str) -> tuple[str, str]:
+    if text.startswith('['):
+        host, bracket, rest = text[1:].partition(']')
+        has_port = rest.startswith(':')
+        return (host if bracket and (has_port or not rest) else ''), rest[1:] or str(PORT)
+    if text.count(':') == 1:
+        host, _, port = text.partition(':')
+        return host, port
+    return text, str(PORT)

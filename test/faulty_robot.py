@@ -1,0 +1,197 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+A robot on a bad day: run as a program, it does what lines on its standard input say.
+
+``delay S``, ``refuse CODE``, ``json TEXT``, ``errors CODE ...``, ``forget`` (manual control) are of
+the robot; ``cut``, ``hang`` and ``flow`` of the wire to it.  ``rows`` and ``pose`` ask what it was
+told and where that took it; each line is answered by one line of JSON.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+import contextlib
+import json
+import os
+import select
+import socket
+import sys
+import threading
+import time
+
+import grpc
+from kachaka_api.generated import kachaka_api_pb2 as pb2
+from kachaka_api.generated import kachaka_api_pb2_grpc as pb2_grpc
+from kachaka_simple_control.robot.grpc_server import messages
+from kachaka_simple_control.robot.simulated import SimulatedKachaka
+
+
+class Wire:
+    """Carries bytes between an address of its own and the robot; can be cut, or fall silent."""
+
+    def __init__(self, target, port):
+        """Flow."""
+        self._target, self._port = target, port
+        self.flows = threading.Event()
+        self._lock = threading.Lock()
+        self._sockets = []
+        self._listener = None
+        self.flow()
+
+    def flow(self):
+        """Carry; also after it was cut."""
+        if self._listener is None:
+            self._listener = socket.create_server(('127.0.0.1', self._port))
+            self._port = self._listener.getsockname()[1]
+            threading.Thread(target=self._accept, args=(self._listener,), daemon=True).start()
+        self.flows.set()
+        return self._port
+
+    def hang(self):
+        """Accept connections and bytes, and keep them."""
+        self.flows.clear()
+
+    def cut(self):
+        """Close all."""
+        listener, self._listener = self._listener, None
+        with contextlib.suppress(OSError):
+            listener.shutdown(socket.SHUT_RDWR)
+        listener.close()
+        with self._lock:
+            for one in self._sockets:
+                with contextlib.suppress(OSError):
+                    one.shutdown(socket.SHUT_RDWR)
+            self._sockets.clear()
+        self.flows.set()
+
+    def _accept(self, listener):
+        with contextlib.suppress(OSError):
+            while True:
+                near, _ = listener.accept()
+                far = socket.create_connection(('127.0.0.1', self._target))
+                with self._lock:
+                    self._sockets += [near, far]
+                threading.Thread(target=self._carry, args=(near, far), daemon=True).start()
+
+    def _carry(self, near, far):
+        with contextlib.suppress(OSError), near, far:
+            for one in (near, far):
+                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            while True:
+                for source in select.select([near, far], [], [])[0]:
+                    data = source.recv(65536)
+                    self.flows.wait()
+                    if not data:
+                        return
+                    (far if source is near else near).sendall(data)
+
+
+class Robot(pb2_grpc.KachakaApiServicer):
+    """A simulated robot, its faults, and what it was told; its calls run side by side."""
+
+    def __init__(self):
+        """Be well."""
+        self.robot = SimulatedKachaka(time.monotonic())
+        self.lock = threading.Lock()
+        self.rows, self.asked = [], []
+        self.delay, self.refusal, self.codes, self.json = 0.0, 0, [], '[]'
+
+    def SetRobotVelocity(self, request, context):
+        """Drive, after a delay."""
+        time.sleep(self.delay)
+        with self.lock:
+            now = time.monotonic()
+            code = self.refusal or self.robot.set_robot_velocity(
+                request.linear, request.angular, now)
+            self.rows.append((now, request.linear, request.angular, code))
+        return pb2.SetRobotVelocityResponse(result=messages.result(code))
+
+    def SetManualControlEnabled(self, request, context):
+        """Switch it, after a delay."""
+        time.sleep(self.delay)
+        with self.lock:
+            code = self.refusal or self.robot.set_manual_control(request.enable, time.monotonic())
+            self.asked.append((time.monotonic(), request.enable, code))
+        return pb2.SetManualControlEnabledResponse(result=messages.result(code))
+
+    def GetRosOdometry(self, request, context):
+        """Tell it 20 ms later."""
+        time.sleep(0.02 + self.delay)
+        with self.lock:
+            pose, velocity = self.robot.odometry(time.monotonic())
+        return pb2.GetRosOdometryResponse(
+            metadata=messages.metadata(time.monotonic_ns()),
+            odometry=messages.odometry(pose, velocity, 0))
+
+    def GetError(self, request, context):
+        """Tell what is wrong."""
+        time.sleep(self.delay)
+        return pb2.GetErrorResponse(error_codes=self.codes)
+
+    def GetRobotErrorCodeJson(self, request, context):
+        """Tell what that means, or anything else."""
+        return pb2.GetRobotErrorCodeJsonResponse(
+            json=self.json, result=pb2.Result(success=True))
+
+    def GetRobotSerialNumber(self, request, context):
+        """Tell a name."""
+        return pb2.GetRobotSerialNumberResponse(serial_number='FAULTY')
+
+    def GetRobotVersion(self, request, context):
+        """Tell a number."""
+        return pb2.GetRobotVersionResponse(version='1.0')
+
+
+def obey(robot, wire, line):
+    """Do what a line says, and return the answer."""
+    word, _, rest = line.strip().partition(' ')
+    if word == 'delay':
+        robot.delay = float(rest)
+    elif word == 'refuse':
+        robot.refusal = int(rest)
+    elif word == 'errors':
+        robot.codes = [int(code) for code in rest.split()]
+    elif word == 'json':
+        robot.json = rest
+    with robot.lock:
+        now = time.monotonic()
+        if word == 'forget':
+            robot.robot.set_manual_control(False, now)
+        pose, velocity = robot.robot.state(now)
+        answers = {
+            'rows': robot.rows, 'asked': robot.asked,
+            'pose': (now, pose.x, pose.y, pose.theta, velocity.linear_x),
+            'enabled': robot.robot.manual_control(now)}
+    if word in ('cut', 'hang', 'flow'):
+        getattr(wire, word)()
+    return answers.get(word, now)
+
+
+def main():
+    """Serve until standard input ends."""
+    robot = Robot()
+    server = grpc.server(ThreadPoolExecutor(32))
+    pb2_grpc.add_KachakaApiServicer_to_server(robot, server)
+    target = server.add_insecure_port('127.0.0.1:0')
+    server.start()
+    wire = Wire(target, int(sys.argv[1]) if len(sys.argv) > 1 else 0)
+    print(json.dumps(wire.flow()), flush=True)
+    for line in sys.stdin:
+        print(json.dumps(obey(robot, wire, line)), flush=True)
+    os._exit(0)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,128 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What the tests of the real robot's bridge share: a robot to talk to, and a commander."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+import subprocess
+import sys
+import threading
+import time
+
+from ros_support import BridgeProcess, environment, wait_until
+
+
+class FaultyRobot:
+    """The program of ``faulty_robot.py``, and what to tell it."""
+
+    def __init__(self):
+        """Start it."""
+        self.process = subprocess.Popen(
+            [sys.executable, str(Path(__file__).with_name('faulty_robot.py'))],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment())
+        self._lock = threading.Lock()
+        self.address = f'127.0.0.1:{self._hear()}'
+
+    def ask(self, line):
+        """Tell it a line, and return its answer."""
+        with self._lock:
+            print(line, file=self.process.stdin, flush=True)
+            return self._hear()
+
+    def moves(self, since=0.0):
+        """Return when it took motions [s]."""
+        return [row[0] for row in self.ask('rows') if row[0] > since and row[1] and not row[3]]
+
+    def stops(self, since=0.0):
+        """Return when it took zeros [s]."""
+        return [row[0] for row in self.ask('rows') if row[0] > since and not row[1]]
+
+    @property
+    def x(self):
+        """Return how far it has come [m]."""
+        return self.ask('pose')[1]
+
+    def end(self):
+        """End it."""
+        self.process.kill()
+        self.process.wait()
+        self.process.stdin.close()
+        self.process.stdout.close()
+
+    def _hear(self):
+        return json.loads(self.process.stdout.readline())
+
+
+@contextlib.contextmanager
+def faulty_robot():
+    """Run a robot for the length of a block."""
+    robot = FaultyRobot()
+    try:
+        yield robot
+    finally:
+        robot.end()
+
+
+@contextlib.contextmanager
+def real_bridge(address, *options):
+    """Run a bridge to a robot for the length of a block; it has met the robot."""
+    process = BridgeProcess('--address', address, *options)
+    try:
+        assert wait_until(lambda: 'ready' in process.text), process.text
+        yield process
+    finally:
+        process.end()
+
+
+class Commander:
+    """Publishes a velocity again and again, in a thread of its own."""
+
+    def __init__(self, probe, publisher, rate=20.0):
+        """Publish nothing yet."""
+        self._probe, self._publisher, self._period = probe, publisher, 1.0 / rate
+        self._linear = None
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def drive(self, linear):
+        """Publish this from now on; None for nothing."""
+        self._linear = linear
+        return time.monotonic()
+
+    def close(self):
+        """End."""
+        self._over.set()
+        self._thread.join()
+
+    def _run(self):
+        due = time.monotonic()
+        while not self._over.is_set():
+            if self._linear is not None:
+                self._probe.send(self._publisher, self._linear)
+            due += self._period
+            self._over.wait(max(0.0, due - time.monotonic()))
+
+
+@contextlib.contextmanager
+def commander(probe, namespace, process, rate=20.0):
+    """Return a commander whom a bridge hears."""
+    one = Commander(probe, probe.publisher(namespace, process), rate)
+    try:
+        yield one
+    finally:
+        one.close()

@@ -1,0 +1,241 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Commands over gRPC: their state, their results, and how they end each other."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+pytest.importorskip('grpc', reason='needs the extra "kachaka"')
+pytest.importorskip('kachaka_api', reason='needs the SDK of the robot')
+
+from grpc_support import bench
+from kachaka_api.generated import kachaka_api_pb2 as pb2
+from kachaka_simple_control.robot.error_codes import (
+    ERROR_CANCELLED,
+    ERROR_NO_FURNITURE,
+    ERROR_NO_MANUAL_CONTROL,
+    ERROR_NOT_A_VELOCITY,
+    ERROR_NOTHING_TO_DO,
+    ERROR_OUT_OF_RANGE,
+    ERROR_PAUSED,
+    ERROR_UNKNOWN_NAME,
+    SUCCESS,
+)
+
+FORWARD = pb2.Command(
+    move_forward_command=pb2.MoveForwardCommand(distance_meter=0.5, speed=0.1))
+TURN = pb2.Command(rotate_in_place_command=pb2.RotateInPlaceCommand(angle_radian=-1.0))
+LOCK = pb2.Command(lock_command=pb2.LockCommand(duration_sec=30.0))
+
+
+@pytest.fixture
+def robot():
+    """Yield a robot that does nothing."""
+    with bench() as started:
+        yield started
+
+
+def start(robot, command, **more):
+    """Send a command; return the answer."""
+    return robot.call('StartCommand', pb2.StartCommandRequest(command=command, **more))
+
+
+def test_a_robot_that_did_nothing_yet_says_so(robot):
+    """No command, no result, and nothing to cancel."""
+    state = robot.get('GetCommandState')
+    assert state.state == pb2.COMMAND_STATE_PENDING
+    assert not state.HasField('command')
+    last = robot.get('GetLastCommandResult')
+    assert (last.command_id, last.HasField('result')) == ('', False)
+    assert robot.call('CancelCommand').result.error_code == ERROR_NOTHING_TO_DO
+    assert robot.call('Proceed').result.error_code == ERROR_NOTHING_TO_DO
+
+
+def test_a_command_is_seen_from_its_begin_to_its_end(robot):
+    """By clients that wait for either, as the SDK and the official bridge do."""
+    state = robot.later('GetCommandState', robot.get('GetCommandState').metadata.cursor)
+    result = robot.later(
+        'GetLastCommandResult', robot.get('GetLastCommandResult').metadata.cursor)
+    started = start(robot, FORWARD)
+    assert started.result.success
+    running = state.result()
+    assert (running.state, running.command, running.command_id) == (
+        pb2.COMMAND_STATE_RUNNING, FORWARD, started.command_id)
+    over = robot.later('GetCommandState', running.metadata.cursor)
+    robot.pass_time(4.9)
+    assert not result.done()
+    robot.pass_time(0.2)
+    last = result.result()
+    assert (last.result.success, last.command, last.command_id) == (
+        True, FORWARD, started.command_id)
+    assert over.result().state == pb2.COMMAND_STATE_PENDING
+    assert robot.x() == pytest.approx(0.5, abs=1e-9)
+    history = robot.get('GetHistoryList').histories
+    assert [(item.id, item.success, item.command_executed_time) for item in history] == [
+        (started.command_id, True, 1000)]
+
+
+def test_cancelling_stops_at_once(robot):
+    """And is told as the result of the command."""
+    start(robot, FORWARD)
+    robot.pass_time(1.0)
+    answer = robot.call('CancelCommand')
+    assert (answer.result.success, answer.command) == (True, FORWARD)
+    robot.pass_time(9.0)
+    assert robot.x() == pytest.approx(0.1, abs=1e-9)
+    assert robot.get('GetLastCommandResult').result.error_code == ERROR_CANCELLED
+
+
+def test_a_command_ends_the_others_or_waits_for_them(robot):
+    """As ``cancel_all`` says."""
+    start(robot, FORWARD, cancel_all=True)
+    robot.pass_time(1.0)
+    start(robot, TURN, cancel_all=True)
+    start(robot, FORWARD)
+    robot.pass_time(20.0)
+    codes = [item.error_code for item in robot.get('GetHistoryList').histories]
+    assert codes == [ERROR_CANCELLED, SUCCESS, SUCCESS]
+    pose = robot.get('GetRobotPose').pose
+    assert (pose.x, pose.theta) == (pytest.approx(0.1 + 0.5 * math.cos(1.0)), pytest.approx(-1.0))
+
+
+def test_a_lock_ends_when_somebody_says_so(robot):
+    """And whatever waits behind it begins."""
+    start(robot, LOCK)
+    start(robot, FORWARD)
+    robot.pass_time(5.0)
+    assert robot.get('GetCommandState').command == LOCK
+    assert robot.call('Proceed').result.success
+    assert robot.get('GetCommandState').command == FORWARD
+
+
+def test_a_command_may_end_in_a_lock(robot):
+    start(robot, FORWARD, lock_on_end=pb2.LockOnEnd(duration_sec=10.0))
+    robot.pass_time(10.0)
+    assert robot.get('GetCommandState').state == pb2.COMMAND_STATE_RUNNING
+    robot.pass_time(6.0)
+    assert robot.get('GetCommandState').state == pb2.COMMAND_STATE_PENDING
+
+
+def test_commands_and_manual_control_end_each_other(robot):
+    """Whoever comes last has the robot."""
+    robot.enable()
+    start(robot, FORWARD)
+    assert robot.get('GetManualControlEnabled').enabled is False
+    assert robot.velocity(1.0).error_code == ERROR_NO_MANUAL_CONTROL
+    robot.enable()
+    assert robot.get('GetCommandState').state == pb2.COMMAND_STATE_PENDING
+    assert robot.velocity(1.0).success
+
+
+def test_home_is_the_dock(robot):
+    """By its name, too; from there it drives off for the next command."""
+    start(robot, FORWARD)
+    robot.pass_time(9.0)
+    assert start(robot, pb2.Command(return_home_command=pb2.ReturnHomeCommand())).result.success
+    robot.pass_time(30.0)
+    dock = robot.get('GetLocations').locations[0]
+    assert dock.type == pb2.LOCATION_TYPE_CHARGER
+    assert robot.x() == pytest.approx(dock.pose.x, abs=1e-9)
+    assert robot.get('GetBatteryInfo').power_supply_status == pb2.POWER_SUPPLY_STATUS_CHARGING
+    home = pb2.MoveToLocationCommand(target_location_id=dock.id)
+    assert start(robot, pb2.Command(move_to_location_command=home)).result.success
+    robot.pass_time(1.0)
+    assert robot.get('GetLastCommandResult').result.success
+    start(robot, FORWARD)
+    robot.pass_time(20.0)
+    assert robot.x() == pytest.approx(dock.pose.x + 0.2 + 0.5, abs=1e-9)
+
+
+def test_a_pose_is_one_of_the_map(robot):
+    """Which need not be where odometry has it."""
+    robot.call('SetRobotPose', pb2.SetRobotPoseRequest(pose=pb2.Pose(x=1.0, theta=math.pi)))
+    goal = pb2.MoveToPoseCommand(x=0.0, y=0.5, yaw=0.3)
+    assert start(robot, pb2.Command(move_to_pose_command=goal)).result.success
+    robot.pass_time(60.0)
+    pose = robot.get('GetRobotPose').pose
+    assert (pose.x, pose.y, pose.theta) == pytest.approx((0.0, 0.5, 0.3), abs=1e-6)
+    assert robot.x() == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(('command', 'distance'), [
+    (pb2.Command(localize_command=pb2.LocalizeCommand()), 0.0),
+    (pb2.Command(speak_command=pb2.SpeakCommand(text='hello')), 0.0),
+    (pb2.Command(move_by_velocity_with_muted_sensors_command=(
+        pb2.MoveByVelocityWithMutedSensorsCommand(
+            signed_velocity=-0.1, move_duration_sec=2.0))), -0.2)])
+def test_other_commands_succeed(robot, command, distance):
+    assert start(robot, command).result.success
+    robot.pass_time(20.0)
+    assert robot.get('GetLastCommandResult').result.success
+    assert robot.x() == pytest.approx(distance, abs=1e-9)
+
+
+@pytest.mark.parametrize(('command', 'code'), [
+    (pb2.Command(), ERROR_UNKNOWN_NAME),
+    (pb2.Command(undock_shelf_command=pb2.UndockShelfCommand()), ERROR_NO_FURNITURE),
+    (pb2.Command(return_shelf_command=pb2.ReturnShelfCommand()), ERROR_NO_FURNITURE),
+    (pb2.Command(return_shelf_command=pb2.ReturnShelfCommand(target_shelf_id='S01')),
+     ERROR_UNKNOWN_NAME),
+    (pb2.Command(move_shelf_command=pb2.MoveShelfCommand(target_shelf_id='S01')),
+     ERROR_UNKNOWN_NAME),
+    (pb2.Command(dock_shelf_command=pb2.DockShelfCommand()), ERROR_UNKNOWN_NAME),
+    (pb2.Command(move_to_location_command=pb2.MoveToLocationCommand(target_location_id='L01')),
+     ERROR_UNKNOWN_NAME),
+    (pb2.Command(move_forward_command=pb2.MoveForwardCommand(distance_meter=math.nan)),
+     ERROR_NOT_A_VELOCITY),
+    (pb2.Command(rotate_in_place_command=pb2.RotateInPlaceCommand(angle_radian=math.inf)),
+     ERROR_NOT_A_VELOCITY),
+    (pb2.Command(lock_command=pb2.LockCommand(duration_sec=-1.0)), ERROR_OUT_OF_RANGE)])
+def test_what_cannot_be_done_is_refused_and_changes_nothing(robot, command, code):
+    """What is under way goes on."""
+    running = start(robot, FORWARD).command_id
+    answer = start(robot, command, cancel_all=True)
+    assert (answer.result.success, answer.result.error_code, answer.command_id) == (
+        False, code, '')
+    assert robot.get('GetCommandState').command_id == running
+
+
+def test_a_paused_robot_takes_no_command_that_moves_it(robot):
+    start(robot, FORWARD)
+    robot.call('SetEmergencyStop')
+    assert robot.get('GetLastCommandResult').result.error_code == ERROR_PAUSED
+    assert start(robot, TURN).result.error_code == ERROR_PAUSED
+    assert start(robot, LOCK).result.success
+
+
+@pytest.mark.parametrize(('call', 'request_', 'code'), [
+    ('SetSpeakerVolume', pb2.SetSpeakerVolumeRequest(volume=11), ERROR_OUT_OF_RANGE),
+    ('SetSpeakerVolume', pb2.SetSpeakerVolumeRequest(volume=10), SUCCESS),
+    ('SetFrontTorchIntensity', pb2.SetFrontTorchIntensityRequest(intensity=256),
+     ERROR_OUT_OF_RANGE),
+    ('SetBackTorchIntensity', pb2.SetBackTorchIntensityRequest(intensity=255), SUCCESS),
+    ('ResetShelfPose', pb2.ResetShelfPoseRequest(), SUCCESS),
+    ('ResetShelfPose', pb2.ResetShelfPoseRequest(shelf_id='S01'), ERROR_UNKNOWN_NAME),
+    ('StartShortcutCommand', pb2.StartShortcutCommandRequest(target_shortcut_id='1'),
+     ERROR_UNKNOWN_NAME)])
+def test_settings_have_their_ranges(robot, call, request_, code):
+    assert robot.call(call, request_).result.error_code == code
+
+
+def test_settings_are_kept_and_told(robot):
+    """To whoever waits for them."""
+    volume = robot.later('GetSpeakerVolume', robot.get('GetSpeakerVolume').metadata.cursor)
+    homing = robot.later('GetAutoHomingEnabled', robot.get('GetAutoHomingEnabled').metadata.cursor)
+    robot.call('SetSpeakerVolume', pb2.SetSpeakerVolumeRequest(volume=7))
+    robot.call('SetAutoHomingEnabled', pb2.SetAutoHomingEnabledRequest(enable=True))
+    assert (volume.result().volume, homing.result().enabled) == (7, True)

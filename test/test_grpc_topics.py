@@ -1,0 +1,156 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Readings and their cursors: what a client has is not sent again, and what is newer comes."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+grpc = pytest.importorskip('grpc', reason='needs the extra "kachaka"')
+pytest.importorskip('kachaka_api', reason='needs the SDK of the robot')
+
+from grpc_support import bench, DEADLINE, NOTHING  # noqa: E402
+from kachaka_api.generated import kachaka_api_pb2 as pb2  # noqa: E402
+from kachaka_simple_control.robot.grpc_server.servicer import CALLS, UNIMPLEMENTED  # noqa: E402
+
+#: All that is read with a cursor.
+READINGS = [name for name in CALLS if name.startswith('Get') and name not in UNIMPLEMENTED
+            and name not in ('GetRobotErrorCodeJson', 'GetDynamicTransform')]
+
+
+@pytest.fixture(scope='module')
+def resting():
+    """Yield a robot that nothing is done to."""
+    with bench() as started:
+        yield started
+
+
+@pytest.fixture
+def robot():
+    """Yield a robot that takes velocities."""
+    with bench() as started:
+        started.enable()
+        yield started
+
+
+def test_all_that_the_official_bridge_reads_of_a_robot_is_there():
+    assert {'GetRosOdometry', 'GetRosWheelOdometry', 'GetRobotPose', 'GetError',
+            'GetManualControlEnabled', 'GetCommandState', 'GetBatteryInfo',
+            'GetStaticTransform', 'GetLocations', 'GetShelves'} <= set(READINGS)
+
+
+@pytest.mark.parametrize('name', READINGS)
+def test_cursor_0_answers_at_once_and_the_newest_waits(resting, name):
+    """And a cursor of anybody else's is answered, too."""
+    first = resting.get(name)
+    assert first.metadata.cursor > 0
+    assert resting.get(name) == first
+    assert resting.get(name, first.metadata.cursor + 1) == first
+    assert resting.is_silent(name, first.metadata.cursor)
+
+
+def test_odometry_is_new_every_20_ms(robot):
+    """Not before; then whoever waits has it, with the time that it is of."""
+    robot.velocity(1.0)
+    robot.pass_time(0.02)
+    first = robot.get('GetRosOdometry')
+    later = robot.later('GetRosOdometry', first.metadata.cursor)
+    robot.pass_time(0.019)
+    assert robot.get('GetRosOdometry') == first
+    assert not later.done()
+    robot.pass_time(0.002)
+    second = later.result()
+    assert second.metadata.cursor > first.metadata.cursor
+    assert second.odometry.pose.pose.position.x == pytest.approx(0.3 * 0.041)
+    assert second.odometry.twist.twist.linear.x == 0.3
+    assert second.odometry.header.stamp_nsec == robot.clock.stamp()
+
+
+def test_odometry_is_as_ros_has_it(robot):
+    """Frames, heading, and covariances of 36 figures."""
+    robot.velocity(0.0, 1.0)
+    robot.pass_time(1.0)
+    for name in ('GetRosOdometry', 'GetRosWheelOdometry'):
+        odometry = robot.get(name).odometry
+        assert odometry.header.frame_id == 'odom'
+        assert odometry.child_frame_id == 'base_footprint'
+        assert odometry.pose.pose.orientation.z == pytest.approx(math.sin(0.5 * 1.57 * 0.3))
+        assert odometry.pose.pose.orientation.w == pytest.approx(math.cos(0.5 * 1.57 * 0.3))
+        assert len(odometry.pose.covariance) == len(odometry.twist.covariance) == 36
+
+
+def test_many_who_wait_do_not_hold_up_a_velocity(robot):
+    """Two hundred of them, and each hears the news."""
+    cursor = robot.get('GetManualControlEnabled').metadata.cursor
+    request = pb2.GetRequest(metadata=pb2.Metadata(cursor=cursor))
+    waiting = [robot.stub.GetManualControlEnabled.future(request, timeout=DEADLINE)
+               for _ in range(200)]
+    assert robot.velocity(1.0).success
+    robot.enable(False)
+    assert [future.result().enabled for future in waiting] == [False] * 200
+
+
+def test_the_robot_can_be_told_where_it_is(robot):
+    """On its map; odometry stays as it is."""
+    robot.velocity(1.0)
+    robot.pass_time(1.0)
+    told = pb2.Pose(x=2.0, y=1.0, theta=math.pi / 2.0)
+    assert robot.call('SetRobotPose', pb2.SetRobotPoseRequest(pose=told)).result.success
+    robot.velocity(1.0)
+    robot.pass_time(1.0)
+    pose = robot.get('GetRobotPose').pose
+    assert (pose.x, pose.y, pose.theta) == pytest.approx((2.0, 1.09, math.pi / 2.0))
+    assert robot.x() == pytest.approx(0.18)
+
+
+def test_a_place_that_is_no_number_is_refused(robot):
+    told = pb2.SetRobotPoseRequest(pose=pb2.Pose(x=math.nan))
+    assert robot.call('SetRobotPose', told).result.success is False
+    assert robot.get('GetRobotPose').pose == pb2.Pose()
+
+
+def test_frames_stream_until_the_client_goes(robot):
+    """From the map to odometry to the robot, every 20 ms."""
+    robot.velocity(1.0)
+    stream = robot.stub.GetDynamicTransform(NOTHING, timeout=DEADLINE)
+    first = next(stream).transforms
+    robot.pass_time(0.1)
+    second = next(stream).transforms
+    stream.cancel()
+    assert [(item.header.frame_id, item.child_frame_id) for item in second] == [
+        ('map', 'odom'), ('odom', 'base_footprint')]
+    assert first[1].translation.x == 0.0
+    assert second[1].translation.x == pytest.approx(0.03)
+
+
+def test_the_body_and_the_laser_are_where_the_maker_has_them(robot):
+    body, laser = robot.get('GetStaticTransform').transforms
+    assert (body.header.frame_id, body.child_frame_id) == ('base_footprint', 'base_link')
+    assert (laser.translation.x, laser.translation.z) == (0.156, 0.1049)
+    assert laser.rotation.z == pytest.approx(math.sqrt(0.5))
+
+
+@pytest.mark.parametrize('name', UNIMPLEMENTED)
+def test_what_it_has_not_it_says(resting, name):
+    """In a sentence, and with the code for it."""
+    method = getattr(resting.stub, name)
+    request = pb2.DESCRIPTOR.services_by_name['KachakaApi'].methods_by_name[name].input_type
+    message = getattr(pb2, request.name)()
+    is_upload = name in ('ImportMap', 'ImportImageAsMap')
+    with pytest.raises(grpc.RpcError) as error:
+        list(method(iter([message]) if is_upload else message, timeout=DEADLINE))
+    assert error.value.code() == grpc.StatusCode.UNIMPLEMENTED
+    assert error.value.details() == f'the simulated Kachaka has no {name}'

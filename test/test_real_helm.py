@@ -1,0 +1,293 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What is sent to a real robot, and in which order, under injected time."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.robot.real.command import Command
+from kachaka_simple_control.robot.real.helm import Helm, Kind, LATE_IN_A_ROW, REST
+from kachaka_simple_control.robot.real.mailbox import Mailbox
+from kachaka_simple_control.robot.real.outcome import Outcome, Trouble
+from kachaka_simple_control.robot.real.silence import LEISURELY, LIMIT, Silence
+from kachaka_simple_control.robot.robot_profile import KACHAKA
+import pytest
+
+HOLD = KACHAKA.hold
+OK = Outcome(code=0)
+NO_CONTROL = Outcome(code=13151)
+REFUSED = Outcome(code=21051)
+LATE = Outcome(trouble=Trouble.LATE)
+GONE = Outcome(trouble=Trouble.GONE)
+
+
+def motion(time, linear=0.5):
+    return Command(linear, 0.0, time)
+
+
+def stop(time):
+    return Command(0.0, 0.0, time)
+
+
+@pytest.fixture
+def helm():
+    """Return a helm whose robot answers."""
+    helm = Helm(HOLD)
+    helm.connect()
+    return helm
+
+
+def sent(helm, now):
+    """Return what is due now, and nothing after it."""
+    order = helm.due(now)
+    assert helm.due(now) is None
+    return order
+
+
+# The mailbox.
+
+@given(st.lists(st.tuples(st.sampled_from(['motion', 'stop', 'take', 'take stop', 'back']),
+                          st.floats(0.0, 0.2)), max_size=40))
+def test_mailbox_holds_the_newest_and_never_what_came_before_a_stop(steps):
+    """Whatever happens in whichever order."""
+    mailbox, now, taken = Mailbox(HOLD), 0.0, []
+    newest, last_stop, is_owed = None, -1.0, False
+    for name, pause in steps:
+        now += pause
+        if name == 'motion':
+            newest = motion(now)
+            mailbox.put(newest)
+        elif name == 'stop':
+            mailbox.put(stop(now))
+            newest, last_stop, is_owed = None, now, True
+        elif name == 'take':
+            command = mailbox.take_motion(now)
+            if command is not None:
+                assert command is newest
+                assert now - command.time <= HOLD
+                assert not is_owed
+                taken.append(command)
+        elif name == 'take stop':
+            assert mailbox.take_stop() == is_owed
+            is_owed = False
+        elif taken:
+            mailbox.put_back(taken[-1])
+            assert not mailbox.has_motion(now) or mailbox.take_motion(now).time >= last_stop
+
+
+# Silence.
+
+def test_ceased_velocities_are_noticed_before_the_hold_ends():
+    silence = Silence()
+    for time in (0.0, 0.1, 0.2):
+        silence.hear(False, time)
+    assert silence.end == pytest.approx(0.2 + LIMIT)
+    assert not silence.is_over(0.2 + LIMIT - 1e-6)
+    assert silence.is_over(0.2 + LIMIT)
+    assert not silence.is_over(9.0), 'told once'
+    assert LIMIT < HOLD
+
+
+@given(st.floats(0.2, 0.25), st.integers(1, 20))
+def test_a_5_hz_publisher_is_left_to_the_hold(period, count):
+    """However late its messages are."""
+    silence = Silence()
+    for tick in range(count):
+        silence.hear(False, tick * period)
+    assert silence.end is None
+
+
+@given(st.lists(st.floats(0.001, LIMIT - 1e-6), max_size=20))
+def test_no_gap_below_the_limit_is_an_end(gaps):
+    """At any rate, mixed in any way."""
+    silence, now = Silence(), 0.0
+    silence.hear(False, now)
+    for gap in gaps:
+        now += gap
+        assert not silence.is_over(now)
+        silence.hear(False, now)
+
+
+@given(st.floats(0.01, LEISURELY), st.integers(2, 20))
+def test_a_run_of_ours_that_is_not_given_up_is_never_cut_short(period, count):
+    """Our node gives up when a velocity is more than 0.1 s late."""
+    silence = Silence()
+    for tick in range(count):
+        silence.hear(False, tick * period)
+    last = (count - 1) * period
+    assert not silence.is_over(last + period + 0.1 - 1e-6)
+
+
+def test_a_zero_ends_the_waiting_and_what_was_learnt():
+    silence = Silence()
+    for is_stop, time in ((False, 0.0), (False, 0.05), (True, 0.1), (False, 0.2)):
+        silence.hear(is_stop, time)
+    assert silence.end is None
+
+
+# The helm.
+
+def test_nothing_is_sent_before_the_robot_answers():
+    helm = Helm(HOLD)
+    helm.hear(stop(0.0))
+    helm.hear(motion(0.1))
+    assert helm.due(0.1) is None
+
+
+def test_one_motion_at_a_time_and_the_newest_next(helm):
+    helm.hear(motion(0.0, 0.1))
+    first = sent(helm, 0.0)
+    for time in (0.01, 0.02, 0.03):
+        helm.hear(motion(time, time))
+        assert helm.due(time) is None
+    helm.ended(first, OK, 0.04)
+    assert sent(helm, 0.04).command == motion(0.03, 0.03)
+    assert helm.dropped == 2
+
+
+def test_a_stop_overtakes_a_motion_and_is_sent_again_after_it(helm):
+    """For the robot may have heard them in either order."""
+    helm.hear(motion(0.0))
+    slow = sent(helm, 0.0)
+    helm.hear(stop(0.1))
+    overtaking = sent(helm, 0.1)
+    assert overtaking.kind is Kind.STOP
+    helm.ended(overtaking, OK, 0.12)
+    assert helm.due(0.12) is None
+    assert helm.may_move
+    helm.ended(slow, OK, 0.2)
+    again = sent(helm, 0.2)
+    assert again.kind is Kind.STOP
+    helm.ended(again, OK, 0.21)
+    assert not helm.may_move
+    assert helm.due(9.0) is None
+
+
+def test_a_motion_that_waited_longer_than_the_hold_is_dropped(helm):
+    helm.hear(motion(0.0))
+    slow = sent(helm, 0.0)
+    helm.hear(motion(0.2))  # so slow a publisher is left to the hold
+    helm.ended(slow, OK, 0.2 + HOLD + 0.001)
+    assert helm.due(0.2 + HOLD + 0.001) is None
+    assert helm.dropped == 1
+
+
+def test_manual_control_is_switched_on_for_a_motion_which_is_then_sent(helm):
+    helm.hear(motion(0.0))
+    helm.ended(sent(helm, 0.0), NO_CONTROL, 0.01)
+    take = sent(helm, 0.01)
+    assert take.kind is Kind.TAKE
+    helm.ended(take, OK, 0.02)
+    assert helm.has_taken
+    assert sent(helm, 0.02).command == motion(0.0)
+
+
+def test_manual_control_is_never_switched_on_for_a_zero(helm):
+    helm.hear(stop(0.0))
+    helm.ended(sent(helm, 0.0), NO_CONTROL, 0.01)
+    assert helm.due(0.01) is None
+
+
+def test_a_zero_while_manual_control_comes_on_leaves_no_motion(helm):
+    helm.hear(motion(0.0))
+    helm.ended(sent(helm, 0.0), NO_CONTROL, 0.01)
+    take = sent(helm, 0.01)
+    helm.hear(stop(0.02))
+    zero = sent(helm, 0.02)
+    assert zero.kind is Kind.STOP
+    helm.ended(zero, NO_CONTROL, 0.03)
+    helm.ended(take, OK, 0.04)
+    assert helm.due(0.04) is None
+
+
+def test_a_motion_from_before_the_release_does_not_take_the_robot_again(helm):
+    helm.hear(motion(0.0))
+    under_way = sent(helm, 0.0)
+    helm.rest()
+    assert sent(helm, 0.01).kind is Kind.STOP
+    helm.ended(under_way, NO_CONTROL, 0.02)
+    assert helm.due(0.02) is None
+
+
+@pytest.mark.parametrize('refused', [Kind.MOTION, Kind.TAKE])
+def test_after_a_refusal_nothing_moves_until_the_commander_has_rested(helm, refused):
+    """An emergency stop that is released must not set the robot in motion again."""
+    helm.hear(motion(0.0))
+    order = sent(helm, 0.0)
+    if refused is Kind.TAKE:
+        helm.ended(order, NO_CONTROL, 0.01)
+        order = sent(helm, 0.01)
+    helm.ended(order, REFUSED, 0.02)
+    helm.ended(sent(helm, 0.02), REFUSED, 0.03)
+    for tick in range(1, 50):
+        helm.hear(motion(0.03 + tick * 0.1))
+        assert helm.due(0.03 + tick * 0.1) is None
+    helm.hear(stop(6.0))
+    helm.ended(sent(helm, 6.0), OK, 6.0)
+    helm.hear(motion(6.1))
+    assert sent(helm, 6.1).kind is Kind.MOTION
+
+
+def test_silence_is_a_rest_too(helm):
+    helm.hear(motion(0.0))
+    helm.bar()
+    helm.hear(motion(REST))
+    assert helm.due(REST) is None
+    helm.hear(motion(REST + REST + 0.1))
+    assert sent(helm, REST + REST + 0.1).kind is Kind.MOTION
+
+
+def test_a_link_that_is_back_brings_a_stop_and_no_motion(helm):
+    helm.hear(motion(0.0))
+    helm.ended(sent(helm, 0.0), GONE, 0.1)
+    helm.lose()
+    for tick in range(2, 20):
+        helm.hear(motion(tick * 0.1))
+        assert helm.due(tick * 0.1) is None
+    # A zero that was heard meanwhile is no rest after the link's return.
+    helm.hear(stop(2.0))
+    helm.hear(motion(2.05))
+    helm.connect()
+    zero = sent(helm, 2.1)
+    assert zero.kind is Kind.STOP
+    helm.ended(zero, OK, 2.1)
+    helm.hear(motion(2.2))
+    assert helm.due(2.2) is None
+
+
+def test_a_stop_without_an_answer_is_sent_again(helm):
+    helm.hear(stop(0.0))
+    helm.ended(sent(helm, 0.0), LATE, 1.0)
+    assert sent(helm, 1.0).kind is Kind.STOP
+
+
+def test_a_robot_too_slow_for_its_own_hold_is_stopped_between_and_then_for_good(helm):
+    for tick in range(LATE_IN_A_ROW):
+        helm.hear(motion(float(tick)))
+        helm.ended(sent(helm, float(tick)), LATE, tick + HOLD)
+        helm.hear(motion(tick + HOLD))
+        zero = sent(helm, tick + HOLD)
+        assert zero.kind is Kind.STOP, 'nothing piles up in a slow robot'
+        helm.ended(zero, OK, tick + 0.5)
+        helm.due(tick + 0.8)
+    assert helm.is_barred
+
+
+def test_ceased_velocities_stop_the_robot_before_its_hold_does(helm):
+    for time in (0.0, 0.1):
+        helm.hear(motion(time))
+        helm.ended(sent(helm, time), OK, time + 0.01)
+    assert helm.next_look == pytest.approx(0.1 + LIMIT)
+    assert sent(helm, 0.1 + LIMIT).kind is Kind.STOP

@@ -1,0 +1,137 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Whatever comes, and however slow, deaf or stubborn the robot is: what may never be sent."""
+
+from __future__ import annotations
+
+from hypothesis import strategies as st
+from hypothesis.stateful import invariant, precondition, rule, RuleBasedStateMachine
+from kachaka_simple_control.robot.real.command import Command
+from kachaka_simple_control.robot.real.helm import Helm, Kind
+from kachaka_simple_control.robot.real.outcome import Outcome, Trouble
+from kachaka_simple_control.robot.robot_profile import KACHAKA
+
+HOLD = KACHAKA.hold
+OUTCOMES = st.sampled_from([
+    Outcome(code=0), Outcome(code=0), Outcome(code=13151), Outcome(code=21051),
+    Outcome(trouble=Trouble.LATE), Outcome(trouble=Trouble.FAILED)])
+PAUSES = st.sampled_from([0.001, 0.02, 0.1, 0.2, 0.4])
+
+
+class HelmAtRandom(RuleBasedStateMachine):
+    """A commander, a robot and a link, each with a will of its own."""
+
+    def __init__(self):
+        """Begin with a link."""
+        super().__init__()
+        self.helm = Helm(HOLD)
+        self.helm.connect()
+        self.is_linked = True
+        self.now = 0.0
+        self.last_stop = -1.0
+        self.under_way = []
+        self.ended = {}
+
+    @rule(pause=PAUSES)
+    def time_passes(self, pause):
+        """And nothing else."""
+        self.now += pause
+
+    @rule(linear=st.sampled_from([0.5, -1.0, 0.1]))
+    def motion_comes(self, linear):
+        """Hear the newest command."""
+        self.now += 0.001
+        self.helm.hear(Command(linear, 0.0, self.now))
+
+    @rule()
+    def stop_comes(self):
+        """Hear a zero; it has to leave at once, unless one is under way."""
+        self.now += 0.001
+        self.last_stop = self.now
+        self.helm.hear(Command(0.0, 0.0, self.now))
+        if self.is_linked and not any(order.kind is Kind.STOP for order in self.under_way):
+            order = self.helm.due(self.now)
+            assert order is not None
+            assert order.kind is Kind.STOP
+            self.under_way.append(order)
+
+    @precondition(lambda self: self.under_way)
+    @rule(data=st.data(), outcome=OUTCOMES, pause=PAUSES)
+    def call_ends(self, data, outcome, pause):
+        """In any order."""
+        order = self.under_way.pop(data.draw(st.integers(0, len(self.under_way) - 1)))
+        self.now += pause
+        self.helm.ended(order, outcome, self.now)
+        self.ended[order.kind] = self.now
+
+    @rule()
+    def link_is_lost(self):
+        """Go on; calls under way end later."""
+        self.helm.lose()
+        self.is_linked = False
+
+    @rule()
+    def link_is_back(self):
+        """Or was never lost."""
+        self.helm.connect()
+        self.is_linked = True
+
+    @rule()
+    def robot_is_given_back(self):
+        """Manual control is switched off by the service."""
+        self.now += 0.001
+        self.last_stop = self.now
+        self.helm.rest()
+
+    @invariant()
+    def only_what_may_be_sent_is_sent(self):
+        """At each moment."""
+        while (order := self.helm.due(self.now)) is not None:
+            assert self.is_linked
+            kinds = [other.kind for other in self.under_way]
+            if order.kind is Kind.STOP:
+                assert Kind.STOP not in kinds
+            else:
+                assert not kinds, 'one at a time'
+            if order.kind is Kind.MOTION:
+                assert order.command.time > self.last_stop, 'older than a stop'
+                assert self.now - order.command.time <= HOLD
+            if order.kind is Kind.TAKE:
+                assert Kind.MOTION in self.ended, 'only for a motion that was refused'
+            self.under_way.append(order)
+
+    def teardown(self):
+        """At last the commander stops, and the robot behaves: it must be left at rest."""
+        self.now += 0.001
+        self.helm.connect()
+        self.helm.hear(Command(0.0, 0.0, self.now))
+        last, motion_ended = None, -1.0
+        for _ in range(20):
+            while (order := self.helm.due(self.now)) is not None:
+                assert order.kind is Kind.STOP
+                self.under_way.append(order)
+                last = (order, self.now)
+            if not self.under_way:
+                break
+            order = self.under_way.pop(0)
+            self.now += 0.01
+            self.helm.ended(order, Outcome(code=0), self.now)
+            if order.kind is Kind.MOTION:
+                motion_ended = self.now
+        assert not self.under_way
+        assert not self.helm.may_move
+        assert last is None or last[1] >= motion_ended, 'a stop has the last word'
+
+
+TestHelmAtRandom = HelmAtRandom.TestCase

@@ -1,0 +1,268 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What the simulated robot does by itself: it arrives, it can be stopped, and it stays stopped."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from kachaka_simple_control.motion.kinematics import ORIGIN, Pose, ZERO
+from kachaka_simple_control.robot.errands import Errand
+from kachaka_simple_control.robot.error_codes import (
+    ERROR_CANCELLED,
+    ERROR_NO_MANUAL_CONTROL,
+    ERROR_NOTHING_TO_DO,
+    ERROR_PAUSED,
+    ERROR_STUCK,
+    SUCCESS,
+)
+from kachaka_simple_control.robot.fidelity import Fidelity
+from kachaka_simple_control.robot.legs import reach, Stay, Straight, Turn
+from kachaka_simple_control.robot.simulated import SimulatedKachaka
+import pytest
+
+#: A robot that does nothing quite as it is told.
+ROUGH = st.builds(
+    Fidelity, lag=st.floats(0.0, 0.3), linear_gain=st.floats(0.9, 1.1),
+    angular_gain=st.floats(0.9, 1.1), linear_acceleration=st.floats(0.2, 5.0),
+    angular_acceleration=st.floats(1.0, 20.0), velocity_noise=st.floats(0.0, 0.03))
+
+
+def send(robot, *legs, now=0.0, name='errand', drop_others=True, ends_docked=False):
+    """Send a robot on an errand."""
+    return robot.start_errand(Errand(name, legs, ends_docked), now, drop_others)
+
+
+def endings(robot, now):
+    """Return how the errands of a robot ended, by name."""
+    return [(outcome.errand.identity, outcome.code) for outcome in robot.outcomes(now)]
+
+
+def test_a_straight_line_is_exact_and_takes_its_time():
+    """0.3 m at 0.1 m/s: 3 s."""
+    robot = SimulatedKachaka()
+    assert send(robot, Straight(0.3, 0.1), now=1.0) == SUCCESS
+    assert robot.state(2.5)[0].x == pytest.approx(0.15, abs=1e-12)
+    assert robot.errand(3.98).identity == 'errand'
+    assert robot.errand(4.05) is None
+    assert robot.state(9.0) == (Pose(pytest.approx(0.3, abs=1e-12)), ZERO)
+    assert endings(robot, 9.0) == [('errand', SUCCESS)]
+
+
+@pytest.mark.parametrize(('leg', 'pose'), [
+    (Straight(-0.4), Pose(-0.4)), (Straight(1.0, 9.0), Pose(1.0)),
+    (Turn(math.pi), Pose(theta=math.pi)), (Turn(-7.0), Pose(theta=-7.0)),
+    (Straight(0.0), ORIGIN)])
+def test_an_errand_ends_where_it_should(leg, pose):
+    """Backwards, faster than it can, more than a turn, and nothing at all."""
+    robot = SimulatedKachaka()
+    send(robot, leg)
+    assert robot.state(20.0)[0].x == pytest.approx(pose.x, abs=1e-9)
+    assert robot.state(20.0)[0].theta == pytest.approx(pose.theta, abs=1e-9)
+    assert endings(robot, 20.0) == [('errand', SUCCESS)]
+
+
+@settings(max_examples=10, deadline=None)
+@given(fidelity=ROUGH, distance=st.floats(-1.0, 1.0), angle=st.floats(-4.0, 4.0))
+def test_a_rough_robot_arrives_all_the_same(fidelity, distance, angle):
+    """Within 1 mm and 1 mrad: it looks where it is."""
+    robot = SimulatedKachaka(fidelity=fidelity)
+    send(robot, Turn(angle), Straight(distance))
+    pose, velocity = robot.state(60.0)
+    assert endings(robot, 60.0) == [('errand', SUCCESS)]
+    assert math.hypot(pose.x, pose.y) == pytest.approx(abs(distance), abs=1e-3)
+    assert pose.theta == pytest.approx(angle, abs=1e-3)
+    assert velocity == ZERO
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    x=st.floats(-1.0, 1.0), y=st.floats(-1.0, 1.0), theta=st.floats(-10.0, 10.0))
+def test_a_pose_is_reached_from_anywhere(x, y, theta):
+    """With the heading of the pose, whichever turn it is in."""
+    robot = SimulatedKachaka()
+    send(robot, Turn(1.0), Straight(0.3))
+    send(robot, *reach(Pose(x, y, theta)), now=10.0)
+    pose, _ = robot.state(60.0)
+    assert (pose.x, pose.y) == (pytest.approx(x, abs=2e-4), pytest.approx(y, abs=2e-4))
+    assert math.remainder(pose.theta - theta, math.tau) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_asking_changes_nothing():
+    """To the last bit, also for a rough robot with noise."""
+    fidelity = Fidelity(lag=0.1, velocity_noise=0.02, linear_gain=1.05)
+    poses = []
+    for questions in (1, 500):
+        robot = SimulatedKachaka(fidelity=fidelity, seed=5)
+        send(robot, Straight(0.5), Turn(1.0))
+        for question in range(questions):
+            robot.state(4.0 * (question + 1) / questions)
+        poses.append(robot.state(4.0))
+    assert poses[0] == poses[1]
+
+
+def test_a_robot_that_cannot_come_there_says_so_and_stops():
+    """Its wheels turn and it does not move."""
+    robot = SimulatedKachaka(fidelity=Fidelity(linear_gain=0.0))
+    send(robot, Straight(0.3), Turn(1.0))
+    assert robot.errand(12.0) is not None
+    assert endings(robot, 14.0) == [('errand', ERROR_STUCK)]
+    assert robot.state(20.0) == (ORIGIN, ZERO)
+
+
+def test_the_next_errand_ends_the_one_before_unless_it_waits():
+    """The robot goes on from where it is."""
+    robot = SimulatedKachaka()
+    send(robot, Straight(1.0, 0.1), name='a')
+    send(robot, Straight(1.0, 0.1), now=1.0, name='b')
+    send(robot, Straight(-0.3, 0.1), now=2.0, name='c', drop_others=False)
+    assert robot.errand(10.9).identity == 'b'
+    assert robot.errand(11.1).identity == 'c'
+    assert endings(robot, 20.0) == [('a', ERROR_CANCELLED), ('b', SUCCESS), ('c', SUCCESS)]
+    assert robot.state(20.0)[0].x == pytest.approx(0.1 + 1.0 - 0.3, abs=1e-9)
+
+
+def test_a_cancelled_robot_stops_at_once_and_forgets_the_rest():
+    """What was under way is told; a second time there is nothing."""
+    robot = SimulatedKachaka()
+    send(robot, Straight(1.0, 0.1), name='a')
+    send(robot, Straight(1.0, 0.1), name='b', drop_others=False)
+    assert robot.cancel_errands(1.0).identity == 'a'
+    assert robot.cancel_errands(1.0) is None
+    assert robot.state(9.0) == (Pose(pytest.approx(0.1, abs=1e-12)), ZERO)
+    assert endings(robot, 9.0) == [('a', ERROR_CANCELLED), ('b', ERROR_CANCELLED)]
+
+
+def test_somebody_can_end_a_stay_that_may_be_ended():
+    """And no other."""
+    robot = SimulatedKachaka()
+    assert robot.end_stay(0.0) == ERROR_NOTHING_TO_DO
+    send(robot, Stay(30.0), now=0.0)
+    assert robot.end_stay(1.0) == ERROR_NOTHING_TO_DO
+    send(robot, Stay(30.0, can_be_ended=True), Straight(0.1, 0.1), now=2.0)
+    assert robot.end_stay(5.0) == SUCCESS
+    assert robot.state(5.5)[0].x == pytest.approx(0.05, abs=1e-12)
+    assert endings(robot, 7.0)[-1] == ('errand', SUCCESS)
+
+
+def test_a_stay_ends_by_itself():
+    """At its time."""
+    robot = SimulatedKachaka()
+    send(robot, Stay(30.0, can_be_ended=True))
+    assert robot.next_change(1.0) == 30.0
+    assert robot.errand(29.9) is not None
+    assert robot.errand(30.0) is None
+
+
+def test_errands_end_manual_control_and_it_ends_them():
+    """Whoever comes last has the robot."""
+    robot = SimulatedKachaka()
+    robot.set_manual_control(True, 0.0)
+    robot.set_robot_velocity(1.0, 0.0, 0.9)
+    send(robot, Straight(1.0, 0.1), now=1.0)
+    assert robot.manual_control(1.1) is False
+    assert robot.set_robot_velocity(1.0, 0.0, 1.1) == ERROR_NO_MANUAL_CONTROL
+    assert robot.state(2.0)[0].x == pytest.approx(0.03 + 0.1, abs=1e-12)
+    robot.set_manual_control(True, 2.0)
+    assert robot.state(3.0) == (Pose(pytest.approx(0.13, abs=1e-12)), ZERO)
+    assert endings(robot, 3.0) == [('errand', ERROR_CANCELLED)]
+
+
+def test_on_the_dock_an_errand_that_moves_drives_off_first():
+    """One that does not stays there."""
+    robot = SimulatedKachaka(docked=True)
+    send(robot, Stay(1.0), now=0.0)
+    assert robot.is_docked(2.0) is True
+    send(robot, Turn(1.0), now=2.0)
+    assert robot.is_docked(2.0) is False
+    pose, _ = robot.state(9.0)
+    assert (pose.x, pose.theta) == (pytest.approx(0.2), pytest.approx(1.0))
+
+
+def test_an_errand_waits_for_the_way_off_the_dock():
+    """Manual control began it; it is driven to its end."""
+    robot = SimulatedKachaka(docked=True)
+    robot.set_manual_control(True, 0.0)
+    send(robot, Straight(0.1, 0.1), now=0.5)
+    assert robot.state(1.99)[0].x == pytest.approx(0.199)
+    assert robot.state(9.0)[0].x == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize('docked', [True, False])
+def test_the_robot_finds_home_from_anywhere(docked):
+    """Backwards onto its dock; there, it is home already."""
+    robot = SimulatedKachaka(docked=docked)
+    send(robot, Straight(0.4), Turn(2.0), Straight(0.3))
+    send(robot, *robot.way_home(20.0), now=20.0, ends_docked=True)
+    assert robot.is_docked(25.0) is False
+    pose, velocity = robot.state(60.0)
+    assert robot.is_docked(60.0) is True
+    assert (pose.x, pose.y) == (pytest.approx(robot.dock.x), pytest.approx(0.0, abs=1e-9))
+    assert math.cos(pose.theta) == pytest.approx(1.0)
+    assert velocity == ZERO
+    assert robot.way_home(60.0) == ()
+
+
+def test_a_way_home_that_is_cut_short_does_not_end_docked():
+    """Nor does one from which it was called away."""
+    robot = SimulatedKachaka()
+    send(robot, Straight(0.5))
+    send(robot, *robot.way_home(9.0), now=9.0, ends_docked=True)
+    robot.cancel_errands(10.0)
+    assert robot.is_docked(60.0) is False
+
+
+@pytest.mark.parametrize('docked', [True, False])
+def test_emergency_stop_ends_everything_at_once(docked):
+    """An errand, the way off the dock, manual control; and nothing moves when it is over."""
+    robot = SimulatedKachaka(docked=docked)
+    if docked:
+        robot.set_manual_control(True, 0.0)
+    else:
+        send(robot, Straight(1.0, 0.1))
+    assert robot.set_emergency_stop(1.0) == SUCCESS
+    assert robot.errors(1.0) == (ERROR_PAUSED,)
+    assert robot.set_manual_control(True, 2.0) == ERROR_PAUSED
+    assert robot.set_robot_velocity(1.0, 0.0, 2.0) == ERROR_PAUSED
+    assert send(robot, Straight(1.0), now=2.0) == ERROR_PAUSED
+    assert robot.set_manual_control(False, 2.0) == SUCCESS
+    assert send(robot, Stay(1.0), now=2.0) == SUCCESS
+    robot.press_power_button(4.0)
+    assert robot.errors(4.0) == ()
+    assert robot.state(9.0) == (Pose(pytest.approx(0.1, abs=1e-12)), ZERO)
+    assert robot.manual_control(9.0) is False
+    assert robot.set_manual_control(True, 9.0) == SUCCESS
+
+
+def test_the_power_button_pauses_a_robot_that_drives():
+    """As an emergency stop does."""
+    robot = SimulatedKachaka()
+    robot.set_manual_control(True, 0.0)
+    robot.set_robot_velocity(1.0, 0.0, 1.0)
+    robot.press_power_button(1.1)
+    assert robot.state(9.0)[0].x == pytest.approx(0.03)
+    assert robot.errors(9.0) == (ERROR_PAUSED,)
+
+
+def test_the_next_change_is_what_ends_first():
+    """Of a hold, of manual control; a robot at rest never changes."""
+    robot = SimulatedKachaka()
+    assert robot.next_change(0.0) == math.inf
+    robot.set_manual_control(True, 0.0)
+    robot.set_robot_velocity(1.0, 0.0, 1.0)
+    assert robot.next_change(1.0) == pytest.approx(1.3)
+    assert robot.next_change(1.3) == 60.0
+    assert robot.next_change(60.0) == math.inf
