@@ -98,8 +98,8 @@ def _motion_file(options: Options) -> MotionFile | None:
     profile = profile_of(robot or KACHAKA.name)
     if options.brings_robot and profile.velocity_topic != KACHAKA.velocity_topic:
         raise UsageError(
-            f'the robot of --sim and --address is a kachaka, not a {profile.name}: leave that '
-            'out, or --robot')
+            f'--sim and --address bring a kachaka along, not a {profile.name}: leave that out, or '
+            '--robot')
     if motion_file is not None:
         motion_file.check(profile.limits, profile.name)
     return motion_file

@@ -83,7 +83,7 @@ def test_a_simulated_kachaka_is_no_turtlebot(tmp_path):
     with program([*COMMAND, '--sim', '--robot', 'turtlebot3'], tmp_path) as started:
         assert started.end() == 2
     (line,) = started.text.splitlines()
-    assert 'is a kachaka, not a turtlebot3' in line
+    assert 'bring a kachaka along, not a turtlebot3' in line
 
 
 def test_on_request_it_drives_and_stops(listener, tmp_path):
