@@ -98,15 +98,16 @@ def _motion_file(options: Options) -> MotionFile | None:
     profile = profile_of(robot or KACHAKA.name)
     if options.brings_robot and profile.velocity_topic != KACHAKA.velocity_topic:
         raise UsageError(
-            f'--sim and --address bring a kachaka along, not a {profile.name}: leave that out, or '
-            '--robot')
+            f'--sim and --address bring a kachaka along, not a {profile.name}: leave out that '
+            'option, or --robot')
     if motion_file is not None:
         motion_file.check(profile.limits, profile.name)
     return motion_file
 
 
 def _parameters(options: Options, motion_file: MotionFile | None) -> dict[str, object]:
-    said = [{'robot': options.robot, 'rate': options.rate, 'summary': options.brings_robot or None}]
+    summary = options.brings_robot or None
+    said = [{'robot': options.robot, 'rate': options.rate, 'summary': summary}]
     if motion_file is not None:
         said.insert(0, {'robot': motion_file.robot, 'rate': motion_file.rate})
     return {name: value for values in said for name, value in values.items() if value is not None}
