@@ -34,6 +34,7 @@ SEVERAL = "in one step; begin each step with '- ', and indent what belongs to it
     # Steps that are none.
     ('trun: 90 deg', "trun: there is no such step; did you mean 'turn'?"),
     ('Forward: 1 m', "Forward: there is no such step; did you mean 'forward'?"),
+    ('WAIT: 1', "WAIT: there is no such step; did you mean 'wait'?"),
     ('fly: 1', 'fly: there is no such step; known are move, forward, turn, arc, wait, repeat'),
     ('stop', "'stop'; it must be a step, as in - forward: 0.5 m"),
     ('{}', 'nothing; it must be a step, as in - forward: 0.5 m'),
@@ -172,6 +173,13 @@ steps:
         'descriptoin', 'rate', 'steps[0].wait', 'steps[1].repeat.times',
         'steps[1].repeat.steps[0].arc.angle', 'steps[1].repeat.steps[1].wait',
         'steps[1].repeat.steps[2].trun', 'steps[2].wait']
+
+
+def test_each_missing_key_is_named_once():
+    assert refusal('steps: [{move: {linear_x: 1}}]') == [
+        ("bad.yaml:1: steps[0].move: 'angular_z' is missing: an angular velocity, as in 45 deg/s "
+         '(in rad/s or deg/s)'),
+        ("bad.yaml:1: steps[0].move: 'duration' is missing: a time, as in 2 s (in s, ms or min)")]
 
 
 def test_a_file_full_of_errors_does_not_fill_the_screen():

@@ -92,6 +92,7 @@ def test_only_the_steps_must_be_there():
     assert (file.robot, file.rate, dict(file.limits)) == (None, None, {})
 
 
+@pytest.mark.usefixtures('any_loader')
 def test_a_file_read_is_not_changed(tmp_path):
     path = tmp_path / 'wait.yaml'
     path.write_bytes('\ufeffname: ü\r\nsteps:\r\n- wait: 1\r\n'.encode())  # as some editors save

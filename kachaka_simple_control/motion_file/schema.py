@@ -60,7 +60,7 @@ def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
     :param known: what could have been
     :returns: one of the known ones; None if none is near
     """
-    close = difflib.get_close_matches(word[:40].lower(), list(known), n=1)
+    close = difflib.get_close_matches(word.lower(), list(known), n=1)
     return close[0] if close else None
 
 

@@ -35,7 +35,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     Return the text of a file.
 
     :param path: where it is
-    :returns: its text, without a byte order mark
+    :returns: its text
     :raises UnreadableFileError: if there is no such file, or it is no text of at most 1 MB
     """
     try:
@@ -58,7 +58,7 @@ def decode(data: bytes) -> str:
     Return the text that bytes stand for.
 
     :param data: the bytes of a file
-    :returns: its text, without a byte order mark
+    :returns: its text
     :raises UnreadableFileError: if they are no text in UTF-8, or too many
     """
     if len(data) > MAX_BYTES:
@@ -66,26 +66,24 @@ def decode(data: bytes) -> str:
     if data.startswith(_UTF_16):
         raise UnreadableFileError(Problem('this is text in UTF-16; save it as UTF-8'))
     try:
-        text = data.decode('utf-8-sig')
+        return data.decode()
     except UnicodeDecodeError as error:
         raise UnreadableFileError(Problem(
             f'byte {data[error.start]:#04x} is not UTF-8; is this a text, saved as UTF-8?',
             line=data.count(b'\n', 0, error.start) + 1)) from None
-    return text
 
 
 def require_text(text: str) -> str:
     """
     Require what a person can see, of a size that can be read.
 
-    :param text: the text of a file
-    :returns: the text, without a byte order mark
+    :param text: the text of a file, perhaps with a byte order mark, as some editors write
+    :returns: the same
     :raises UnreadableFileError: if it is too long, or has control characters
     """
     # A character has four bytes at most, so this spares encoding what is surely too long.
     if len(text) > MAX_BYTES or len(text.encode(errors='surrogatepass')) > MAX_BYTES:
         raise UnreadableFileError(_too_large())
-    text = text.removeprefix('\ufeff')
     found = _UNPRINTABLE.search(text)
     if found:
         raise UnreadableFileError(Problem(
