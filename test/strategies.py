@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 import math
 
+from hypothesis import settings
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
 from kachaka_simple_control.motion.limits import Limits
@@ -46,6 +47,9 @@ def or_infinite(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[float]:
     return st.one_of(numbers, numbers, numbers, st.just(math.inf))
 
 
+#: A plan has thousands of ticks, and the machine may be busy.
+UNHURRIED = settings(deadline=None)
+
 #: From a creeping robot to a racing one.
 LIMITS = st.builds(
     Limits,
@@ -71,8 +75,8 @@ GOALS = st.one_of(
 #: The slowest robot of all can drive these; none turns so little that a circle's centre, which
 #: the closed form goes by, is out of sight.
 MOVES = st.builds(
-    Move, st.floats(-0.05, 0.05),
-    st.just(0.0) | st.floats(0.001, 0.1) | st.floats(-0.1, -0.001), st.floats(0.0, 20.0))
+    Move, st.floats(-0.04, 0.04),
+    st.just(0.0) | st.floats(0.001, 0.09) | st.floats(-0.09, -0.001), st.floats(0.0, 20.0))
 WAITS = st.builds(Wait, st.floats(0.0, 20.0))
 
 

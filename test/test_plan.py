@@ -20,6 +20,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
+from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import (
     Arc,
@@ -39,6 +40,7 @@ from strategies import (
     MOTIONS,
     motions,
     RATES,
+    UNHURRIED,
     written_out,
 )
 
@@ -63,6 +65,7 @@ def sent(planned: Plan) -> list[tuple[float, float]]:
             for segment in planned.segments]
 
 
+@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_a_plan_ends_where_geometry_says(motion, limits, rate):
     planned = plan(motion, limits, rate)
@@ -71,6 +74,7 @@ def test_a_plan_ends_where_geometry_says(motion, limits, rate):
     assert close(expected, planned.pose, size(planned))
 
 
+@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_every_stage_ends_where_geometry_says(motion, limits, rate):
     planned = plan(motion, limits, rate)
@@ -82,6 +86,7 @@ def test_every_stage_ends_where_geometry_says(motion, limits, rate):
         assert close(pose, stage.pose, size(planned))
 
 
+@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_stages_and_segments_tell_the_same(motion, limits, rate):
     planned = plan(motion, limits, rate)
@@ -98,6 +103,7 @@ def test_stages_and_segments_tell_the_same(motion, limits, rate):
         planned.length == pytest.approx(math.fsum(stage.length for stage in planned.stages)))
 
 
+@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_segments_and_stages_follow_each_other_without_a_gap(motion, limits, rate):
     planned = plan(motion, limits, rate)
@@ -108,6 +114,7 @@ def test_segments_and_stages_follow_each_other_without_a_gap(motion, limits, rat
     assert all(segment.end > segment.start for segment in planned.segments)
 
 
+@UNHURRIED
 @given(motions(GOALS), LIMITS, RATES)
 def test_no_tick_of_a_goal_is_longer_than_a_period_and_none_is_a_sliver(motion, limits, rate):
     planned = plan(motion, limits, rate)
@@ -118,6 +125,7 @@ def test_no_tick_of_a_goal_is_longer_than_a_period_and_none_is_a_sliver(motion, 
         assert not own or max(own) - min(own) <= 1e-6 * max(own)
 
 
+@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_nothing_in_a_plan_is_refused_on_its_way_out(motion, limits, rate):
     """The edge checks each velocity once more, and a run that it refuses has failed."""
@@ -125,6 +133,16 @@ def test_nothing_in_a_plan_is_refused_on_its_way_out(motion, limits, rate):
         limits.check(segment.velocity)
 
 
+@pytest.mark.parametrize('radius', [0.181, -0.163, 0.186])
+def test_an_arc_that_turns_as_quickly_as_the_robot_may_is_not_refused_either(radius):
+    """1.57 rad/s times one of these radii, divided by it again, is more than 1.57 rad/s."""
+    planned = plan(Motion('arc', (Arc(radius, 3.0),)), KACHAKA, 10.0)
+    for segment in planned.segments:
+        KACHAKA.check(segment.velocity)
+    assert planned.max_angular_velocity == pytest.approx(1.57)
+
+
+@UNHURRIED
 @given(MOTIONS, LIMITS, RATES, RATES)
 def test_another_rate_is_no_other_motion(motion, limits, rate, other):
     one, two = plan(motion, limits, rate), plan(motion, limits, other)
@@ -133,6 +151,7 @@ def test_another_rate_is_no_other_motion(motion, limits, rate, other):
     assert [stage.end for stage in one.stages] == [stage.end for stage in two.stages]
 
 
+@UNHURRIED
 @given(MOTIONS, MOTIONS, LIMITS, RATES)
 def test_durations_add_up(first, second, limits, rate):
     both = Motion('both', first.steps + second.steps)
@@ -140,6 +159,7 @@ def test_durations_add_up(first, second, limits, rate):
     assert durations[2] == pytest.approx(durations[0] + durations[1], rel=1e-12)
 
 
+@UNHURRIED
 @given(MOTIONS, LIMITS, RATES, st.integers(0, 4))
 def test_a_repeat_is_the_same_over_and_over(motion, limits, rate, times):
     repeated = plan(Motion('many', (Repeat(times, motion.steps),)), limits, rate)
@@ -159,6 +179,7 @@ def mirrored(step):
     return replace(step, angle=-step.angle) if isinstance(step, Turn) else step
 
 
+@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_a_mirrored_motion_is_the_mirrored_plan(motion, limits, rate):
     there = plan(motion, limits, rate)
@@ -180,6 +201,7 @@ def reversed_(step):
     return replace(step, angle=-step.angle) if isinstance(step, (Arc, Turn)) else step
 
 
+@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_backwards_is_forwards_with_the_other_sign(motion, limits, rate):
     limits = replace(limits, max_backward_velocity=None)
@@ -189,6 +211,7 @@ def test_backwards_is_forwards_with_the_other_sign(motion, limits, rate):
     assert there.duration == back.duration
 
 
+@UNHURRIED
 @given(GOALS, LIMITS, RATES)
 def test_an_arc_stays_an_arc_at_every_tick(goal, limits, rate):
     for linear, angular in sent(plan(Motion('one', (goal,)), limits, rate)):
@@ -196,6 +219,14 @@ def test_an_arc_stays_an_arc_at_every_tick(goal, limits, rate):
             assert linear == pytest.approx(angular * goal.radius, rel=1e-12)
         assert linear == 0.0 or not isinstance(goal, Turn)
         assert angular == 0.0 or not isinstance(goal, Forward)
+
+
+@pytest.mark.parametrize('distance', [0.07, 0.14, 0.28, 0.56])
+def test_rounding_alone_makes_no_further_tick(distance):
+    """Some of these take a hair more than a whole number of periods."""
+    for bounds, speed in ((Limits(0.3, 1.57), 0.1), (Limits(0.1, 1.57), None)):
+        planned = plan(Motion('x', (Forward(distance, speed),)), bounds, 10.0)
+        assert len(planned.segments) == round(100.0 * distance)
 
 
 def test_a_plan_is_a_value_that_nothing_changes():

@@ -33,7 +33,7 @@ from kachaka_simple_control.motion.steps import (
 )
 from kachaka_simple_control.motion.survey import find_errors, MAX_DURATION, MAX_STEPS
 import pytest
-from strategies import KACHAKA, LIMITS, MOTIONS, RATES
+from strategies import KACHAKA, LIMITS, MOTIONS, RATES, UNHURRIED
 
 SLOW_BACKWARDS = replace(KACHAKA, max_backward_velocity=0.1)
 
@@ -173,6 +173,7 @@ def test_a_rate_that_is_none_is_refused(rate, text):
     assert text == str(caught.value)
 
 
+@UNHURRIED
 @given(MOTIONS, LIMITS, RATES, st.floats(0.01, 20.0))
 def test_nothing_found_means_that_it_can_be_planned(motion, limits, rate, speed):
     """And something found means that it cannot."""

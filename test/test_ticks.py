@@ -17,7 +17,7 @@ from itertools import pairwise
 import math
 import sys
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.profile import quickest
 import pytest
@@ -54,6 +54,10 @@ def test_each_tick_is_the_mean_of_the_profile_over_it(distance, bounds, count):
 
 
 @given(DISTANCES, BOUNDS, COUNTS)
+# What rounding alone would carry beyond it.
+@example(4.27, (1.1, 1.1, 1.1, 5.0), 46)
+@example(1.14, (1.2, 1.6, 1.6, math.inf), 68)
+@example(2.36, (0.8, 0.5, 0.5, 2.0), 96)
 def test_no_tick_is_beyond_the_velocity_or_backwards(distance, bounds, count):
     means = quickest(distance, *bounds).means(count)
     assert max(means) <= bounds[0]

@@ -72,7 +72,8 @@ def advance(pose: Pose, distance: float, angle: float) -> Pose:
     Return the pose after an arc of constant curvature.
 
     The chord of an arc of length s that turns by a is s sin(a/2) / (a/2), and it points along the
-    heading half-way.  The same form covers straight lines, arcs and turns in place.
+    heading half-way, (14) in docs/theory.md.  The same form covers straight lines, arcs and turns
+    in place.
 
     :param pose: the pose to start from
     :param distance: signed length of the arc [m]

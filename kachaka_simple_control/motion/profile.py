@@ -57,7 +57,7 @@ class Profile:
         Return how far it has gone.
 
         :param time: since it began [s]; before it and after it are allowed
-        :returns: the distance [u] (8)
+        :returns: the distance [u] (5)
         """
         if time <= 0.0:
             return 0.0
@@ -101,7 +101,8 @@ class Profile:
         Return the mean velocity of each of some equal parts of the time.
 
         :param count: how many parts, 1 or more
-        :returns: the means [u/s] (12); times the length of a part, they add up to the distance
+        :returns: the means [u/s] (11); they keep the limits (12), and times the length of a part
+            they add up to the distance
         """
         part = self.duration / count
         rise, fall = self.rise.duration / part, self.fall.duration / part
@@ -121,7 +122,7 @@ class Profile:
         return [min(mean, self.velocity) for mean in means]
 
     def _mean(self, start: float, part: float) -> float:
-        """Return one mean, from what rise, cruise and fall have of its time (13)."""
+        """Return one mean, from what rise, cruise and fall cover in its time (11)."""
         times = (start, start + part)
         rise, fall, top = self.rise, self.fall, self.rise.duration
         up = [rise.position_at(min(time, top)) for time in times]
@@ -150,25 +151,25 @@ def quickest(
         raise InvalidMotionError('nothing limits the velocity; set a speed or a limit')
     rise, fall = ramp(peak, acceleration, jerk), ramp(peak, deceleration, jerk)
     # Over no distance there is no peak either, unless the velocity may jump.
-    cruise = (distance - rise.distance - fall.distance) / peak if peak else 0.0  # (11)
+    cruise = (distance - rise.distance - fall.distance) / peak if peak else 0.0
     return Profile(distance, rise, max(0.0, cruise), fall)
 
 
 def _unlimited_peak(
         distance: float, acceleration: float, deceleration: float, jerk: float) -> float:
-    """Return the velocity at which the two ramps alone make up the distance (10)."""
+    """Return the velocity at which the two ramps alone make up the distance (6)."""
     if jerk == math.inf:
         slowness = 1.0 / acceleration + 1.0 / deceleration
-        return math.sqrt(2.0 * distance / slowness) if slowness else math.inf  # (10a)
+        return math.sqrt(2.0 * distance / slowness) if slowness else math.inf  # (7)
     low, high = sorted((acceleration, deceleration))
-    peak = math.pow(distance, 2.0 / 3.0) * math.pow(jerk / 4.0, 1.0 / 3.0)  # (10b)
+    peak = math.pow(distance, 2.0 / 3.0) * math.pow(jerk / 4.0, 1.0 / 3.0)  # (8)
     if peak * jerk <= low * low:
         return peak
     ease = (low + high) / jerk
     slowness = 1.0 / low + 1.0 / high
-    peak = 4.0 * distance / (ease + math.sqrt(ease * ease + 8.0 * slowness * distance))  # (10c)
+    peak = 4.0 * distance / (ease + math.sqrt(ease * ease + 8.0 * slowness * distance))  # (9)
     if peak * jerk >= high * high:
         return peak
     ratio = math.sqrt(2.0 * distance / low) * (jerk / low)
     growth = 2.0 * low * ratio / (1.0 + math.sqrt(1.0 + 4.0 * ratio))
-    return growth * growth / jerk  # (10d)
+    return growth * growth / jerk  # (10)

@@ -41,7 +41,7 @@ class Ramp:
 
     @property
     def distance(self) -> float:
-        """Return how far it goes [u] (4)."""
+        """Return how far it goes [u] (2)."""
         return self.velocity * self.duration / 2.0
 
     def position_at(self, time: float) -> float:
@@ -49,7 +49,7 @@ class Ramp:
         Return how far it has gone.
 
         :param time: since it began [s], from 0 to its duration
-        :returns: the distance [u] (5)
+        :returns: the distance [u] (3)
         """
         easing, acceleration = self.easing, self.acceleration
         if time < easing:
@@ -66,7 +66,7 @@ class Ramp:
         Return how fast it is.
 
         :param time: since it began [s], from 0 to its duration
-        :returns: the velocity [u/s] (6)
+        :returns: the velocity [u/s] (4)
         """
         if time < self.easing:
             return self.acceleration * time * time / (2.0 * self.easing)
@@ -80,7 +80,7 @@ class Ramp:
         Return how quickly it gets faster.
 
         :param time: since it began [s], from 0 to its duration
-        :returns: the acceleration [u/s^2] (7)
+        :returns: the acceleration [u/s^2] (4)
         """
         nearest = min(time, self.duration - time)
         return self.acceleration * (nearest / self.easing if nearest < self.easing else 1.0)
@@ -112,4 +112,4 @@ def ramp(velocity: float, acceleration: float, jerk: float) -> Ramp:
     if peak in (0.0, math.inf):
         return Ramp(velocity, 0.0, 0.0, 0.0)
     easing = peak / jerk
-    return Ramp(velocity, peak, easing, velocity / peak + easing)  # (3)
+    return Ramp(velocity, peak, easing, velocity / peak + easing)  # (2)

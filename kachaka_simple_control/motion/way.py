@@ -89,7 +89,7 @@ def along(way: Way, limits: Limits) -> WayLimits:
 
     :param way: the path
     :param limits: what the robot can do
-    :returns: the limits in the path's unit, (14) in docs/theory.md
+    :returns: the limits in the path's unit, (13) in docs/theory.md
     """
     forward = limits.backward_velocity if way.linear < 0.0 else limits.max_linear_velocity
     return WayLimits(
