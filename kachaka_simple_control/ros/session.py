@@ -214,7 +214,12 @@ class Session:
                 'goes off by itself')
 
     def _still_moves(self) -> bool:
-        return self.odometry.moves(time.monotonic()) and not self._link.others()
+        """Tell whether zeros are still wanted: the robot is seen to move, or not seen any more."""
+        now = time.monotonic()
+        # What a dead link has not delivered waits in the kernel for 3 s, velocities too.  They
+        # must have gone before our publisher does: with it, a reader drops the zeros after them.
+        wanted = self.odometry.moves(now) or self._attendant.has_lost_robot(now)
+        return wanted and not self._link.others()
 
     def _require_not_halted(self) -> None:
         if self._halted_by is not None:
