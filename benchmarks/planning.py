@@ -32,8 +32,6 @@ from kachaka_simple_control.motion.way import along, way_of, WayLimits
 LIMITS = Limits(0.3, 1.57, 0.3, 1.5, 1.5, 8.0)
 #: How often a velocity is sent where the time to plan is measured [Hz].
 RATE = 50.0
-#: Six minutes, an hour, ten hours [s].
-LENGTHS = (360, 3600, 36000)
 #: How often each length is planned; the quickest counts, as the rest is the machine's.
 TRIES = 3
 RATES = (5, 10, 20, 50, 100)
@@ -47,7 +45,7 @@ SHAPES = {'S-curve': LIMITS, 'trapezoid': Limits(0.3, 1.57, 0.3, 1.5)}
 PHASES = tuple(number / 20.0 for number in range(20))
 
 
-def measure_planning(lengths: Sequence[int] = LENGTHS, tries: int = TRIES) -> list[dict[str, Any]]:
+def measure_planning(lengths: Sequence[int], tries: int = TRIES) -> list[dict[str, Any]]:
     """
     Measure how long motions of some lengths take to plan, and how much memory.
 
@@ -180,18 +178,3 @@ def _smoothed(distance: float, limits: WayLimits, rate: float, phase: float) -> 
 #: What is compared.
 WAYS: dict[str, Callable[[Forward | Turn, Limits, float], list[float]]] = {
     'ours': ours, 'samples': sampled, 'smoother': smoothed}
-
-
-def main() -> None:
-    """Measure and print, without the rest of the benchmarks."""
-    for entry in measure_planning():
-        print('{duration:8.0f} s of motion, {segments:8d} segments: {time:6.3f} s, '
-              '{memory:6.1f} MB'.format(**entry))
-    for entry in measure_exactness():
-        errors = [1e3 * (entry[name] - entry['asked']) for name in ('least', 'most')]
-        print('{goal:14}  {shape:9}  {rate:3d} Hz  {way:8}'.format(**entry), end='  ')
-        print(f'{errors[0]:+9.3f} to {errors[1]:+9.3f} m{entry["unit"]}')
-
-
-if __name__ == '__main__':
-    main()
