@@ -136,10 +136,20 @@ def test_nothing_in_a_plan_is_refused_on_its_way_out(motion, limits, rate):
 @pytest.mark.parametrize('radius', [0.181, -0.163, 0.186])
 def test_an_arc_that_turns_as_quickly_as_the_robot_may_is_not_refused_either(radius):
     """1.57 rad/s times one of these radii, divided by it again, is more than 1.57 rad/s."""
-    planned = plan(Motion('arc', (Arc(radius, 3.0),)), KACHAKA, 10.0)
-    for segment in planned.segments:
-        KACHAKA.check(segment.velocity)
-    assert planned.max_angular_velocity == pytest.approx(1.57)
+    for speed in (None, abs(radius) * 1.57):
+        planned = plan(Motion('arc', (Arc(radius, 3.0, speed),)), KACHAKA, 10.0)
+        for segment in planned.segments:
+            KACHAKA.check(segment.velocity)
+        assert planned.max_angular_velocity == pytest.approx(1.57)
+
+
+@pytest.mark.parametrize('step, linear, angular', [
+    (Forward(1.0, 0.1), 0.1, 0.0), (Forward(-1.0, 0.1), 0.1, 0.0), (Turn(-2.0, 0.5), 0.0, 0.5),
+    (Arc(0.5, 2.0, 0.1), 0.1, 0.2), (Arc(-2.0, -2.0, 0.2), 0.2, 0.1)])
+def test_a_speed_is_kept_to_and_reached(step, linear, angular):
+    planned = plan(Motion('slow', (step,)), KACHAKA, 10.0)
+    assert planned.max_linear_velocity == pytest.approx(linear)
+    assert planned.max_angular_velocity == pytest.approx(angular)
 
 
 @UNHURRIED

@@ -91,6 +91,13 @@ def test_positions_are_the_sum_of_velocities_and_those_of_accelerations(distance
         assert last - first == pytest.approx(gained, rel=1e-7, abs=1e-8 * profile.velocity)
 
 
+@given(DISTANCES, BOUNDS)
+def test_where_the_velocity_is_not_reached_there_is_no_cruise(distance, bounds):
+    """To cruise below the largest velocity would be to give time away."""
+    profile = quickest(distance, *bounds)
+    assert profile.velocity == bounds[0] or profile.cruise <= 1e-9 * profile.duration
+
+
 @given(DISTANCES, FINITE, ANY, ANY)
 def test_without_a_limit_of_jerk_it_is_the_trapezoid_of_the_textbooks(
         distance, velocity, acceleration, deceleration):

@@ -88,6 +88,7 @@ def test_an_error_tells_place_value_and_bound(limits, step, text):
     (SLOW_BACKWARDS, Forward(0.5, 0.3)),
     (SLOW_BACKWARDS, Arc(0.5, -1.0, 0.1)),
     (KACHAKA, Arc(0.1, 1.0, 0.157)),  # 1.57 * 0.1 rounds to a little more
+    (KACHAKA, Arc(0.181, 1.0, 1.57 * 0.181)),  # and this product as well, divided again
     (KACHAKA, Arc(0.7, 1.0, 0.3)),
     (KACHAKA, Wait(MAX_DURATION)),
     (Limits(math.inf, 1.0), Forward(1.0, 100.0)),
