@@ -129,11 +129,13 @@ class Errands:
         self._way.end = now
         return True
 
-    def proceed(self, pose: Pose, now: float) -> tuple[Velocity, float] | Outcome:
+    def proceed(
+            self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity, float] | Outcome:
         """
         Do what is to be done for the current errand.
 
         :param pose: where the robot is
+        :param velocity: how fast it is
         :param now: the time [s]
         :returns: the velocity, and when to ask again [s]; at the end of the errand its outcome,
             and the next errand is the current one
@@ -141,7 +143,7 @@ class Errands:
         while self._legs:
             if self._way is None:
                 self._way = Way(self._legs[0], pose, now, self._limits, self._fidelity)
-            answer = self._way.look(pose, now)
+            answer = self._way.look(pose, velocity, now)
             if not isinstance(answer, bool):
                 return answer
             if not answer:

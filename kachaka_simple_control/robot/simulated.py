@@ -316,7 +316,7 @@ class SimulatedKachaka:
                 self._is_docked = False
                 self._errands.put_first(Straight(
                     self._fidelity.undock_distance, self._fidelity.undock_velocity))
-            answer = self._errands.proceed(self._drive.at(now)[0], now)
+            answer = self._errands.proceed(*self._drive.at(now), now)
             if not isinstance(answer, Outcome):
                 velocity, self._until[Phase.ERRAND] = answer
                 self._drive.aim(velocity, now)

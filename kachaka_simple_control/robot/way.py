@@ -26,6 +26,8 @@ from kachaka_simple_control.robot.legs import Align, Face, Leg, Stay, Straight, 
 LOOK_PERIOD = 0.02
 #: It has arrived when it is as near as this [m, rad]; chosen.  A lag makes the last bit slow.
 NEAR, NEAR_WITH_LAG = 1e-6, 1e-4
+#: And as slow as this [m/s, rad/s], unless it can stop at once; chosen.
+SLOW = 1e-3
 #: It has not arrived if it is farther away than this [m, rad] when it gives up; chosen.
 FAR = 1e-3
 #: It gives up after so many times what the way takes at its speed, and so much more [s]; chosen.
@@ -48,7 +50,7 @@ class Way:
         """
         self._start = start
         self._lag = fidelity.lag
-        self._near = NEAR if fidelity.is_prompt else NEAR_WITH_LAG
+        self._near, self._slow = (NEAR, math.inf) if fidelity.is_prompt else (NEAR_WITH_LAG, SLOW)
         self._is_turn = isinstance(leg, (Turn, Face, Align))
         asked = abs(leg.speed) if isinstance(leg, Straight) else 0.0
         if self._is_turn:
@@ -64,24 +66,29 @@ class Way:
             leg.duration if isinstance(leg, Stay)
             else TIMES * abs(self._length) / self._speed + MORE)
 
-    def look(self, pose: Pose, now: float) -> tuple[Velocity, float] | bool:
+    def look(
+            self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity, float] | bool:
         """
         Look where the robot is.
 
         :param pose: where it is
+        :param velocity: how fast it is
         :param now: the time [s]
         :returns: the velocity, and when to look again [s]; or, at the end, whether it is there
         """
         if self._stays:
             return now >= self.end or (ZERO, self.end)
         rest = self._rest(pose)
-        if abs(rest) <= self._near:
+        speed = velocity.angular_z if self._is_turn else velocity.linear_x
+        # Whoever drives past the place is not there.
+        if abs(rest) <= self._near and abs(speed) <= self._slow:
             return True
         if now >= self.end:
             return abs(rest) <= FAR
-        speed = self._speed_for(rest)
-        velocity = Velocity(angular_z=speed) if self._is_turn else Velocity(linear_x=speed)
-        return velocity, now + LOOK_PERIOD
+        wanted = self._speed_for(rest)
+        return (
+            Velocity(angular_z=wanted) if self._is_turn else Velocity(linear_x=wanted),
+            now + LOOK_PERIOD)
 
     def _rest(self, pose: Pose) -> float:
         if self._is_turn:
@@ -98,5 +105,6 @@ class Way:
         most = self._speed
         if math.isfinite(self._acceleration):
             duration += 3.0 * LOOK_PERIOD
-            most = min(most, math.sqrt(2.0 * self._acceleration * abs(rest)))
+            # Braking with half of what it can leaves room for its gains and its lag.
+            most = min(most, math.sqrt(self._acceleration * abs(rest)))
         return max(-most, min(rest / duration, most))

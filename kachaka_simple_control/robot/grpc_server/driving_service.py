@@ -41,7 +41,7 @@ class DrivingService:
         """Drive with a velocity, for the hold; more than the largest is the largest."""
         code = self._station.robot.set_robot_velocity(
             request.linear, request.angular, self._station.now())
-        self._station.announce()
+        # Not announced: nobody waits for it, and it has to be quick.
         return pb2.SetRobotVelocityResponse(result=messages.result(code))
 
     async def SetManualControlEnabled(
