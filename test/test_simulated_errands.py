@@ -19,7 +19,7 @@ import math
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import ORIGIN, Pose, ZERO
+from kachaka_simple_control.motion.kinematics import ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.robot.errands import Errand
 from kachaka_simple_control.robot.error_codes import (
     ERROR_CANCELLED,
@@ -31,7 +31,9 @@ from kachaka_simple_control.robot.error_codes import (
 )
 from kachaka_simple_control.robot.fidelity import Fidelity
 from kachaka_simple_control.robot.legs import reach, Stay, Straight, Turn
+from kachaka_simple_control.robot.robot_profile import KACHAKA
 from kachaka_simple_control.robot.simulated import SimulatedKachaka
+from kachaka_simple_control.robot.way import Way
 import pytest
 
 #: A robot that does nothing quite as it is told.
@@ -86,6 +88,23 @@ def test_a_rough_robot_arrives_all_the_same(fidelity, distance, angle):
     assert math.hypot(pose.x, pose.y) == pytest.approx(abs(distance), abs=1e-3)
     assert pose.theta == pytest.approx(angle, abs=1e-3)
     assert velocity == ZERO
+
+
+@pytest.mark.parametrize('lag', [0.1, 0.3])
+def test_a_sluggish_robot_does_not_go_too_far(lag):
+    """Nor does it take for ever."""
+    robot = SimulatedKachaka(fidelity=Fidelity(lag=lag))
+    send(robot, Straight(0.3))
+    assert max(robot.state(0.01 * tick)[0].x for tick in range(1000)) < 0.3 + 1e-3
+    assert endings(robot, 10.0) == [('errand', SUCCESS)]
+
+
+def test_whoever_drives_past_a_place_is_not_there():
+    """Unless it can stop at once."""
+    for fidelity, is_there in ((Fidelity(lag=0.1), False), (Fidelity(), True)):
+        way = Way(Straight(1.0), ORIGIN, 0.0, KACHAKA.limits, fidelity)
+        assert (way.look(Pose(1.0), Velocity(0.2), 1.0) is True) == is_there
+        assert way.look(Pose(1.0), ZERO, 1.0) is True
 
 
 @settings(max_examples=25, deadline=None)
