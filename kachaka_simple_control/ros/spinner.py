@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 import sys
 import threading
+import time
 from types import FrameType
 
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
@@ -25,6 +26,8 @@ from rclpy.node import Node
 
 #: How long the thread may take to end [s].
 PATIENCE = 2.0
+#: How long it pauses after a callback has failed [s]: the next may fail as well.
+PAUSE = 0.02
 
 
 class BackgroundSpinner:
@@ -93,15 +96,21 @@ class BackgroundSpinner:
         return self._executor
 
     def _spin(self, executor: SingleThreadedExecutor) -> None:
+        # A callback that fails may not take the others along: to give the robot back, an answer
+        # has to be heard.
+        while not self._spin_to_an_end(executor):
+            time.sleep(PAUSE)
+
+    def _spin_to_an_end(self, executor: SingleThreadedExecutor) -> bool:
+        """Spin until told to end, and return true; or until a callback fails."""
         try:
             executor.spin()
         except ExternalShutdownException:
-            pass
+            return True
         except BaseException as error:
-            # It spins no more: who waits for an answer from now on needs another executor.
-            if self._executor is executor:
-                self._executor = self._thread = None
             self._on_error(error)
+            return False
+        return True
 
 
 def wake_main_thread() -> None:
