@@ -93,15 +93,20 @@ class BackgroundSpinner:
         return self._executor
 
     def _spin(self, executor: SingleThreadedExecutor) -> None:
-        try:
-            executor.spin()
-        except ExternalShutdownException:
-            pass
-        except BaseException as error:
-            # It spins no more: who waits for an answer from now on needs another executor.
-            if self._executor is executor:
-                self._executor = self._thread = None
+        while (error := _failure(executor)) is not None:
+            # Then it goes on: the answer to giving the robot back needs to be heard, too.
             self._on_error(error)
+
+
+def _failure(executor: SingleThreadedExecutor) -> BaseException | None:
+    """Spin until the executor ends, or a callback raises what is returned."""
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        return None
+    except BaseException as error:
+        return error
+    return None
 
 
 def wake_main_thread() -> None:
