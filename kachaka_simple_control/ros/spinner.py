@@ -96,21 +96,21 @@ class BackgroundSpinner:
         return self._executor
 
     def _spin(self, executor: SingleThreadedExecutor) -> None:
-        # A callback that fails may not take the others along: to give the robot back, an answer
-        # has to be heard.
-        while not self._spin_to_an_end(executor):
+        while (error := _failure(executor)) is not None:
+            # Then it goes on: the answer to giving the robot back needs to be heard, too.
+            self._on_error(error)
             time.sleep(PAUSE)
 
-    def _spin_to_an_end(self, executor: SingleThreadedExecutor) -> bool:
-        """Spin until told to end, and return true; or until a callback fails."""
-        try:
-            executor.spin()
-        except ExternalShutdownException:
-            return True
-        except BaseException as error:
-            self._on_error(error)
-            return False
-        return True
+
+def _failure(executor: SingleThreadedExecutor) -> BaseException | None:
+    """Spin until the executor ends, or a callback raises what is returned."""
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        return None
+    except BaseException as error:
+        return error
+    return None
 
 
 def wake_main_thread() -> None:
