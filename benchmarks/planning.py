@@ -35,7 +35,7 @@ RATE = 50.0
 #: Six minutes, an hour, ten hours [s].
 LENGTHS = (360, 3600, 36000)
 #: How often each length is planned; the quickest counts, as the rest is the machine's.
-TRIES = 3
+TRIES = 5
 RATES = (5, 10, 20, 50, 100)
 GOALS: dict[str, Forward | Turn] = {
     'forward 0.5 m': Forward(0.5),
