@@ -33,7 +33,7 @@ LIMITS = Limits(0.3, 1.57, 0.3, 1.5, 1.5, 8.0)
 #: How often a velocity is sent where the time to plan is measured [Hz].
 RATE = 50.0
 #: How often each length is planned; the quickest counts, as the rest is the machine's.
-TRIES = 3
+TRIES = 5
 RATES = (5, 10, 20, 50, 100)
 GOALS: dict[str, Forward | Turn] = {
     'forward 0.5 m': Forward(0.5),

@@ -194,6 +194,8 @@ def _sent(velocities: list[Velocity]) -> _Sent:
 def _segments(velocities: list[Velocity], start: float, end: float) -> list[Segment]:
     tick = (end - start) / max(1, len(velocities))
     marks = [start, *(start + tick * number for number in range(1, len(velocities))), end]
+    segments = list(map(Segment, marks, marks[1:], velocities))
+    if tick > 1e-9 * end:
+        return segments
     # A time so short that it is lost beside the time since t = 0 is none.
-    return [segment for segment in map(Segment, marks, marks[1:], velocities)
-            if segment.end > segment.start]
+    return [segment for segment in segments if segment.end > segment.start]

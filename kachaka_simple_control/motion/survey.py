@@ -52,7 +52,8 @@ def find_errors(motion: Motion, limits: Limits) -> list[InvalidMotionError]:
 
     :param motion: what to do
     :param limits: what the robot can do
-    :returns: the errors, in the order of the motion; none if it can be planned at every rate
+    :returns: the errors, in the order of the motion; none if it can be planned, at any rate that
+        leaves it fewer than ``MAX_SEGMENTS`` velocities
     """
     return Survey(motion, limits).errors
 
