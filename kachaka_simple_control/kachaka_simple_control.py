@@ -99,7 +99,10 @@ class KachakaSimpleControl(Node):
         :raises RobotNotFoundError: if no robot listens; nothing has moved
         :raises ControlError: if the run could not go on; the robot was stopped
         """
-        self._drive(Motion('move_robot', (Move(linear_x, angular_z, duration),)), None)
+        step = Move(linear_x, angular_z, duration)
+        # The planner would name the step's place in a motion that nobody has seen.
+        self.profile.limits.check(step.velocity)
+        self._drive(Motion('move_robot', (step,)), None)
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
             f'Movement completed: Forward={linear_x}, Rotation={angular_z}, '
