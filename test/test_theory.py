@@ -16,10 +16,11 @@
 from pathlib import Path
 import re
 
+from kachaka_simple_control import motion
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-CODE = ROOT / 'kachaka_simple_control' / 'motion'
+CODE = Path(motion.__file__).parent
 #: The formulas in the order of their numbers, which Sphinx gives them.
 LABELS = (
     'limits', 'ramp', 'ramp-position', 'ramp-velocity', 'profile', 'both-ramps', 'no-jerk',
