@@ -68,6 +68,22 @@ def measure(rows: Sequence[tuple[Row, int]]) -> dict[str, Any]:
         'rows': {what: [trial.data() for trial in trials] for what, trials in seen.items()}}
 
 
+def second_try(rows: Sequence[Row], run: dict[str, Any]) -> dict[str, Any]:
+    """
+    Try rows again that did not keep their promise: the machine may have been busy.
+
+    :param rows: the rows that were tried
+    :param run: what was seen
+    :returns: what was seen the second time; an empty matrix if all was kept
+    """
+    seen = trials_of(run)
+    again = [row for row in rows if breaches([row], seen, wide=True)]
+    if not again:
+        return {**run, 'rows': {}}
+    print('Tried again:', *breaches(again, seen, wide=True), sep='\n')
+    return measure([(row, row.quick) for row in again])
+
+
 def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
     """
     Put the rows of a new matrix in place of those of an old one.
@@ -133,6 +149,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         run = json.loads(options.of.read_text())
     else:
         run = measure([(row, row.quick if options.quick else row.full) for row in rows])
+        if options.quick:
+            run = merged(run, second_try(rows, run))
         if options.merge and REFERENCE.exists():
             run = merged(json.loads(REFERENCE.read_text()), run)
         kind = 'quick' if options.quick else 'full'

@@ -331,7 +331,9 @@ def played_in_order(scene: Scene, fault: float) -> list[str]:
     :returns: a sentence if it did, or played nothing
     """
     assert scene.played is not None
-    lines = [line.split() for line in scene.played.read_text().splitlines()]
+    # There is no file until something was played.
+    text = scene.played.read_text() if scene.played.exists() else ''
+    lines = [line.split() for line in text.splitlines()]
     after = [float(velocity) for at, velocity in lines if float(at) > fault]
     if 0.0 not in after:
         return ['the robot played no zero']
