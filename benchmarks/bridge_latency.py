@@ -47,7 +47,7 @@ BLOCK, TURNS = 6.0, 3
 #: The bar: the bridge's median over that of the bare call.
 BAR = 2.0
 NAMES = {'floor': 'the bare call', 'bridge': 'through the bridge'}
-#: Each velocity is another, so that each arrival is known: steps of the robot's part of the largest.
+#: Each velocity is another, so that each arrival is known: by so many parts of the largest.
 STEP = 1e-4
 MAX_LINEAR = 0.3
 
@@ -103,8 +103,8 @@ def table(entries: Sequence[dict[str, Any]]) -> Table:
     """
     return Table(
         'From asking to arrival at the robot',
-        ('rate [Hz]', '', 'median [ms]', '95 % [ms]', 'worst [ms]', 'arrived', 'CPU a command [ms]',
-         'of the bare call'),
+        ('rate [Hz]', '', 'median [ms]', '95 % [ms]', 'worst [ms]', 'arrived',
+         'CPU a command [ms]', 'of the bare call'),
         tuple(_row(entries, entry) for entry in entries))
 
 
@@ -172,7 +172,8 @@ def _bridge(robot: _Robot) -> Iterator[tuple[Send, Callable[[], float]]]:
     try:
         end = time.monotonic() + 20.0
         while not robot.rows():
-            assert process.poll() is None and time.monotonic() < end, 'the bridge hears nothing'
+            assert process.poll() is None, 'the bridge ended'
+            assert time.monotonic() < end, 'the bridge hears nothing'
             send(STEP)
             time.sleep(0.1)
         yield send, lambda: process_time(str(process.pid))
@@ -187,7 +188,8 @@ class _Robot:
     """A robot in a process of its own, which notes when what arrives."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
-        assert process.stdin is not None and process.stdout is not None
+        assert process.stdin is not None
+        assert process.stdout is not None
         self._stdin, self._stdout = process.stdin, process.stdout
         self.address = self._stdout.readline().strip()
 

@@ -14,9 +14,9 @@
 """
 A robot on a bad day: run as a program, it does what lines on its standard input say.
 
-``delay S``, ``refuse CODE``, ``json TEXT``, ``errors CODE ...``, ``forget`` (manual control) are of
-the robot; ``cut``, ``hang`` and ``flow`` of the wire to it.  ``rows`` and ``pose`` ask what it was
-told and where that took it; each line is answered by one line of JSON.
+``delay S``, ``refuse CODE``, ``json TEXT``, ``errors CODE ...`` and ``forget`` (manual control)
+are of the robot; ``cut``, ``hang`` and ``flow`` of the wire to it.  ``rows`` and ``pose`` ask what
+it was told and where that took it; each line is answered by one line of JSON.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class Robot(pb2_grpc.KachakaApiServicer):
         self.rows, self.asked = [], []
         self.delay, self.refusal, self.codes, self.json = 0.0, 0, [], '[]'
 
-    def SetRobotVelocity(self, request, context):
+    def SetRobotVelocity(self, request, context):  # noqa: N802
         """Drive, after a delay."""
         time.sleep(self.delay)
         with self.lock:
@@ -118,7 +118,7 @@ class Robot(pb2_grpc.KachakaApiServicer):
             self.rows.append((now, request.linear, request.angular, code))
         return pb2.SetRobotVelocityResponse(result=messages.result(code))
 
-    def SetManualControlEnabled(self, request, context):
+    def SetManualControlEnabled(self, request, context):  # noqa: N802
         """Switch it, after a delay."""
         time.sleep(self.delay)
         with self.lock:
@@ -126,7 +126,7 @@ class Robot(pb2_grpc.KachakaApiServicer):
             self.asked.append((time.monotonic(), request.enable, code))
         return pb2.SetManualControlEnabledResponse(result=messages.result(code))
 
-    def GetRosOdometry(self, request, context):
+    def GetRosOdometry(self, request, context):  # noqa: N802
         """Tell it 20 ms later."""
         time.sleep(0.02 + self.delay)
         with self.lock:
@@ -135,21 +135,21 @@ class Robot(pb2_grpc.KachakaApiServicer):
             metadata=messages.metadata(time.monotonic_ns()),
             odometry=messages.odometry(pose, velocity, 0))
 
-    def GetError(self, request, context):
+    def GetError(self, request, context):  # noqa: N802
         """Tell what is wrong."""
         time.sleep(self.delay)
         return pb2.GetErrorResponse(error_codes=self.codes)
 
-    def GetRobotErrorCodeJson(self, request, context):
+    def GetRobotErrorCodeJson(self, request, context):  # noqa: N802
         """Tell what that means, or anything else."""
         return pb2.GetRobotErrorCodeJsonResponse(
             json=self.json, result=pb2.Result(success=True))
 
-    def GetRobotSerialNumber(self, request, context):
+    def GetRobotSerialNumber(self, request, context):  # noqa: N802
         """Tell a name."""
         return pb2.GetRobotSerialNumberResponse(serial_number='FAULTY')
 
-    def GetRobotVersion(self, request, context):
+    def GetRobotVersion(self, request, context):  # noqa: N802
         """Tell a number."""
         return pb2.GetRobotVersionResponse(version='1.0')
 

@@ -14,8 +14,8 @@
 """
 What a robot does when the link to it breaks, hangs, crawls or comes back; as figures.
 
-Each scenario drives a robot through the bridge at 0.1 m/s, spoils something, and goes on publishing
-velocities as if nothing had happened.  Run as a program, this prints the table of
+Each scenario drives a robot through the bridge at 0.1 m/s, spoils something, and goes on
+publishing velocities as if nothing had happened.  Run as a program, this prints the table of
 ``docs/kachaka.md``.
 """
 
@@ -24,6 +24,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import os
 import random
+import signal
 import time
 
 from real_support import commander, faulty_robot, real_bridge
@@ -97,6 +98,20 @@ def killed(robot, driver, process):
     return Result(robot.x - where, 0, max([0.0, *(m - when for m in robot.moves(when))]), '')
 
 
+def frozen(robot, driver, process):
+    """Freeze the bridge; the commander dies meanwhile, and leaves velocities in its queue."""
+    where, when = robot.x, time.monotonic()
+    process.process.send_signal(signal.SIGSTOP)
+    time.sleep(0.5)
+    driver.drive(None)
+    time.sleep(1.5)
+    thawed = time.monotonic()
+    process.process.send_signal(signal.SIGCONT)
+    time.sleep(1.0)
+    late = max([0.0, *(move - when for move in robot.moves(when) if move < thawed)])
+    return Result(robot.x - where, len(robot.moves(thawed)), late, process.text)
+
+
 SCENARIOS = {
     'the connection breaks, and is back after 2 s': lambda *own: broken(*own, 'cut'),
     'the robot starts anew, without manual control':
@@ -106,6 +121,7 @@ SCENARIOS = {
     'each call takes 0.25 s, then a stop': lambda *own: slow(*own, 0.25),
     'each call takes 0.5 s, then a stop': lambda *own: slow(*own, 0.5),
     'the bridge is killed (SIGKILL)': killed,
+    'the bridge is frozen for 2 s, its publisher falls silent meanwhile': frozen,
 }
 
 

@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import signal
 import socket
@@ -117,7 +118,7 @@ def test_service_holds_no_velocity_up(probe, namespace, robot):
         assert probe.set_enabled(namespace, True).success
         assert wait_until(lambda: len(robot.moves(begun)) > 5)
         times = robot.moves(begun)
-        assert max(b - a for a, b in zip(times, times[1:])) < 0.25
+        assert max(b - a for a, b in itertools.pairwise(times)) < 0.25
 
 
 def test_refusals_are_told_with_their_text(probe, namespace, robot):

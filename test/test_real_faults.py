@@ -39,7 +39,7 @@ def probe():
     probe.close()
 
 
-@pytest.mark.parametrize('name', [NAMES[0], NAMES[1], NAMES[2], NAMES[5]])
+@pytest.mark.parametrize('name', [NAMES[0], NAMES[1], NAMES[2], NAMES[5], NAMES[6]])
 def test_broken_link_costs_one_hold_and_nothing_moves_after_it(probe, name):
     result = play(probe, name, f'/fault{NAMES.index(name)}')
     assert result.drift < ONE_HOLD

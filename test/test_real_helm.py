@@ -249,6 +249,16 @@ def test_silence_is_a_rest_too(helm):
     assert sent(helm, REST + REST + 0.1).kind is Kind.MOTION
 
 
+def test_what_waited_while_the_bridge_was_frozen_is_not_sent(helm):
+    """Whether it is heard before the bridge notices, or after."""
+    helm.hear(motion(0.0))
+    helm.ended(sent(helm, 0.0), OK, 0.01)
+    helm.hear(motion(5.0))
+    helm.held_up(5.0)
+    helm.hear(motion(5.001))
+    assert sent(helm, 5.001).kind is Kind.STOP
+
+
 def test_a_link_that_is_back_brings_a_stop_and_no_motion(helm):
     helm.hear(motion(0.0))
     helm.ended(sent(helm, 0.0), GONE, 0.1)

@@ -158,6 +158,15 @@ class Helm:
         self.is_barred = True
         self.rest()
 
+    def held_up(self, now: float) -> None:
+        """
+        Take in that this program was frozen: what comes in now was waiting, and may be old.
+
+        :param now: the time [s, steady clock]
+        """
+        self._heard_last = now
+        self.bar()
+
     def rest(self) -> None:
         """Forget every motion that came, and stop the robot if it moves."""
         self._wants_control = False

@@ -30,6 +30,7 @@ from kachaka_simple_control.robot.real.error_texts import Level
 from kachaka_simple_control.robot.real.meeting import Meeting
 from kachaka_simple_control.robot.real.odometry_feed import Fetch, OdometryFeed
 from kachaka_simple_control.robot.real.real_robot import RealRobot
+from kachaka_simple_control.robot.real.speaker import Speaker
 from kachaka_simple_control.robot.real.watch import Watch
 from kachaka_simple_control.robot.robot_profile import KACHAKA
 from rclpy.node import Node
@@ -55,14 +56,15 @@ class RealBridge(BridgeNode):
         :param frame_prefix: put before the names of the frames as it is
         :param give_up: called with the reason when motions are cut short
         """
+        self._speaker = Speaker(self._log)
         self.desk = Node(f'{NODE}_desk', namespace=namespace, start_parameter_services=False)
         super().__init__(namespace, self.desk)
         self._address: Address = meeting.address
         self._identity = meeting.identity
         self._frame_prefix = frame_prefix
         client = meeting.client
-        self._robot = RealRobot(client, KACHAKA.hold, meeting.texts, self._tell, give_up)
-        self._watch = Watch(client, self._robot, self._tell, self._publish_diagnostics)
+        self._robot = RealRobot(client, KACHAKA.hold, meeting.texts, self._speaker.tell, give_up)
+        self._watch = Watch(client, self._robot, self._speaker.tell, self._publish_diagnostics)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._feeds = [
             self._feed(publisher, fetch)
@@ -92,7 +94,7 @@ class RealBridge(BridgeNode):
         try:
             wanted = command(velocity, KACHAKA.limits, now)
         except ValueError as error:
-            self.get_logger().warning(f'the robot refused: {error}', throttle_duration_sec=1.0)
+            self._speaker.tell(Level.WARN, f'the robot refused: {error}')
             return
         self._robot.drive(wanted)
 
@@ -117,6 +119,7 @@ class RealBridge(BridgeNode):
         self._watch.stop()
         for feed in self._feeds:
             feed.join()
+        self._speaker.close()
 
     def destroy_node(self) -> None:
         """Destroy both nodes."""
@@ -139,7 +142,7 @@ class RealBridge(BridgeNode):
              robot_status(robot.link, self._watch.codes, robot.texts)),
             self.get_clock().now().to_msg(), self.get_namespace().strip('/'), self._identity))
 
-    def _tell(self, level: Level, text: str) -> None:
+    def _log(self, level: Level, text: str) -> None:
         # Each level has its own line here: rclpy refuses another level from the same one.
         if level is Level.OK:
             self.get_logger().info(text)

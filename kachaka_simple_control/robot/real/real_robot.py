@@ -19,13 +19,16 @@ from collections.abc import Callable
 import math
 import threading
 import time
+from typing import TYPE_CHECKING
 
 from kachaka_simple_control.robot.real.command import Command
 from kachaka_simple_control.robot.real.error_texts import ErrorTexts, Level
 from kachaka_simple_control.robot.real.helm import Helm, Kind, Order
 from kachaka_simple_control.robot.real.link import Change, Link
-from kachaka_simple_control.robot.real.outcome import Outcome
-from kachaka_simple_control.robot.real.robot_client import RobotClient
+from kachaka_simple_control.robot.real.outcome import Outcome, Trouble
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.robot.real.robot_client import RobotClient
 
 #: A motion may be under way, and beside it a stop that overtakes it.
 WORKERS = 2
@@ -33,7 +36,9 @@ WORKERS = 2
 FAREWELL = 0.3
 #: How long it may take to switch manual control on or off for somebody else [s].
 MANUAL_CONTROL_DEADLINE = 3.0
-GOES_ON = 'it moves again after a zero, or after 1 s without velocities'
+#: How often a worker without work looks at the clock [s].
+BEAT = 0.1
+GOES_ON = 'moves again after a zero, or after 1 s without velocities'
 
 
 class RealRobot:
@@ -53,10 +58,11 @@ class RealRobot:
         :param client: its calls
         :param hold: how long the robot keeps a velocity [s]
         :param texts: what its errors mean
-        :param tell: called with what a person should know
-        :param give_up: called with the reason when motions are cut short
+        :param tell: called with what a person should know; must return at once
+        :param give_up: called with the reason when motions are cut short; likewise
         """
         self._client = client
+        self._hold = hold
         self._helm = Helm(hold)
         self._tell = tell
         self._give_up = give_up
@@ -143,14 +149,27 @@ class RealRobot:
                 if order is not None:
                     self._carry_out(order)
                     continue
-                look = self._helm.next_look
-                self._changed.wait(None if look is None else max(0.0, look - now))
+                self._pause(now)
+
+    def _pause(self, now: float) -> None:
+        """Wait for something to do; and notice when this program was frozen meanwhile."""
+        look = self._helm.next_look
+        timeout = BEAT if look is None else max(0.0, min(look - now, BEAT))
+        self._changed.wait(timeout)
+        woken = time.monotonic()
+        if woken - now > timeout + self._hold and not self._is_over:
+            if self._helm.may_move:
+                text = f'the bridge was held up for {woken - now:.1f} s; the robot {GOES_ON}'
+                self._tell(Level.WARN, text)
+            self._helm.held_up(woken)
 
     def _carry_out(self, order: Order) -> None:
         self._changed.release()
         begun = time.monotonic()
         try:
             outcome = self._perform(order)
+        except Exception as error:  # whatever it is, the next zero must be able to leave
+            outcome = Outcome(trouble=Trouble.FAILED, text=f'{type(error).__name__}: {error}')
         finally:
             self._changed.acquire()
         was_barred = self._helm.is_barred
@@ -183,7 +202,7 @@ class RealRobot:
         elif change is not None:
             self._helm.connect()
             if change is Change.BACK:
-                self._tell(Level.WARN, f'the link to the robot is back; {GOES_ON}')
+                self._tell(Level.WARN, f'the link to the robot is back; it {GOES_ON}')
             self._changed.notify()
 
     def _cut(self, order: Order, outcome: Outcome) -> None:
@@ -192,7 +211,7 @@ class RealRobot:
         else:
             what = 'manual control' if order.kind is Kind.TAKE else 'a velocity'
             reason = f'the robot refused {what}: {self.describe(outcome)}'
-        self._tell(Level.ERROR, f'{reason}; {GOES_ON}')
+        self._tell(Level.ERROR, f'{reason}; it {GOES_ON}')
         self._give_up(reason)
 
     def _controls(self, enabled: bool) -> None:

@@ -163,4 +163,8 @@ def _trouble(error: Any, deadline: float) -> Outcome:
     trouble = TROUBLES.get(error.code(), Trouble.FAILED)
     if trouble is Trouble.LATE:
         return Outcome(trouble=trouble, text=LATE.format(deadline=deadline))
-    return Outcome(trouble=trouble, text=' '.join(str(error.details() or error.code()).split()))
+    text = ' '.join(str(error.details() or error.code()).split())
+    if text.startswith('failed to connect'):
+        # What the system said comes last, after names of layers and the address.
+        text = text.rpartition(': ')[2]
+    return Outcome(trouble=trouble, text=text)

@@ -18,10 +18,13 @@ from __future__ import annotations
 from collections.abc import Callable
 import threading
 import time
+from typing import TYPE_CHECKING
 
 from kachaka_simple_control.robot.real.error_texts import ErrorTexts, Level
 from kachaka_simple_control.robot.real.real_robot import RealRobot
-from kachaka_simple_control.robot.real.robot_client import RobotClient
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.robot.real.robot_client import RobotClient
 
 #: How often to look [s], while the robot is there and while it is not.
 PERIOD = 1.0
