@@ -14,9 +14,9 @@
 """
 A robot on a bad day: run as a program, it does what lines on its standard input say.
 
-``delay S``, ``refuse CODE``, ``json TEXT``, ``errors CODE ...`` and ``forget`` (manual control) are
-of the robot; ``cut``, ``hang`` and ``flow`` of the wire to it.  ``rows`` and ``pose`` ask what it
-was told and where that took it; each line is answered by one line of JSON.
+``delay S``, ``refuse CODE``, ``json TEXT``, ``errors CODE ...`` and ``forget`` (manual control)
+are of the robot; ``cut``, ``hang`` and ``flow`` of the wire to it.  ``rows`` and ``pose`` ask what
+it was told and where that took it; each line is answered by one line of JSON.
 """
 
 from __future__ import annotations
