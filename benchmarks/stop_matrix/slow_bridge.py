@@ -22,13 +22,12 @@ import sys
 import threading
 import time
 
-from geometry_msgs.msg import Twist
+from kachaka_simple_control.motion.kinematics import Velocity
 from kachaka_simple_control.robot.bridge_node import KachakaBridge
 from kachaka_simple_control.robot.ending import Ending
 from kachaka_simple_control.robot.simulated import SimulatedKachaka
 import rclpy
 from rclpy.signals import SignalHandlerOptions
-from std_srvs.srv import SetBool
 
 #: How long a call to the robot takes over a slow link [s].
 CALL = 0.25
@@ -47,16 +46,27 @@ class SlowBridge(KachakaBridge):
         super().__init__(SimulatedKachaka(time.monotonic()), namespace)
         self._log = log
 
-    def _on_velocity(self, twist: Twist) -> None:
+    def drive(self, velocity: Velocity, now: float) -> None:  # noqa: ARG002
+        """
+        Let the robot have a velocity, after the time that a call takes.
+
+        :param velocity: the velocity
+        :param now: when it came; the robot has it later
+        """
         time.sleep(CALL)
         with self._log.open('a') as log:
-            log.write(f'{time.time()} {twist.linear.x}\n')
-        super()._on_velocity(twist)
+            log.write(f'{time.time()} {velocity.linear_x}\n')
+        super().drive(velocity, time.monotonic())
 
-    def _on_set_enabled(
-            self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+    def set_manual_control(self, enabled: bool) -> str:
+        """
+        Let the robot take velocities, or none, after the time that a call takes.
+
+        :param enabled: whether it takes them
+        :returns: why it refuses; nothing if it does not
+        """
         time.sleep(CALL)
-        return super()._on_set_enabled(request, response)
+        return super().set_manual_control(enabled)
 
 
 def main(args: Sequence[str]) -> None:
