@@ -27,6 +27,7 @@ import sys
 
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.execution.clocks import awake_or_asleep
+from kachaka_simple_control.execution.frozen import is_frozen
 from kachaka_simple_control.execution.latch import Flag, Latch
 from kachaka_simple_control.execution.stopping import send_stop
 from kachaka_simple_control.execution.watchdog import Sign, Watchdog
@@ -58,6 +59,7 @@ class GuardianProcess:
         self._publisher = publisher
         self._latch, self._sending = Latch(shared[:1]), Flag(shared[1:2])
         self._hold = hold
+        self._node = os.getppid()
         self._watchdog = Watchdog()
         self._is_matched = False
 
@@ -75,9 +77,13 @@ class GuardianProcess:
                 self._lost('the guardian was told to end')
             elif signs in readable:
                 self._hear(os.read(signs, PIPE), now)
-            elif self._watchdog.is_silent(now, self._sending.is_set):
+            elif self._watchdog.is_silent(now, self._waits_for_dds()):
                 self._stop('the node fell silent')
             self._look_for_a_subscriber()
+
+    def _waits_for_dds(self) -> bool:
+        # One that was frozen just then only seems to wait.
+        return self._sending.is_set and not is_frozen(self._node)
 
     def _patience(self) -> float | None:
         patience = self._watchdog.patience()
