@@ -49,6 +49,8 @@ class Options:
     :param plot: where to draw what a motion will do; None if nowhere
     :param wait: whether to drive only when a service asks for it
     :param ros_arguments: what ROS itself is told, from ``--ros-args`` on
+    :param report: the folder to leave a report in; None for no report
+    :param quiet: whether to show nothing while the robot drives but the node's log lines
     :param address: of the real robot to start a bridge to beside the node; None for no bridge
     """
 
@@ -62,6 +64,8 @@ class Options:
     wait: bool = False
     ros_arguments: tuple[str, ...] = ()
     address: str | None = None
+    report: str | None = None
+    quiet: bool = False
 
     @property
     def looks_only(self) -> bool:
@@ -119,6 +123,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--wait', action='store_true',
         help='stand by: ~/run starts the motion, ~/stop ends it (std_srvs/Trigger)')
+    parser.add_argument(
+        '--report', metavar='DIR',
+        help='leave a report and a recording of the drive in this new folder')
+    parser.add_argument(
+        '--quiet', action='store_true',
+        help="show nothing while the robot drives but the node's log lines")
     parser.add_argument(
         '--robot', metavar='NAME',
         help='kachaka, turtlebot3, generic, or the path of a profile (default: what the motion '

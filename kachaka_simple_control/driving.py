@@ -18,6 +18,7 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING
 
+from kachaka_simple_control.audience.listeners import Listeners, listeners, REPORTER
 from kachaka_simple_control.command_line import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
@@ -49,7 +50,10 @@ def drive(options: Options) -> None:
         robot_control = KachakaSimpleControl(parameter_overrides=[
             Parameter(name, value=value)
             for name, value in _parameters(options, motion_file).items()])
+        told = helpers.enter_context(listeners(robot_control.audience))
         try:
+            _start_listeners(told, options)
+            robot_control.introduce(_title(motion_file))
             if options.brings_robot:
                 helpers.enter_context(
                     _robot_of(options, robot_control.settings.robot_namespace))
@@ -58,7 +62,7 @@ def drive(options: Options) -> None:
             robot_control.get_logger().info('Program was interrupted')
         finally:
             robot_control.stop_robot()
-            still_after = robot_control.stop_confirmed_after
+            told.still_after = still_after = robot_control.stop_confirmed_after
             robot_control.destroy_node()
             rclpy.try_shutdown()
     if options.brings_robot:
@@ -76,6 +80,15 @@ def start_ros(arguments: tuple[str, ...]) -> None:
         rclpy.init(args=[*arguments], signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         raise UsageError(str(error).splitlines()[0]) from None
+
+
+def _start_listeners(told: Listeners, options: Options) -> None:
+    if options.report is not None:
+        told.start(REPORTER, options.report)
+
+
+def _title(motion_file: MotionFile | None) -> str:
+    return 'lesson' if motion_file is None else motion_file.motion.name
 
 
 def _robot_of(

@@ -20,6 +20,7 @@ from __future__ import annotations
 import atexit
 import signal
 import sys
+import time
 from typing import Any
 
 if __name__ == '__main__':
@@ -27,17 +28,20 @@ if __name__ == '__main__':
     sys.path[0] = __file__.rpartition('/kachaka_simple_control/')[0] or '..'
 
 from kachaka_simple_control import command_line
+from kachaka_simple_control.audience.audience import Audience
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.execution.signals import WATCH
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.report.events import Answered, Began, Ended, Planned, Sent
 from kachaka_simple_control.report.record import Record
 from kachaka_simple_control.robot.robot_profile import profile_of
 from kachaka_simple_control.ros.before_shutdown import before_shutdown
 from kachaka_simple_control.ros.names import names_of
 from kachaka_simple_control.ros.odometry import listen_to_odometry
+from kachaka_simple_control.ros.opening import opened
 from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.settings import declare, declare_robot
 from kachaka_simple_control.ros.spinner import wake_main_thread
@@ -67,16 +71,20 @@ class KachakaSimpleControl(Node):
         super().__init__('kachaka_simple_control', **node_options)
         self.profile = profile_of(declare_robot(self))
         self.settings = declare(self, self.profile)
-        names = names_of(
+        self.names = names = names_of(
             self.profile, self.settings.robot_namespace, self.settings.manual_control)
         message = VelocityMessage(
             self.profile.message_type, self.profile.frame,
             lambda: self.get_clock().now().to_msg())
         self.publisher = VelocityPublisher(self, names.velocity, message)
         self._session = Session(self, self.publisher, self.profile, names, self.settings)
+        #: who is told what happens
+        self.audience = Audience()
         self.record = Record()
         if self.settings.summary:
-            self._session.edge.on_sent = self.record.add_sent
+            self.audience.join(self.record.hear)
+        self._session.edge.on_sent = self._on_sent
+        self._session.edge.on_began = self._on_began
         if self.settings.summary or self.settings.odometry_timeout:
             listen_to_odometry(self, names, self._on_odometry)
         self.create_service(Trigger, '~/stop', self._on_stop)
@@ -136,6 +144,14 @@ class KachakaSimpleControl(Node):
         if self._session.stop(MotionRefusedError('the movement was ended by stop_robot()')):
             self.get_logger().info('Robot has stopped')
 
+    def introduce(self, title: str) -> None:
+        """
+        Tell the audience what begins now; the first event of all.
+
+        :param title: what people call what is driven
+        """
+        self.audience.tell(opened(self, title, self.profile, self.names, self.settings))
+
     @property
     def is_heard(self) -> bool:
         """Whether somebody subscribes to the velocities of this node and of its guardian."""
@@ -181,11 +197,23 @@ class KachakaSimpleControl(Node):
         self._session.halt(MotionRefusedError(f'the program ended by {error!r}'))
 
     def _drive(self, motion: Motion, limits: Limits | None) -> Plan:
-        planned = plan(motion, limits or self.profile.limits, self.settings.rate)
-        began = self._session.drive(planned)
-        if self.settings.summary:
-            self.record.complete(planned.stages, began)
+        limits = limits or self.profile.limits
+        planned = plan(motion, limits, self.settings.rate)
+        self.audience.tell(Planned(motion, limits, self.settings.rate))
+        try:
+            self._session.drive(planned)
+        except BaseException as error:
+            self.audience.tell(Ended(time.monotonic(), _reason(error)))
+            raise
+        self.audience.tell(Ended(time.monotonic()))
         return planned
+
+    def _on_sent(self, now: float, velocity: Velocity) -> None:
+        if self.audience:
+            self.audience.tell(Sent(now, velocity))
+
+    def _on_began(self, now: float) -> None:
+        self.audience.tell(Began(now))
 
     def _on_stop(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -196,8 +224,8 @@ class KachakaSimpleControl(Node):
 
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
         self._session.odometry.hear(now, velocity)
-        if self.settings.summary:
-            self.record.add_odometry(now, pose)
+        if self.audience:
+            self.audience.tell(Answered(now, pose, velocity))
 
     def _leave_nothing_moving(self) -> None:
         # rclpy's own handlers would shut the context down before anything could be published.
@@ -209,6 +237,12 @@ class KachakaSimpleControl(Node):
         WATCH.reinstall()
         before_shutdown(self.context, self._session.close)
         atexit.register(self._session.close)
+
+
+def _reason(error: BaseException) -> str:
+    if WATCH.signum is not None:
+        return f'stopped by {signal.Signals(WATCH.signum).name}'
+    return str(error) or type(error).__name__
 
 
 def play_lesson(robot_control: KachakaSimpleControl) -> None:

@@ -95,6 +95,8 @@ class PublisherEdge:
         self._run: Run | None = None
         #: called with the time [s on the clock] and the velocity of each message sent
         self.on_sent: Callable[[float, Velocity], None] = _ignore
+        #: called with the time [s on the clock] when the first message of a run was sent: t = 0
+        self.on_began: Callable[[float], None] = _ignore
 
     @property
     def access(self) -> Access:
@@ -147,6 +149,7 @@ class PublisherEdge:
             sent = self._publish(velocity)
             if run.last_sent is None:
                 run.began = sent
+                self.on_began(sent)
             # Afterwards: what DDS takes while somebody joins the graph, 0.3 s at worst, is no sign
             # that this program was held up.
             run.last_sent = self._gap_clock()
@@ -227,5 +230,5 @@ class PublisherEdge:
                 'ms allowed: the program was held up, so the motion was given up')
 
 
-def _ignore(time_sent: float, velocity: Velocity) -> None:
+def _ignore(*what: object) -> None:
     """Record nothing."""

@@ -24,7 +24,8 @@ import math
 from kachaka_simple_control.motion.kinematics import Pose
 from kachaka_simple_control.motion.steps import Arc, Forward, Move, Step, Turn, Wait
 from kachaka_simple_control.motion.way import way_of
-from kachaka_simple_control.report.record import Answered, Movement, Sent
+from kachaka_simple_control.report.events import Answered, Sent
+from kachaka_simple_control.report.record import Movement
 
 #: How long after a velocity was sent odometry surely shows it [s]: two of its samples and more.
 SETTLING = 0.06

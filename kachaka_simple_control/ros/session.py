@@ -88,12 +88,11 @@ class Session:
         self._is_met = False
         self._is_given_back = False
 
-    def drive(self, plan: Plan) -> float:
+    def drive(self, plan: Plan) -> None:
         """
         Drive a plan, and leave the robot at rest.
 
         :param plan: what to drive
-        :returns: when the first velocity was sent [s on the steady clock]
         :raises ControlError: if the robot cannot be taken or the run could not go on
         """
         self._require_other_thread()
@@ -105,7 +104,6 @@ class Session:
             run = play(plan, self.edge, self._hold, self._attendant)
             self._guardian.rest()
             self._stopper.stop_unless_more(run, within=plan.period)
-            return run.began
         except BaseException as error:
             # KeyboardInterrupt and SystemExit too: whoever leaves here leaves a robot at rest.
             self._is_met = False
