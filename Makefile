@@ -3,7 +3,7 @@
 # DOCS    the form that the documentation is built in: html, or linkcheck to try outer links too
 # PYTHON  the Python to use, 3.10 or newer
 # DISTRO  the ROS 2 to take from PyPI where none is sourced: jazzy (as by default) or kilted
-# QUICK   anything: bench measures little, in minutes, and leaves docs alone
+# QUICK   anything: bench, stop-matrix, lossy-link measure little, in minutes; docs stay as they are
 # NO_BARS anything: bench does not fail when a bar is missed
 
 PYTHON ?= python3
@@ -13,7 +13,7 @@ VENV := .venv$(addprefix -,$(filter-out jazzy,$(DISTRO)))
 SET_UP := @$(PYTHON) tools/set_up.py $(addprefix --distro=,$(DISTRO))
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-all check colcon docs setup lock clean
+.PHONY: help run test test-all check bench stop-matrix lossy-link colcon docs setup lock clean
 
 help:  ## print this list
 	@echo 'make TARGET [PYTHON=python3.12] [DISTRO=kilted]'
@@ -40,6 +40,12 @@ check: setup  ## set up, then check style, types and who imports whom
 bench: setup .venv-plots/made  ## measure beside the lesson's loop: half an hour; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks --draw-with .venv-plots/bin/python $(if $(QUICK),--quick) \
 	    $(if $(NO_BARS),--no-bars)
+
+stop-matrix: setup  ## let everything happen to a program that drives: half an hour; QUICK=1: minutes
+	$(VENV)/bin/python -m benchmarks.stop_matrix $(if $(QUICK),--quick)
+
+lossy-link: setup  ## stop and move over a bad link, as root: half an hour; QUICK=1: minutes
+	$(VENV)/bin/python -m benchmarks.lossy_link $(if $(QUICK),--quick)
 
 # Drawing has an environment of its own: its numpy need not be the one that a sourced ROS wants.
 .venv-plots/made: requirements/benchmarks.txt

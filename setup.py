@@ -28,13 +28,20 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.10',
     packages=find_packages(include=[package_name, package_name + '.*']),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', 'motions/*', 'robots/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
     ],
     install_requires=['setuptools'],
     extras_require={
+        # Motions and robots in files; the lesson needs none.
+        'motions': ['PyYAML>=5.4', 'jsonschema>=3.2'],
+        'plot': ['matplotlib>=3.5'],
+        # A drive shown in a terminal; without it, in plain lines.
+        'live': ['rich>=11.2'],
+        # The recording beside a report; without it, the report alone.
+        'recording': ['mcap-ros2-support'],
         'test': ['pytest', 'hypothesis'],
         # What the SDK of the robot needs; itself it is installed with --no-deps, for its pins name
         # one old grpcio that not every Python has, and a numpy that a sourced ROS may not have.
@@ -43,7 +50,7 @@ setup(
     zip_safe=True,
     entry_points={
         'console_scripts': [
-            'kachaka_simple_control = kachaka_simple_control.kachaka_simple_control:main',
+            'kachaka_simple_control = kachaka_simple_control.__main__:main',
             'kachaka_bridge = kachaka_simple_control.robot.bridge:main',
             'kachaka_sim = kachaka_simple_control.robot.sim_command:main',
         ],

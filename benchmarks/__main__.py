@@ -52,10 +52,10 @@ def measure(scale: Scale) -> dict[str, Any]:
     # Before anything loads rclpy: no robot, and no other run, may hear this one.
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     stay_on_this_machine()
-    from benchmarks import endings, machine, timing
+    from benchmarks import endings, machine, planning, timing
     described = machine.describe()
     begin = time.monotonic()
-    # A later kind of measurement (planning speed, say) adds its line here.
+    # A later kind of measurement adds its line here.
     run = {
         'date': f'{datetime.now(timezone.utc):%Y-%m-%d}',
         'moves': {str(rate): count for rate, count in scale.moves.items()},
@@ -63,7 +63,9 @@ def measure(scale: Scale) -> dict[str, Any]:
         'starts': endings.measure_starts(scale),
         'signals': endings.measure_signals(scale),
         'firsts': endings.measure_firsts(scale),
-        'timing': timing.measure_timing(scale)}
+        'timing': timing.measure_timing(scale),
+        'planning': planning.measure_planning(scale.plans),
+        'exactness': planning.measure_exactness()}
     print(f'measured in {(time.monotonic() - begin) / 60.0:.1f} minutes\n')
     return run
 

@@ -47,14 +47,15 @@ def figures(run: dict[str, Any]) -> list[Figure]:
     """
     Return all figures of a run.
 
-    A later kind of measurement (planning speed, say) adds its function here.
+    A later kind of measurement adds its function here.
 
     :param run: what the run left
     :returns: the figures
     """
     return [
         *(figure for entry in run['timing'] for figure in _timing(entry)),
-        *_firsts(run['firsts']), *_starts(run['starts']), *_zeros(run)]
+        *_firsts(run['firsts']), *_starts(run['starts']), *_zeros(run),
+        *_planning(run.get('planning', ()))]
 
 
 def find(found: Sequence[Figure], what: str, loop: str) -> float | None:
@@ -136,6 +137,13 @@ def _zeros(run: dict[str, Any]) -> Iterator[Figure]:
         yield Figure(f'{what}, median', 'ours', 1e3 * median(times), 'ms')
         yield Figure(f'{what}, p99', 'ours', 1e3 * quantile(times, 0.99), 'ms')
         yield Figure(f'{what}, worst', 'ours', 1e3 * max(times), 'ms')
+
+
+def _planning(entries: Sequence[dict[str, Any]]) -> Iterator[Figure]:
+    for entry in entries:
+        what = f'at 50 Hz, {entry["length"] / 3600.0:g} h of motion'
+        yield Figure(f'planning {what}', 'ours', entry['time'], 's')
+        yield Figure(f'memory of planning {what}', 'ours', entry['memory'], 'MB')
 
 
 def signal_groups(entries: list[dict[str, Any]]) -> list[tuple[str, int, tuple[str, ...]]]:

@@ -19,17 +19,19 @@ BEGIN = '<!-- measured: written by make bench, changes here are lost -->'
 END = '<!-- measured: end -->'
 
 
-def updated(page: str, measured: str) -> str:
+def updated(page: str, measured: str, begin: str = BEGIN, end: str = END) -> str:
     """
     Return a page with its measured part replaced.
 
     :param page: the page as it is
     :param measured: the new part, without the marks around it
+    :param begin: the line before it
+    :param end: the line after it
     :returns: the page as it should be
     :raises ValueError: if the page has not one such part
     """
-    if page.count(BEGIN) != 1 or page.count(END) != 1 or page.index(END) < page.index(BEGIN):
-        raise ValueError(f'the page must have one line {BEGIN!r} and one line {END!r} after it')
-    head, _, rest = page.partition(BEGIN)
-    _, _, tail = rest.partition(END)
-    return f'{head}{BEGIN}\n\n{measured.strip()}\n\n{END}{tail}'
+    if page.count(begin) != 1 or page.count(end) != 1 or page.index(end) < page.index(begin):
+        raise ValueError(f'the page must have one line {begin!r} and one line {end!r} after it')
+    head, _, rest = page.partition(begin)
+    _, _, tail = rest.partition(end)
+    return f'{head}{begin}\n\n{measured.strip()}\n\n{end}{tail}'

@@ -33,6 +33,7 @@ class Scale:
     :param signals: how many signals one process gets
     :param firsts: how often the beginning of the lesson is played to a robot that is there
     :param late: how often to a robot that comes late
+    :param plans: how long the motions are that are planned [s]
     """
 
     moves: dict[int, int]
@@ -45,14 +46,15 @@ class Scale:
     signals: int
     firsts: int
     late: int
+    plans: tuple[int, ...]
 
 
 FULL = Scale(
     moves={10: 50, 20: 50, 50: 50, 100: 50, 200: 5, 500: 5, 1000: 5},
     loaded={10: 5, 100: 5}, busy=2, turn=10, starts=20, killed=20, others=6, signals=200,
-    firsts=6, late=3)
+    firsts=6, late=3, plans=(360, 3600, 36000))
 #: For a first look, and for continuous integration.
 QUICK = Scale(
     moves={10: 4, 100: 4, 1000: 1},
     loaded={100: 2}, busy=2, turn=2, starts=3, killed=2, others=1, signals=10,
-    firsts=1, late=1)
+    firsts=1, late=1, plans=(360, 3600))

@@ -77,7 +77,8 @@ def tables(run: dict[str, Any]) -> list[Table]:
     found = figures(run)
     return [
         _bars(judge(found)), *_timing(found, run['timing']), _memory(found, run['timing']),
-        _firsts(found), _starts(found), _signals(run), _machine(run)]
+        _firsts(found), _starts(found), _signals(run),
+        _planning(run.get('planning', [])), _exactness(run.get('exactness', [])), _machine(run)]
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -182,6 +183,34 @@ def _signals(run: dict[str, Any]) -> Table:
         tuple((name, kind, str(len(times)), number(1e3 * median(times)),
                number(1e3 * max(times)), str(times.count(math.inf)))
               for name, kind, times in groups))
+
+
+def _planning(entries: list[dict[str, Any]]) -> Table:
+    return Table(
+        'Planning, at 50 Hz', ('motion [h]', 'steps', 'velocities', 'time [s]', 'memory [MB]'),
+        tuple((f'{entry["length"] / 3600.0:g}', str(entry['steps']), str(entry['segments']),
+               number(entry['time']), number(entry['memory'])) for entry in entries))
+
+
+def _exactness(entries: list[dict[str, Any]]) -> Table:
+    places = list(dict.fromkeys((entry['goal'], entry['shape']) for entry in entries))
+    rates = list(dict.fromkeys(entry['rate'] for entry in entries))
+    ways = list(dict.fromkeys(entry['way'] for entry in entries))
+
+    def cell(place: tuple[str, str], rate: int) -> str:
+        return ' / '.join(_worst(next(
+            entry for entry in entries
+            if (entry['goal'], entry['shape'], entry['rate'], entry['way']) == (*place, rate, way)
+            )) for way in ways)
+
+    return Table(
+        f'What is missing or too much at the goal, at worst: {" / ".join(ways)} [mm] or [mrad]',
+        ('goal', 'profile', *(f'{rate} Hz' for rate in rates)),
+        tuple((*place, *(cell(place, rate) for rate in rates)) for place in places))
+
+
+def _worst(entry: dict[str, Any]) -> str:
+    return f'{1e3 * max(abs(entry[part] - entry["asked"]) for part in ("least", "most")):.2f}'
 
 
 def _machine(run: dict[str, Any]) -> Table:

@@ -32,10 +32,21 @@ from kachaka_simple_control.motion.errors import InvalidMotionError
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.motion.steps import (
+    Arc,
+    Forward,
+    Motion,
+    Move,
+    Repeat,
+    Step,
+    Turn,
+    Wait,
+)
 
 __all__ = [
+    'Arc',
     'ControlError',
+    'Forward',
     'InvalidMotionError',
     'KachakaSimpleControl',
     'Limits',
@@ -44,10 +55,14 @@ __all__ = [
     'Move',
     'Plan',
     'Pose',
+    'Repeat',
     'RobotNotFoundError',
     'RunFaultError',
+    'Step',
+    'Turn',
     'UsageError',
     'Velocity',
+    'Wait',
     'plan',
 ]
 

@@ -11,10 +11,49 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Let ``python3 -m kachaka_simple_control`` do what the command does."""
+"""The ``kachaka_simple_control`` command."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 import sys
 
-from kachaka_simple_control.kachaka_simple_control import main
+from kachaka_simple_control.command_line import exit_code, Options, parse
+from kachaka_simple_control.errors import UsageError
 
-sys.exit(main())
+
+def act(options: Options) -> None:
+    """
+    Do what the command was asked to.
+
+    :param options: what was asked
+    :raises ControlError: if it could not be done
+    """
+    if options.looks_only:
+        from kachaka_simple_control.looking import look
+        look(options)
+        return
+    try:
+        # Here, for much of the command needs no ROS, and Ctrl+C is heard by now.
+        from kachaka_simple_control.driving import drive
+    except ModuleNotFoundError as error:
+        raise UsageError(
+            f'to drive a robot needs ROS 2, and its {error.name} is not here: source it first, '
+            'as in `source /opt/ros/jazzy/setup.bash`, or use the environment that `make setup` '
+            'makes') from None
+    drive(options)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """
+    Do what the arguments say.
+
+    :param args: arguments without the program's name; None for those of the process
+    :returns: the exit code
+    """
+    options = parse(args)
+    return exit_code(lambda: act(options))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -40,16 +40,37 @@ class Options:
     """
     What the command was asked to do.
 
+    :param motions: names or files of the motions it is about; none: the lesson
     :param sim: whether to start a simulated robot beside the node
-    :param parameters: parameters of the node that the arguments set
+    :param robot: name or file of the robot's profile; None where nothing was said
+    :param rate: how often a velocity is sent [Hz]; None where nothing was said
+    :param list: whether to list the motions that come with the package
+    :param plan: whether to print what a motion will do
+    :param plot: where to draw what a motion will do; None if nowhere
+    :param wait: whether to drive only when a service asks for it
     :param ros_arguments: what ROS itself is told, from ``--ros-args`` on
+    :param report: the folder to leave a report in; None for no report
+    :param quiet: whether to show nothing while the robot drives but the node's log lines
     :param address: of the real robot to start a bridge to beside the node; None for no bridge
     """
 
-    sim: bool
-    parameters: dict[str, object]
-    ros_arguments: list[str]
+    motions: tuple[str, ...] = ()
+    sim: bool = False
+    robot: str | None = None
+    rate: float | None = None
+    list: bool = False
+    plan: bool = False
+    plot: str | None = None
+    wait: bool = False
+    ros_arguments: tuple[str, ...] = ()
     address: str | None = None
+    report: str | None = None
+    quiet: bool = False
+
+    @property
+    def looks_only(self) -> bool:
+        """Whether nothing is to move."""
+        return self.list or self.plan or self.plot is not None
 
     @property
     def brings_robot(self) -> bool:
@@ -66,10 +87,32 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     :raises SystemExit: with code 2 and one line for bad ones; with 0 after ``--help``
     """
     own, ros = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
+    parser = _parser()
+    said = vars(parser.parse_args(own))
+    said.pop('ros_args', None)
+    options = Options(motions=tuple(said.pop('motions')), ros_arguments=tuple(ros), **said)
+    if len(options.motions) > 1 and not options.looks_only:
+        parser.error('one motion can be driven at a time; --plan and --plot take several')
+    return options
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=NAME, epilog=EPILOG, allow_abbrev=False,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        description="Play the lesson's seven movements: forward, left and right, exactly timed.")
+        description='Drive a motion, exactly timed; without a name, the seven movements of the '
+                    'lesson.')
+    parser.add_argument(
+        'motions', nargs='*', metavar='MOTION',
+        help='a motion that comes with the package (see --list), or the path of a file')
+    parser.add_argument(
+        '--list', action='store_true', help='list the motions that come with the package')
+    parser.add_argument(
+        '--plan', action='store_true',
+        help='print what the motions will do, step by step; nothing moves, and no ROS is needed')
+    parser.add_argument(
+        '--plot', metavar='FILE',
+        help='draw what the motions will do, as .png, .svg or .pdf; likewise')
     robot = parser.add_mutually_exclusive_group()
     robot.add_argument(
         '--sim', action='store_true',
@@ -78,16 +121,25 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         '--address', type=_address, metavar='HOST',
         help='do the same with the real Kachaka at this address, HOST or HOST:PORT')
     parser.add_argument(
-        '--rate', type=float, metavar='HZ', help='how often a velocity is sent (default: 10)')
+        '--wait', action='store_true',
+        help='stand by: ~/run starts the motion, ~/stop ends it (std_srvs/Trigger)')
+    parser.add_argument(
+        '--report', metavar='DIR',
+        help='leave a report and a recording of the drive in this new folder')
+    parser.add_argument(
+        '--quiet', action='store_true',
+        help="show nothing while the robot drives but the node's log lines")
+    parser.add_argument(
+        '--robot', metavar='NAME',
+        help='kachaka, turtlebot3, generic, or the path of a profile (default: what the motion '
+             'says, or kachaka)')
+    parser.add_argument(
+        '--rate', type=float, metavar='HZ',
+        help='how often a velocity is sent (default: what the motion says, or 10)')
     parser.add_argument(
         '--ros-args', action='store_true', default=argparse.SUPPRESS,
         help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')
-    options = parser.parse_args(own)
-    parameters: dict[str, object] = {} if options.rate is None else {'rate': options.rate}
-    answer = Options(options.sim, parameters, ros, options.address)
-    if answer.brings_robot:
-        parameters['summary'] = True
-    return answer
+    return parser
 
 
 def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -13,42 +13,44 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The lesson's node, and the command that plays the lesson's movements with it."""
+"""The lesson's node, and the lesson's movements played with it."""
 
 from __future__ import annotations
 
 import atexit
-import contextlib
 import signal
 import sys
+import time
 from typing import Any
 
 if __name__ == '__main__':
     # Run as a file, Python looks for packages beside it, and would find the file itself.
     sys.path[0] = __file__.rpartition('/kachaka_simple_control/')[0] or '..'
 
-from geometry_msgs.msg import Twist
 from kachaka_simple_control import command_line
-from kachaka_simple_control.errors import MotionRefusedError, UsageError
+from kachaka_simple_control.audience.audience import Audience
+from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.execution.signals import WATCH
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
-from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.report.events import Answered, Began, Ended, Planned, Sent
 from kachaka_simple_control.report.record import Record
-from kachaka_simple_control.report.table import table
-from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.robot.robot_profile import profile_of
 from kachaka_simple_control.ros.before_shutdown import before_shutdown
-from kachaka_simple_control.ros.isolation import stay_on_this_machine
 from kachaka_simple_control.ros.names import names_of
 from kachaka_simple_control.ros.odometry import listen_to_odometry
+from kachaka_simple_control.ros.opening import opened
 from kachaka_simple_control.ros.session import Session
-from kachaka_simple_control.ros.settings import declare
+from kachaka_simple_control.ros.settings import declare, declare_robot
 from kachaka_simple_control.ros.spinner import wake_main_thread
+from kachaka_simple_control.ros.velocity_message import VelocityMessage
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 import rclpy
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 import rclpy.signals
+from std_srvs.srv import Trigger
 
 
 class KachakaSimpleControl(Node):
@@ -67,17 +69,25 @@ class KachakaSimpleControl(Node):
         :raises UsageError: if a parameter has a value that cannot work
         """
         super().__init__('kachaka_simple_control', **node_options)
-        self.settings = declare(self)
-        self._profile = KACHAKA
-        names = names_of(
-            self._profile, self.settings.robot_namespace, self.settings.manual_control)
-        self.publisher = VelocityPublisher(self.create_publisher(Twist, names.velocity, 10))
-        self._session = Session(self, self.publisher, self._profile, names, self.settings)
+        self.profile = profile_of(declare_robot(self))
+        self.settings = declare(self, self.profile)
+        self.names = names = names_of(
+            self.profile, self.settings.robot_namespace, self.settings.manual_control)
+        message = VelocityMessage(
+            self.profile.message_type, self.profile.frame,
+            lambda: self.get_clock().now().to_msg())
+        self.publisher = VelocityPublisher(self, names.velocity, message)
+        self._session = Session(self, self.publisher, self.profile, names, self.settings)
+        #: who is told what happens
+        self.audience = Audience()
         self.record = Record()
         if self.settings.summary:
-            self._session.edge.on_sent = self.record.add_sent
+            self.audience.join(self.record.hear)
+        self._session.edge.on_sent = self._on_sent
+        self._session.edge.on_began = self._on_began
         if self.settings.summary or self.settings.odometry_timeout:
             listen_to_odometry(self, names, self._on_odometry)
+        self.create_service(Trigger, '~/stop', self._on_stop)
         self._wake = self.create_guard_condition(lambda: None)
         self._leave_nothing_moving()
         self.get_logger().info('Robot control node has started')
@@ -98,14 +108,32 @@ class KachakaSimpleControl(Node):
         :raises ControlError: if the run could not go on; the robot was stopped
         """
         step = Move(linear_x, angular_z, duration)
-        motion = Motion('move_robot', (step,))
-        self._session.drive(plan(motion, self._profile.limits, self.settings.rate))
-        if self.settings.summary:
-            self.record.complete(step)
+        # The planner would name the step's place in a motion that nobody has seen.
+        self.profile.limits.check(step.velocity)
+        self._drive(Motion('move_robot', (step,)), None)
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
             f'Movement completed: Forward={linear_x}, Rotation={angular_z}, '
             f'Time={duration} seconds')
+
+    def run(self, motion: Motion, limits: Limits | None = None) -> None:
+        """
+        Drive a motion, exactly timed; returns when its last zero was sent.
+
+        The first drive waits for the robot and switches its manual control on.  The next one may
+        follow at once; when none does, a whole stop is sent.
+
+        :param motion: what to do
+        :param limits: what to plan it with; None for what the robot can do
+        :raises InvalidMotionError: if the robot cannot do it; nothing has moved
+        :raises RobotNotFoundError: if no robot listens; nothing has moved
+        :raises ControlError: if the run could not go on; the robot was stopped
+        """
+        driven = self._drive(motion, limits)
+        self.get_logger().info('Robot has stopped')
+        self.get_logger().info(
+            f'Motion completed: {motion.name}, {len(driven.stages)} steps, '
+            f'{driven.duration:.3f} seconds')
 
     def stop_robot(self) -> None:
         """
@@ -115,6 +143,14 @@ class KachakaSimpleControl(Node):
         """
         if self._session.stop(MotionRefusedError('the movement was ended by stop_robot()')):
             self.get_logger().info('Robot has stopped')
+
+    def introduce(self, title: str) -> None:
+        """
+        Tell the audience what begins now; the first event of all.
+
+        :param title: what people call what is driven
+        """
+        self.audience.tell(opened(self, title, self.profile, self.names, self.settings))
 
     @property
     def is_heard(self) -> bool:
@@ -160,10 +196,36 @@ class KachakaSimpleControl(Node):
             self.get_logger().info('Program was interrupted')
         self._session.halt(MotionRefusedError(f'the program ended by {error!r}'))
 
+    def _drive(self, motion: Motion, limits: Limits | None) -> Plan:
+        limits = limits or self.profile.limits
+        planned = plan(motion, limits, self.settings.rate)
+        self.audience.tell(Planned(motion, limits, self.settings.rate))
+        try:
+            self._session.drive(planned)
+        except BaseException as error:
+            self.audience.tell(Ended(time.monotonic(), _reason(error)))
+            raise
+        self.audience.tell(Ended(time.monotonic()))
+        return planned
+
+    def _on_sent(self, now: float, velocity: Velocity) -> None:
+        if self.audience:
+            self.audience.tell(Sent(now, velocity))
+
+    def _on_began(self, now: float) -> None:
+        self.audience.tell(Began(now))
+
+    def _on_stop(
+            self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        del request
+        self.stop_robot()
+        response.success = True
+        return response
+
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
         self._session.odometry.hear(now, velocity)
-        if self.settings.summary:
-            self.record.add_odometry(now, pose)
+        if self.audience:
+            self.audience.tell(Answered(now, pose, velocity))
 
     def _leave_nothing_moving(self) -> None:
         # rclpy's own handlers would shut the context down before anything could be published.
@@ -175,6 +237,12 @@ class KachakaSimpleControl(Node):
         WATCH.reinstall()
         before_shutdown(self.context, self._session.close)
         atexit.register(self._session.close)
+
+
+def _reason(error: BaseException) -> str:
+    if WATCH.signum is not None:
+        return f'stopped by {signal.Signals(WATCH.signum).name}'
+    return str(error) or type(error).__name__
 
 
 def play_lesson(robot_control: KachakaSimpleControl) -> None:
@@ -192,75 +260,33 @@ def play_lesson(robot_control: KachakaSimpleControl) -> None:
     robot_control.move_robot(0.0, 0.0, 1.0)
 
 
-def run(options: command_line.Options) -> None:
+def lesson(arguments: list[str] | None) -> None:
     """
-    Do what the command was asked to.
+    Play the lesson from the first line of a program to its last.
 
-    :param options: what that is
-    :raises ControlError: if it could not be done; the robot was stopped
+    :param arguments: what ROS is told; None for the arguments of the process
+    :raises ControlError: if it could not be played; the robot was stopped
     """
-    # Started last, a bridge ends last: after its robot was stopped and given back.
-    with contextlib.ExitStack() as helpers:
-        if options.brings_robot:
-            stay_on_this_machine()
-        start_ros(options.ros_arguments)
-        robot_control = KachakaSimpleControl(parameter_overrides=[
-            Parameter(name, value=value) for name, value in options.parameters.items()])
-        try:
-            if options.brings_robot:
-                helpers.enter_context(
-                    robot_of(options, robot_control.settings.robot_namespace))
-            play_lesson(robot_control)
-        except KeyboardInterrupt:
-            robot_control.get_logger().info('Program was interrupted')
-        finally:
-            robot_control.stop_robot()
-            still_after = robot_control.stop_confirmed_after
-            robot_control.destroy_node()
-            rclpy.try_shutdown()
-    if options.brings_robot:
-        print(table(robot_control.record, still_after))
-
-
-def robot_of(
-        options: command_line.Options,
-        namespace: str) -> contextlib.AbstractContextManager[object]:
-    """
-    Return the robot that the command brings along, in a process of its own.
-
-    :param options: what the command was asked to do
-    :param namespace: where the robot is to be found
-    :returns: a context manager: it is there within
-    """
-    from kachaka_simple_control.robot.simulation import real_robot, simulation
-    if options.address is None:
-        return simulation(namespace)
-    return real_robot(options.address, namespace)
-
-
-def start_ros(arguments: list[str]) -> None:
-    """
-    Initialise ROS, without the signal handlers of its own.
-
-    :param arguments: what ROS is told, from ``--ros-args`` on
-    :raises UsageError: if ROS does not understand it
-    """
+    rclpy.init(args=arguments)
+    robot_control = KachakaSimpleControl()
     try:
-        rclpy.init(
-            args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        raise UsageError(str(error).splitlines()[0]) from None
+        play_lesson(robot_control)
+    except KeyboardInterrupt:
+        robot_control.get_logger().info('Program was interrupted')
+    finally:
+        robot_control.stop_robot()
+        robot_control.destroy_node()
+        rclpy.try_shutdown()
 
 
 def main(args: list[str] | None = None) -> int:
     """
-    Play the lesson, or what the arguments say.
+    Play the lesson; the command of the same name can do more.
 
-    :param args: arguments without the program's name; None for those of the process
+    :param args: what ROS is told; None for the arguments of the process
     :returns: the exit code
     """
-    options = command_line.parse(args)
-    return command_line.exit_code(lambda: run(options))
+    return command_line.exit_code(lambda: lesson(args))
 
 
 if __name__ == '__main__':

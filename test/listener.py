@@ -26,7 +26,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 #: Humble does not tell a callback when a message was sent; there the time of arrival must do.
 KNOWS_SOURCE_TIME = hasattr(Subscription, 'CallbackType')
@@ -106,9 +106,24 @@ class Listener:
         """Say goodbye properly: the subscription goes away."""
         self._node.destroy_subscription(self._subscription)
 
-    def wait_for(self, condition: Callable[[Heard], bool], timeout: float = 20.0) -> Heard:
-        """Return the first velocity that fits; fail if none comes in time."""
-        end, seen = time.monotonic() + timeout, 0
+    def call(self, name: str) -> Trigger.Response:
+        """Call a service of the node under test; fail if it does not answer."""
+        client = self._node.create_client(Trigger, f'/kachaka_simple_control/{name}')
+        try:
+            assert client.wait_for_service(10.0), f'there is no service {client.srv_name}'
+            answer, end = client.call_async(Trigger.Request()), time.monotonic() + 10.0
+            while not answer.done():
+                assert time.monotonic() < end, f'{client.srv_name} does not answer'
+                time.sleep(0.01)
+            return answer.result()
+        finally:
+            self._node.destroy_client(client)
+
+    def wait_for(
+            self, condition: Callable[[Heard], bool], timeout: float = 20.0,
+            after: int = 0) -> Heard:
+        """Return the first velocity that fits, from a place on; fail if none comes in time."""
+        end, seen = time.monotonic() + timeout, after
         while time.monotonic() < end:
             while seen < len(self.heard):
                 if condition(self.heard[seen]):

@@ -31,13 +31,13 @@ COMMAND = [sys.executable, '-m', 'kachaka_simple_control']
 class Program:
     """A process, and all it printed."""
 
-    def __init__(self, command: list[str], log: Path) -> None:
-        """Start it in a session of its own."""
+    def __init__(self, command: list[str], log: Path, folder: Path | None) -> None:
+        """Start it in a session of its own, and in a folder if one is given."""
         self._log = log
         with log.open('w') as out:
             self.process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT,
-                cwd=log.parent, start_new_session=True, env=environment())
+                cwd=folder, start_new_session=True, env=environment())
 
     @property
     def text(self) -> str:
@@ -71,11 +71,15 @@ def environment() -> dict[str, str]:
 
 
 @contextlib.contextmanager
-def program(command: list[str], folder: Path) -> Iterator[Program]:
-    """Run a command, and leave nothing of it behind."""
-    started = Program(command, folder / 'log.txt')
+def program(
+        command: list[str], scratch: Path, folder: Path | None = None) -> Iterator[Program]:
+    """Run a command, in a folder if one is given, and leave nothing of it behind."""
+    started = Program(command, scratch / 'log.txt', folder)
     try:
         yield started
+    except BaseException:
+        print(f'{command} printed:\n{started.text}')
+        raise
     finally:
         children = children_of(started.process.pid)
         with contextlib.suppress(ProcessLookupError):
@@ -105,8 +109,8 @@ def is_running(pid: int) -> bool:
 
 @contextlib.contextmanager
 def script(text: str, folder: Path) -> Iterator[Program]:
-    """Run a script as a user would have written it."""
+    """Run a script as a user would have written it, in a folder of its own."""
     file = folder / 'script.py'
     file.write_text(text)
-    with program([sys.executable, str(file)], folder) as started:
+    with program([sys.executable, str(file)], folder, folder) as started:
         yield started

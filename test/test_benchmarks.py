@@ -153,7 +153,12 @@ def a_run(**changes):
     firsts = [{'loop': loop, 'late': late, 'arrived': 0.1}
               for loop in ('ours', 'lesson') for late in (False, True)]
     return {'date': '2026-01-01', 'moves': {}, 'machine': {'cores': '2'}, 'timing': timing,
-            'starts': starts, 'signals': [0.001, 0.002], 'firsts': firsts, **changes}
+            'starts': starts, 'signals': [0.001, 0.002], 'firsts': firsts,
+            'planning': [{'length': 3600, 'steps': 9, 'segments': 99, 'time': 0.5, 'memory': 9.0}],
+            'exactness': [
+                {'goal': 'turn', 'shape': 'S-curve', 'rate': 10, 'way': way, 'asked': 1.0,
+                 'least': 1.0 - lost, 'most': 1.0}
+                for way, lost in (('ours', 0.0), ('samples', 0.001))], **changes}
 
 
 def test_a_good_run_holds_every_bar():
@@ -167,6 +172,7 @@ def test_a_good_run_holds_every_bar():
     ({'signals': []}, 1),
     ({'starts': []}, 5),
     ({'timing': []}, 3),
+    ({'planning': []}, 1),
 ])
 def test_what_never_came_or_was_not_measured_is_missed(changes, missed):
     verdicts = judge(figures(a_run(**changes)))
@@ -196,6 +202,12 @@ def test_tables_tell_what_never_came():
     text = '\n'.join(table.text() for table in tables(a_run()))
     (row,) = [line for line in text.splitlines() if line.startswith("the lesson's loop  SIGINT")]
     assert row.split()[-3:] == ['never', 'never', '1']
+
+
+def test_the_table_of_goals_has_a_cell_for_each_rate_and_a_figure_for_each_way():
+    (table,) = [table for table in tables(a_run()) if 'at the goal' in table.title]
+    assert 'ours / samples' in table.title
+    assert table.rows == (('turn', 'S-curve', '0.00 / 1.00'),)
 
 
 def test_a_table_can_stand_on_a_page():

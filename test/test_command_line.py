@@ -16,7 +16,7 @@
 import signal
 
 from kachaka_simple_control import command_line
-from kachaka_simple_control.command_line import exit_code, parse, split_ros_arguments
+from kachaka_simple_control.command_line import exit_code, Options, parse, split_ros_arguments
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError, UsageError
 from kachaka_simple_control.execution.signals import SignalWatch
 from kachaka_simple_control.motion.errors import InvalidMotionError
@@ -24,21 +24,23 @@ import pytest
 
 
 def test_nothing_said_is_the_lesson_on_a_real_robot():
-    options = parse([])
-    assert not options.sim
-    assert options.parameters == {}
-    assert options.ros_arguments == []
+    assert parse([]) == Options()
+    assert not parse([]).looks_only
 
 
-def test_a_simulated_drive_ends_with_a_summary():
-    assert parse(['--sim']).parameters == {'summary': True}
+def test_several_motions_can_be_looked_at_and_one_driven():
+    assert parse(['square', 'circle', '--plan']).motions == ('square', 'circle')
+    assert parse(['square', '--sim', '--rate', '50']) == Options(('square',), sim=True, rate=50.0)
 
 
-def test_the_rate_is_a_parameter_of_the_node():
-    assert parse(['--rate', '50']).parameters == {'rate': 50.0}
+@pytest.mark.parametrize('arguments', [
+    ['--list'], ['--plan'], ['--plot', 'square.png'], ['--plan', '--sim']])
+def test_who_only_looks_moves_nothing(arguments):
+    assert parse(arguments).looks_only
 
 
-@pytest.mark.parametrize('arguments', [['--fast'], ['--rate', 'fast'], ['square', 'circle']])
+@pytest.mark.parametrize('arguments', [
+    ['--fast'], ['--rate', 'fast'], ['square', 'circle'], ['--plot']])
 def test_bad_usage_is_one_sentence_and_exit_code_2(arguments, capsys):
     with pytest.raises(SystemExit) as caught:
         parse(arguments)

@@ -26,7 +26,7 @@ import pytest
 
 COMMON = {
     'builtin_interfaces.msg': {'Time'},
-    'geometry_msgs.msg': {'Quaternion', 'Twist'},
+    'geometry_msgs.msg': {'Quaternion', 'Twist', 'TwistStamped'},
     'nav_msgs.msg': {'Odometry'},
     'rcl_interfaces.msg': {'FloatingPointRange', 'ParameterDescriptor'},
     'rclpy': {'init', 'ok', 'shutdown', 'signals', 'spin', 'try_shutdown'},

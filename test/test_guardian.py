@@ -19,6 +19,7 @@ import signal
 import subprocess
 import time
 
+from kachaka_simple_control.execution.frozen import is_frozen
 from program import children_of, COMMAND, is_running, program, script
 import pytest
 
@@ -98,6 +99,32 @@ def test_a_frozen_node_hears_one_stop_and_moves_no_more_when_it_wakes(listener, 
     assert len(listener.released) == 1
 
 
+def test_a_node_frozen_while_it_hands_a_message_to_dds_is_no_slow_dds(listener, tmp_path):
+    """Its flag stays up; the guardian must not take that for a third of a second of DDS."""
+    text = BEGIN + """
+node._session.edge._sending.lower = lambda: None
+node.move_robot(0.1, 0.0, 20.0)
+"""
+    with script(text, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        time.sleep(0.25)
+        sent = started.send(signal.SIGSTOP)
+        assert zeros_after(listener, sent)[0] - sent < 0.4
+
+
+def test_a_process_is_frozen_from_sigstop_to_sigcont():
+    with subprocess.Popen(['sleep', '20']) as process:
+        assert not is_frozen(process.pid)
+        for signum, frozen in ((signal.SIGSTOP, True), (signal.SIGCONT, False)):
+            process.send_signal(signum)
+            end = time.monotonic() + 3.0
+            while is_frozen(process.pid) != frozen and time.monotonic() < end:
+                time.sleep(0.01)
+            assert is_frozen(process.pid) == frozen
+        process.kill()
+    assert not is_frozen(process.pid)
+
+
 def test_a_short_freeze_does_not_stop_a_healthy_run(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
@@ -151,6 +178,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
     with script(text, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
+        time.sleep(1.0)
         (tmp_path / 'go').touch()
         started.process.wait(10.0)
         killed = time.time()

@@ -55,6 +55,20 @@ def test_every_public_name_is_there():
         kachaka_simple_control.nonsense
 
 
+def test_without_ros_the_command_says_what_is_missing():
+    text = BLOCK.format(blocked=ROS) + """
+from kachaka_simple_control.__main__ import main
+sys.exit(main([]))
+"""
+    ended = subprocess.run(
+        [sys.executable, '-c', text], check=False, env=environment(), capture_output=True,
+        text=True)
+    assert ended.returncode == 2
+    (line,) = ended.stderr.splitlines()
+    assert 'needs ROS 2' in line
+    assert 'source' in line
+
+
 @pytest.mark.ros
 def test_the_lesson_runs_with_every_other_dependency_blocked(listener, tmp_path):
     text = BLOCK.format(blocked=OTHERS) + """

@@ -63,8 +63,8 @@ def test_lesson_ends_where_it_says(tmp_path):
 
 
 @pytest.mark.parametrize(('signum', 'code', 'within'), [
-    (signal.SIGINT, 130, 0.1), (signal.SIGTERM, 143, 0.1), (signal.SIGKILL, 137, 0.15),
-    (signal.SIGSTOP, None, 0.25)])
+    (signal.SIGINT, 130, 0.3), (signal.SIGTERM, 143, 0.3), (signal.SIGKILL, 137, 0.3),
+    (signal.SIGSTOP, None, 0.4)])
 def test_whatever_ends_the_node_zeros_reach_the_robot(tmp_path, signum, code, within):
     with faulty_robot() as robot, real_bridge(robot.address), \
             program(COMMAND, tmp_path) as started:

@@ -18,14 +18,23 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Pose, Velocity, ZERO
-from kachaka_simple_control.motion.steps import Move
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Turn, Wait
+from kachaka_simple_control.report.events import Answered, Began, Ended, Planned, Sent
 from kachaka_simple_control.report.metrics import boundaries, Displacement, driven, requested, sent
-from kachaka_simple_control.report.record import Answered, Record, Sent
+from kachaka_simple_control.report.record import Record
 from kachaka_simple_control.report.table import table
 import pytest
 
 STEPS = [Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 2.0),
          Move(-0.1, 0.5, 2.0), Move(0.0, 0.0, 1.0)]
+LIMITS = Limits(1.0, 2.0)
+
+
+def planned(*steps, limits=LIMITS, rate=10.0):
+    """Return what a record is told before steps are driven in one run."""
+    return Planned(Motion('test', steps), limits, rate)
 
 
 def record_of(steps, delay=0.004, period=0.02, start=100.0):
@@ -33,11 +42,13 @@ def record_of(steps, delay=0.004, period=0.02, start=100.0):
     record, now, pose, told = Record(), start, ORIGIN, []
     for step in steps:
         told.append((now, step.velocity))
+        record.hear(planned(step))
+        record.hear(Began(now))
         for tick in range(round(step.duration * 10)):
-            record.add_sent(now + tick / 10, step.velocity)
+            record.hear(Sent(now + tick / 10, step.velocity))
         now += step.duration
-        record.add_sent(now, ZERO)
-        record.complete(step)
+        record.hear(Sent(now, ZERO))
+        record.hear(Ended(now))
     told.append((now, ZERO))
     for sample in range(round((now - start + 0.5) / period)):
         time = start - 0.1 + sample * period
@@ -45,7 +56,7 @@ def record_of(steps, delay=0.004, period=0.02, start=100.0):
         for (begin, velocity), (end, _) in zip(told, [*told[1:], (math.inf, ZERO)]):
             pose = integrate(pose, velocity, min(max(time - delay - begin, 0.0), end - begin))
         wrapped = Pose(pose.x, pose.y, math.remainder(pose.theta, math.tau))
-        record.add_odometry(time, wrapped)
+        record.hear(Answered(time, wrapped))
     return record
 
 
@@ -68,6 +79,29 @@ def test_odometry_that_comes_during_the_first_rest_is_early_enough():
     cuts = boundaries(record.movements, record.odometry)
     assert cuts[0] == record.odometry[0].time
     assert driven(record.odometry, cuts[0], cuts[1]) == Displacement(0.0, 0.0)
+
+
+def test_the_steps_of_one_run_share_its_messages():
+    """What is sent for each is what it asks for, up to rounding of times."""
+    steps = [Forward(0.2), Wait(0.5), Arc(-0.3, 1.0), Turn(-2.0), Move(0.1, 0.2, 0.33)]
+    event = planned(*steps, limits=Limits(0.3, 1.5, 0.5, 2.0, 2.0, 8.0), rate=20.0)
+    whole = plan(event.motion, event.limits, event.rate)
+    record, began = Record(), 1000.0
+    record.hear(event)
+    for zero in range(10):
+        record.hear(Sent(began - 0.5 + zero / 25, ZERO))
+    record.hear(Began(began))
+    for segment in whole.segments:
+        record.hear(Sent(began + segment.start, segment.velocity))
+    for zero in range(5):
+        record.hear(Sent(began + whole.duration + zero / 20, ZERO))
+    record.hear(Ended(began + whole.duration + 0.1))
+    assert [movement.step for movement in record.movements] == steps
+    assert len(record.motions[0].own_messages) == len(whole.segments) + 1
+    for movement in record.movements:
+        told, wanted = sent(movement.sent), requested(movement.step)
+        assert told.distance == pytest.approx(wanted.distance, abs=1e-9)
+        assert told.angle == pytest.approx(wanted.angle, abs=1e-9)
 
 
 def test_the_cuts_never_go_back():

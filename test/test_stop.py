@@ -178,6 +178,8 @@ node.move_robot(0.1, 0.0, 20.0)
         (tmp_path / 'go').touch()
         assert started.end() == 1
     assert 'a callback failed: ValueError: in a callback' in started.text
+    # Its answer is heard although the thread that served callbacks is gone.
+    assert 'did not confirm' not in started.text
     assert not listener.heard[-1].moves
     assert_given_back(listener)
 

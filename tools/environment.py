@@ -72,7 +72,8 @@ class Recipe:
 
         :returns: their paths, in the order to install them in
         """
-        names = ['build', self.purpose, 'kachaka', *([] if self.sourced else [self.distro])]
+        distro = [] if self.sourced else [self.distro]
+        names = ['build', self.purpose, 'kachaka', 'recording', *distro]
         return [ROOT / 'requirements' / f'{name}.txt' for name in names]
 
     def digest(self) -> str:

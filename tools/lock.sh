@@ -7,7 +7,7 @@ uv=$(realpath "$1")
 cd "$(dirname "$0")/../requirements"
 for wanted in *.in; do
     alone=()
-    [[ $wanted != kachaka.in ]] || alone=(--no-deps)
+    [[ $wanted != @(kachaka|recording).in ]] || alone=(--no-deps)
     "$uv" --no-config pip compile --quiet --upgrade --generate-hashes \
         --universal --python-version 3.10 "${alone[@]}" \
         --custom-compile-command 'make lock' --constraint constraints.txt \

@@ -27,6 +27,8 @@ from kachaka_simple_control.motion.plan import Plan
 
 #: What a run may be late beyond one period [s] before it is given up.
 LATENESS = 0.1
+#: No use is known for more [Hz].
+HIGHEST_RATE = 1000.0
 
 
 class Companion(Protocol):
@@ -52,6 +54,16 @@ def max_gap(period: float, hold: float) -> float:
     :returns: one period and the lateness allowed, but never more than the hold [s]
     """
     return min(period + LATENESS, hold)
+
+
+def lowest_rate(hold: float) -> float:
+    """
+    Return how often a velocity must be sent at least.
+
+    :param hold: how long the robot keeps a velocity without a new one [s]
+    :returns: the rate at which a message may be late, and the robot still moves on [Hz]
+    """
+    return 1.0 / (hold - LATENESS)
 
 
 def play(
@@ -81,15 +93,12 @@ def play(
 
     beat()
     player = Player(plan)
-    start: float | None = None
     due = player.due(0.0)
     while due is not None:
-        sent = edge.send(run, due.velocity)
-        # t = 0 is when the first velocity really left.
-        start = sent if start is None else start
+        edge.send(run, due.velocity)
         companion.tick(due.rest)
-        sleep_until(start + due.deadline, beat, clock, sleep)
+        sleep_until(run.began + due.deadline, beat, clock, sleep)
         # The deadline has passed, even if the difference of two clock readings rounds below it.
-        due = player.due(max(clock() - start, due.deadline))
+        due = player.due(max(clock() - run.began, due.deadline))
     edge.send(run, ZERO)
     return run

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import Enum
+import math
 import threading
 import time
 
@@ -49,6 +50,9 @@ class Run:
     def __init__(self, max_gap: float) -> None:
         """Begin with nothing sent."""
         self.max_gap = max_gap
+        #: when the first message left [s on the steady clock]: t = 0; nan before
+        self.began = math.nan
+        #: when the last one was out [s on the clock for gaps]
         self.last_sent: float | None = None
         self.ended_by: ControlError | None = None
 
@@ -91,6 +95,8 @@ class PublisherEdge:
         self._run: Run | None = None
         #: called with the time [s on the clock] and the velocity of each message sent
         self.on_sent: Callable[[float, Velocity], None] = _ignore
+        #: called with the time [s on the clock] when the first message of a run was sent: t = 0
+        self.on_began: Callable[[float], None] = _ignore
 
     @property
     def access(self) -> Access:
@@ -127,13 +133,12 @@ class PublisherEdge:
             self._run = run
         return run
 
-    def send(self, run: Run, velocity: Velocity) -> float:
+    def send(self, run: Run, velocity: Velocity) -> None:
         """
         Publish a velocity of a run.
 
         :param run: the run it belongs to
         :param velocity: what to send
-        :returns: when it was sent [s on the clock]
         :raises ControlError: if this run may not send any more, or was late, or the velocity is
             beyond the limits
         """
@@ -142,10 +147,12 @@ class PublisherEdge:
             self._check(run)
             self._require_no_gap(run)
             sent = self._publish(velocity)
+            if run.last_sent is None:
+                run.began = sent
+                self.on_began(sent)
             # Afterwards: what DDS takes while somebody joins the graph, 0.3 s at worst, is no sign
             # that this program was held up.
             run.last_sent = self._gap_clock()
-            return sent
 
     def check(self, run: Run) -> None:
         """
@@ -223,5 +230,5 @@ class PublisherEdge:
                 'ms allowed: the program was held up, so the motion was given up')
 
 
-def _ignore(time_sent: float, velocity: Velocity) -> None:
+def _ignore(*what: object) -> None:
     """Record nothing."""

@@ -90,7 +90,7 @@ class Watchdog:
         Tell, once, that a run has fallen silent; asked after each patience without a sign.
 
         :param now: the time [s]
-        :param sending: whether the node is handing a message to DDS
+        :param sending: whether the node is awake, and handing a message to DDS
         :returns: whether the robot must be stopped now
         """
         if self._looked is None:

@@ -13,6 +13,24 @@
 # limitations under the License.
 """The one error of the pure core."""
 
+from __future__ import annotations
+
 
 class InvalidMotionError(ValueError):
-    """A motion was refused before anything moved: a value is missing, wrong or beyond a limit."""
+    """
+    A motion was refused before anything moved: a value is missing, wrong or beyond a limit.
+
+    :ivar message: what is wrong, in one line, without the place
+    :ivar path: the place in the motion, as in ``steps[2].turn.speed``; None if there is none
+    """
+
+    def __init__(self, message: str, path: str | None = None) -> None:
+        """
+        Say what is wrong, and where.
+
+        :param message: what is wrong: the value with its unit, the bound, what to do
+        :param path: the place in the motion
+        """
+        super().__init__(message if path is None else f'{path}: {message}')
+        self.message = message
+        self.path = path

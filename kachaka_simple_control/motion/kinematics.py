@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import math
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Velocity:
     """
     What a robot is told: REP-103 axes, x forward, counter-clockwise positive.
@@ -37,7 +37,7 @@ class Velocity:
         return self.linear_x == 0.0 and self.angular_z == 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Pose:
     """
     Where a robot is, in the ``odom`` frame of REP-105.
@@ -72,7 +72,8 @@ def advance(pose: Pose, distance: float, angle: float) -> Pose:
     Return the pose after an arc of constant curvature.
 
     The chord of an arc of length s that turns by a is s sin(a/2) / (a/2), and it points along the
-    heading half-way.  The same form covers straight lines, arcs and turns in place.
+    heading half-way, (14) in docs/theory.md.  The same form covers straight lines, arcs and turns
+    in place.
 
     :param pose: the pose to start from
     :param distance: signed length of the arc [m]

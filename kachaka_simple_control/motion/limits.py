@@ -11,27 +11,46 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How fast a robot may be told to go."""
+"""How fast a robot may be told to go, and how quickly that may change."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
 from kachaka_simple_control.motion.errors import InvalidMotionError
 from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.motion.validation import require_positive
 
 
 @dataclass(frozen=True)
 class Limits:
     """
-    The largest velocities of a robot, the same in both directions.
+    The largest velocities, accelerations and jerks of a robot; each is positive or infinite.
 
-    :param max_linear_velocity: largest forward and backward velocity [m/s], positive
-    :param max_angular_velocity: largest turning velocity [rad/s], positive
+    They hold in both directions alike, but for ``max_backward_velocity``.  Deceleration is what
+    brings a velocity of either sign towards zero.
+
+    :param max_linear_velocity: largest forward velocity [m/s]
+    :param max_angular_velocity: largest turning velocity [rad/s]
+    :param max_linear_acceleration: largest change of the linear velocity [m/s^2]
+    :param max_angular_acceleration: largest change of the angular velocity [rad/s^2]
+    :param max_linear_jerk: largest change of the linear acceleration [m/s^3]
+    :param max_angular_jerk: largest change of the angular acceleration [rad/s^3]
+    :param max_linear_deceleration: [m/s^2]; None: as the acceleration
+    :param max_angular_deceleration: [rad/s^2]; None: as the acceleration
+    :param max_backward_velocity: [m/s]; None: as the forward one
     """
 
     max_linear_velocity: float
     max_angular_velocity: float
+    max_linear_acceleration: float = math.inf
+    max_angular_acceleration: float = math.inf
+    max_linear_jerk: float = math.inf
+    max_angular_jerk: float = math.inf
+    max_linear_deceleration: float | None = None
+    max_angular_deceleration: float | None = None
+    max_backward_velocity: float | None = None
 
     def __post_init__(self) -> None:
         """
@@ -39,11 +58,28 @@ class Limits:
 
         :raises InvalidMotionError: if a limit is not a positive number
         """
-        for name, value, unit in (
-                ('max_linear_velocity', self.max_linear_velocity, 'm/s'),
-                ('max_angular_velocity', self.max_angular_velocity, 'rad/s')):
-            if not value > 0.0:
-                raise InvalidMotionError(f'{name} is {value} {unit}; it must be above 0 {unit}')
+        for name, unit in UNITS.items():
+            value = getattr(self, name)
+            if value is not None or name not in OPTIONAL:
+                require_positive(name, value, unit)
+
+    @property
+    def backward_velocity(self) -> float:
+        """Return the largest backward velocity [m/s], positive."""
+        own = self.max_backward_velocity
+        return self.max_linear_velocity if own is None else own
+
+    @property
+    def linear_deceleration(self) -> float:
+        """Return the largest linear deceleration [m/s^2]."""
+        own = self.max_linear_deceleration
+        return self.max_linear_acceleration if own is None else own
+
+    @property
+    def angular_deceleration(self) -> float:
+        """Return the largest angular deceleration [rad/s^2]."""
+        own = self.max_angular_deceleration
+        return self.max_angular_acceleration if own is None else own
 
     def check(self, velocity: Velocity) -> None:
         """
@@ -52,14 +88,48 @@ class Limits:
         :param velocity: the velocity to look at
         :raises InvalidMotionError: if a component is not finite or beyond its limit
         """
-        # Written so that NaN fails: NaN <= limit is false.
-        if not abs(velocity.linear_x) <= self.max_linear_velocity:
-            raise InvalidMotionError(_beyond(
-                'linear_x', velocity.linear_x, self.max_linear_velocity, 'm/s'))
-        if not abs(velocity.angular_z) <= self.max_angular_velocity:
-            raise InvalidMotionError(_beyond(
-                'angular_z', velocity.angular_z, self.max_angular_velocity, 'rad/s'))
+        self.check_linear(velocity.linear_x)
+        self.check_angular(velocity.angular_z)
+
+    def check_linear(self, linear_x: float) -> None:
+        """
+        Refuse a linear velocity that must never be sent.
+
+        :param linear_x: the velocity [m/s]
+        :raises InvalidMotionError: if it is not finite or beyond its limit
+        """
+        _check('linear_x', linear_x, self.backward_velocity, self.max_linear_velocity, 'm/s')
+
+    def check_angular(self, angular_z: float) -> None:
+        """
+        Refuse an angular velocity that must never be sent.
+
+        :param angular_z: the velocity [rad/s]
+        :raises InvalidMotionError: if it is not finite or beyond its limit
+        """
+        limit = self.max_angular_velocity
+        _check('angular_z', angular_z, limit, limit, 'rad/s')
 
 
-def _beyond(name: str, value: float, limit: float, unit: str) -> str:
-    return f"{name} is {value} {unit}, outside the robot's limits of -{limit} to {limit} {unit}"
+#: The unit of each limit.
+UNITS = {
+    'max_linear_velocity': 'm/s',
+    'max_angular_velocity': 'rad/s',
+    'max_linear_acceleration': 'm/s^2',
+    'max_angular_acceleration': 'rad/s^2',
+    'max_linear_jerk': 'm/s^3',
+    'max_angular_jerk': 'rad/s^3',
+    'max_linear_deceleration': 'm/s^2',
+    'max_angular_deceleration': 'rad/s^2',
+    'max_backward_velocity': 'm/s',
+}
+#: The limits that may be None, and then are as large as another one.
+OPTIONAL = ('max_linear_deceleration', 'max_angular_deceleration', 'max_backward_velocity')
+
+
+def _check(name: str, value: float, backward: float, forward: float, unit: str) -> None:
+    # NaN is within no limits, and infinity not even within infinite ones.
+    if not (math.isfinite(value) and -backward <= value <= forward):
+        raise InvalidMotionError(
+            f"{name} is {value} {unit}, outside the robot's limits of "
+            f'-{backward} to {forward} {unit}')

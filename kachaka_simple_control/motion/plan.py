@@ -15,17 +15,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-import math
+from typing import NamedTuple
 
 from kachaka_simple_control.motion.errors import InvalidMotionError
-from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Pose, Velocity
+from kachaka_simple_control.motion.kinematics import advance, integrate, ORIGIN, Pose, Velocity
+from kachaka_simple_control.motion.leg import Leg, total, written_out
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.motion.steps import Motion, Step
+from kachaka_simple_control.motion.survey import Survey
+from kachaka_simple_control.motion.validation import require_finite, require_positive
+
+#: How many segments a plan may have: goals for a day at 50 Hz, in less than a gigabyte.
+MAX_SEGMENTS = 5_000_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Segment:
     """
     A stretch of time with one velocity; repeated at the plan's rate while it lasts.
@@ -40,6 +45,31 @@ class Segment:
     velocity: Velocity
 
 
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """
+    What one step comes to, each time that it is driven.
+
+    :param path: its place in the motion, as in ``steps[3].repeat.steps[0]``
+    :param step: the step; never a repeat
+    :param start: when it begins [s after t = 0]
+    :param end: when it ends [s after t = 0]
+    :param pose: where it ends, for a robot that began at the origin and does as it is told
+    :param length: how far it drives, forwards or backwards [m]
+    :param max_linear_velocity: the largest linear velocity sent, in either direction [m/s]
+    :param max_angular_velocity: the largest angular velocity sent, in either direction [rad/s]
+    """
+
+    path: str
+    step: Step
+    start: float
+    end: float
+    pose: Pose
+    length: float
+    max_linear_velocity: float
+    max_angular_velocity: float
+
+
 @dataclass(frozen=True)
 class Plan:
     """
@@ -47,15 +77,37 @@ class Plan:
 
     :param segments: what to send, in order, without gaps, beginning at 0 s
     :param period: how often a velocity is repeated within its segment [s]
+    :param stages: the same by step, in order, repeats written out
     """
 
     segments: tuple[Segment, ...]
     period: float
+    stages: tuple[Stage, ...] = ()
 
     @property
     def duration(self) -> float:
         """How long the plan takes [s]."""
         return self.segments[-1].end if self.segments else 0.0
+
+    @property
+    def pose(self) -> Pose:
+        """Where it ends, for a robot that began at the origin and does as it is told."""
+        return self.stages[-1].pose if self.stages else ORIGIN
+
+    @property
+    def length(self) -> float:
+        """How far it drives, forwards and backwards [m]."""
+        return sum(stage.length for stage in self.stages)
+
+    @property
+    def max_linear_velocity(self) -> float:
+        """The largest linear velocity sent, in either direction [m/s]."""
+        return max((stage.max_linear_velocity for stage in self.stages), default=0.0)
+
+    @property
+    def max_angular_velocity(self) -> float:
+        """The largest angular velocity sent, in either direction [rad/s]."""
+        return max((stage.max_angular_velocity for stage in self.stages), default=0.0)
 
     def path(self, start: Pose = ORIGIN) -> list[Pose]:
         """
@@ -78,20 +130,72 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
     :param limits: what the robot can do
     :param rate: how often a velocity is sent [Hz]
     :returns: the plan
-    :raises InvalidMotionError: if a step is beyond a limit, or the rate is not positive
+    :raises InvalidMotionError: if a step is beyond a limit, the motion too long, or the rate not
+        a positive number; ``find_errors`` tells all that is wrong with a motion
     """
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise InvalidMotionError(f'rate is {rate} Hz; it must be a finite number above 0 Hz')
-    for step in motion.steps:
-        limits.check(step.velocity)
-    return Plan(segments=_segments(motion.steps), period=1.0 / rate)
+    require_finite('rate', rate, 'Hz')
+    require_positive('rate', rate, 'Hz')
+    survey = Survey(motion, limits)
+    if survey.errors:
+        raise survey.errors[0]
+    count = total(survey.parts, lambda leg: leg.course.ticks(rate))
+    if count > MAX_SEGMENTS:
+        raise InvalidMotionError(
+            f'the motion needs {count:.10g} velocities at {rate} Hz; it may have {MAX_SEGMENTS} '
+            'at most: take a lower rate')
+    return _Drawing(rate).drawn(written_out(survey.parts))
 
 
-def _segments(steps: Sequence[Move]) -> tuple[Segment, ...]:
-    ends = [0.0]
-    for step in steps:
-        ends.append(ends[-1] + step.duration)
-    return tuple(
-        Segment(start=start, end=end, velocity=step.velocity)
-        for step, start, end in zip(steps, ends, ends[1:])
-        if end > start)
+class _Sent(NamedTuple):
+    """What a leg sends each time, and the largest of it in either direction."""
+
+    velocities: list[Velocity]
+    max_linear: float
+    max_angular: float
+
+
+class _Drawing:
+    """A plan being made, leg after leg."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._time = 0.0
+        self._pose = ORIGIN
+        self._segments: list[Segment] = []
+        self._stages: list[Stage] = []
+        #: found but once for each leg, however often it is repeated
+        self._sent: dict[Leg, _Sent] = {}
+
+    def drawn(self, legs: list[Leg]) -> Plan:
+        for leg in legs:
+            if leg not in self._sent:
+                self._sent[leg] = _sent(leg.course.velocities(self._rate))
+            self._draw(leg, self._sent[leg])
+        return Plan(tuple(self._segments), 1.0 / self._rate, tuple(self._stages))
+
+    def _draw(self, leg: Leg, sent: _Sent) -> None:
+        start, course = self._time, leg.course
+        self._time = start + course.duration
+        segments = _segments(sent.velocities, start, self._time)
+        self._segments += segments
+        self._pose = advance(self._pose, course.length, course.angle)
+        self._stages.append(Stage(
+            leg.path, leg.step, start, self._time, self._pose, abs(course.length),
+            sent.max_linear if segments else 0.0, sent.max_angular if segments else 0.0))
+
+
+def _sent(velocities: list[Velocity]) -> _Sent:
+    return _Sent(
+        velocities,
+        max((abs(velocity.linear_x) for velocity in velocities), default=0.0),
+        max((abs(velocity.angular_z) for velocity in velocities), default=0.0))
+
+
+def _segments(velocities: list[Velocity], start: float, end: float) -> list[Segment]:
+    tick = (end - start) / max(1, len(velocities))
+    marks = [start, *(start + tick * number for number in range(1, len(velocities))), end]
+    segments = list(map(Segment, marks, marks[1:], velocities))
+    if tick > 1e-9 * end:
+        return segments
+    # A time so short that it is lost beside the time since t = 0 is none.
+    return [segment for segment in segments if segment.end > segment.start]

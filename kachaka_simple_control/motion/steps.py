@@ -15,12 +15,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-import math
-from numbers import Real
+from typing import get_args
 
 from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.motion.goals import Arc, Forward, Turn
 from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.motion.validation import require_duration, require_finite
+
+__all__ = [
+    'MAX_NESTING', 'MAX_TIMES', 'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Step', 'Turn',
+    'Wait',
+]
+
+#: How many repeats may stand within each other.
+MAX_NESTING = 20
+#: How often something may be repeated.
+MAX_TIMES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -43,12 +55,9 @@ class Move:
 
         :raises InvalidMotionError: if a value is not a finite number, or the duration is negative
         """
-        _require_finite('linear_x', self.linear_x, 'm/s')
-        _require_finite('angular_z', self.angular_z, 'rad/s')
-        _require_finite('duration', self.duration, 's')
-        if self.duration < 0.0:
-            raise InvalidMotionError(
-                f'duration is {self.duration} s; it must be 0 s or longer')
+        require_finite('linear_x', self.linear_x, 'm/s')
+        require_finite('angular_z', self.angular_z, 'rad/s')
+        require_duration(self.duration)
 
     @property
     def velocity(self) -> Velocity:
@@ -57,21 +66,95 @@ class Move:
 
 
 @dataclass(frozen=True)
+class Wait:
+    """
+    Stand still for a time.
+
+    :param duration: how long [s], not negative
+    """
+
+    duration: float
+
+    def __post_init__(self) -> None:
+        """
+        Refuse a time that is none.
+
+        :raises InvalidMotionError: if the duration is not a finite number, or negative
+        """
+        require_duration(self.duration)
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """
+    Do some steps several times.
+
+    :param times: how often, from 0 to a million
+    :param steps: what to do each time, in order; a list is kept as a tuple
+    """
+
+    times: int
+    steps: tuple[Step, ...]
+
+    def __post_init__(self) -> None:
+        """
+        Refuse what cannot be repeated.
+
+        :raises InvalidMotionError: if the number is not whole or negative, a step is none, or the
+            repeats are nested too deep
+        """
+        if isinstance(self.times, bool) or not isinstance(self.times, int):
+            raise InvalidMotionError(f'times is {self.times!r}; it must be a whole number')
+        if not 0 <= self.times <= MAX_TIMES:
+            raise InvalidMotionError(f'times is {self.times}; it must be from 0 to {MAX_TIMES}')
+        object.__setattr__(self, 'steps', _steps(self.steps))
+        if _nesting(self) > MAX_NESTING:
+            raise InvalidMotionError(
+                f'steps has repeats {_nesting(self)} deep; at most {MAX_NESTING} may be nested')
+
+
+@dataclass(frozen=True)
 class Motion:
     """
     A named sequence of steps: plain data.
 
     :param name: what people call it
-    :param steps: what to do, in order
+    :param steps: what to do, in order; a list is kept as a tuple
+    :param description: what it is for, for people
     """
 
     name: str
-    steps: tuple[Move, ...]
+    steps: tuple[Step, ...]
+    description: str = ''
+
+    def __post_init__(self) -> None:
+        """
+        Refuse what is no motion.
+
+        :raises InvalidMotionError: if name or description is no text, or a step is none
+        """
+        for what, text in (('name', self.name), ('description', self.description)):
+            if not isinstance(text, str):
+                raise InvalidMotionError(f'{what} is {text!r}; it must be text')
+        object.__setattr__(self, 'steps', _steps(self.steps))
 
 
-def _require_finite(name: str, value: object, unit: str) -> None:
-    # bool is a Real in Python, and move_robot(True, ...) is a mistake.
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise InvalidMotionError(f'{name} is {value!r}; it must be a number [{unit}]')
-    if not math.isfinite(value):
-        raise InvalidMotionError(f'{name} is {value} {unit}; it must be a finite number')
+#: One thing to do.
+Step = Move | Forward | Turn | Arc | Wait | Repeat
+
+
+def _steps(steps: object) -> tuple[Step, ...]:
+    if isinstance(steps, (str, bytes)) or not isinstance(steps, Iterable):
+        raise InvalidMotionError(f'steps is {steps!r}; it must be a sequence of steps')
+    kept = tuple(steps)
+    for index, step in enumerate(kept):
+        if not isinstance(step, Step):
+            kinds = ', '.join(kind.__name__ for kind in get_args(Step))
+            raise InvalidMotionError(
+                f'it is {step!r}; it must be one of {kinds}', path=f'steps[{index}]')
+    return kept
+
+
+def _nesting(repeat: Repeat) -> int:
+    within = (_nesting(step) for step in repeat.steps if isinstance(step, Repeat))
+    return 1 + max(within, default=0)

@@ -22,8 +22,10 @@ from itertools import pairwise
 import math
 
 from kachaka_simple_control.motion.kinematics import Pose
-from kachaka_simple_control.motion.steps import Move
-from kachaka_simple_control.report.record import Answered, Movement, Sent
+from kachaka_simple_control.motion.steps import Arc, Forward, Move, Step, Turn, Wait
+from kachaka_simple_control.motion.way import way_of
+from kachaka_simple_control.report.events import Answered, Sent
+from kachaka_simple_control.report.record import Movement
 
 #: How long after a velocity was sent odometry surely shows it [s]: two of its samples and more.
 SETTLING = 0.06
@@ -42,14 +44,19 @@ class Displacement:
     angle: float
 
 
-def requested(step: Move) -> Displacement:
+def requested(step: Step) -> Displacement:
     """
     Return what a step asks for.
 
-    :param step: the step
-    :returns: velocity times duration
+    :param step: the step; not a repeat
+    :returns: velocity times duration, or the goal
     """
-    return Displacement(step.linear_x * step.duration, step.angular_z * step.duration)
+    if isinstance(step, Move):
+        return Displacement(step.linear_x * step.duration, step.angular_z * step.duration)
+    if isinstance(step, (Forward, Turn, Arc)):
+        way = way_of(step)
+        return Displacement(way.length, way.angle)
+    return Displacement(0.0, 0.0)
 
 
 def sent(messages: Sequence[Sent]) -> Displacement:
@@ -99,12 +106,11 @@ def boundaries(
     :returns: one time more than there are movements [s]
     """
     first = movements[0]
-    # Its messages begin with the zeros that were sent while the robot was met.
-    cuts = [first.sent[-1].time - first.step.duration]
-    if odometry and first.step.velocity.is_zero:
+    cuts = [first.began]
+    if odometry and _rests(first.step):
         cuts = [min(max(cuts[0], odometry[0].time), first.sent[-1].time)]
     for before, after in pairwise(movements):
-        aside = SETTLING * (after.step.velocity.is_zero - before.step.velocity.is_zero)
+        aside = SETTLING * (_rests(after.step) - _rests(before.step))
         cuts.append(max(cuts[-1], after.sent[0].time + aside))
     return [*cuts, max(cuts[-1], movements[-1].sent[-1].time)]
 
@@ -127,6 +133,10 @@ def pose_at(odometry: Sequence[Answered], time: float) -> Pose:
         one.x + part * (two.x - one.x),
         one.y + part * (two.y - one.y),
         one.theta + part * _wrapped(two.theta - one.theta))
+
+
+def _rests(step: Step) -> bool:
+    return isinstance(step, Wait) or (isinstance(step, Move) and step.velocity.is_zero)
 
 
 def _time(answer: Answered) -> float:

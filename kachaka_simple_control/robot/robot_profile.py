@@ -21,19 +21,51 @@ from kachaka_simple_control.motion.limits import Limits
 
 
 @dataclass(frozen=True)
+class Box:
+    """
+    The outline of a robot with four corners, seen from above.
+
+    :param length: from back to front [m]
+    :param width: from side to side [m]
+    :param ahead: how far its middle is ahead of the axle, about which the robot turns [m]
+    """
+
+    length: float
+    width: float
+    ahead: float = 0.0
+
+
+@dataclass(frozen=True)
+class Disc:
+    """
+    The outline of a round robot, seen from above, with the axle in its middle.
+
+    :param radius: its radius [m]
+    """
+
+    radius: float
+
+
+Footprint = Box | Disc
+
+
+@dataclass(frozen=True)
 class RobotProfile:
     """
     A robot as its commander sees it; names are relative to the robot's ROS namespace.
 
     :param name: what people call it
-    :param namespace: its ROS namespace, absolute
+    :param namespace: its ROS namespace, absolute, where nobody says another one
     :param velocity_topic: where it takes velocities
     :param odometry_topic: where it tells where it is; None if nowhere
     :param manual_control_service: what lets it take velocities (std_srvs/SetBool); None if it
         always takes them
-    :param manual_control_timeout: how long one enabling lasts [s]
+    :param manual_control_timeout: how long one enabling lasts [s]; infinite if it needs none
     :param hold: how long it keeps the last velocity without a new one [s]
-    :param limits: its largest velocities
+    :param limits: its largest velocities, accelerations and jerks
+    :param message_type: what it takes velocities as: Twist or TwistStamped, of geometry_msgs
+    :param frame: the frame in the header of a TwistStamped
+    :param footprint: its outline, for pictures; None if it does not matter
     """
 
     name: str
@@ -44,11 +76,16 @@ class RobotProfile:
     manual_control_timeout: float
     hold: float
     limits: Limits
+    message_type: str = 'Twist'
+    frame: str = 'base_link'
+    footprint: Footprint | None = None
 
 
 #: Figures of the maker: 0.3 m/s and 1.57 rad/s (python/kachaka_api/base.py), a hold of 0.3 s and
-#: manual control for 60 s (docs/kachaka_api_client.ipynb), names (manual_control_component.cpp).
-#: All in the public repository pf-robotics/kachaka-api.
+#: manual control for 60 s (docs/kachaka_api_client.ipynb), names (manual_control_component.cpp),
+#: outline (kachaka_description).  All in the public repository pf-robotics/kachaka-api.
+#: Its accelerations and jerks are chosen, for the maker publishes none.  ``robots/kachaka.yaml``
+#: says the same; the lesson needs no file to be read.
 KACHAKA = RobotProfile(
     name='kachaka',
     namespace='/kachaka',
@@ -57,4 +94,22 @@ KACHAKA = RobotProfile(
     manual_control_service='manual_control/set_enabled',
     manual_control_timeout=60.0,
     hold=0.3,
-    limits=Limits(max_linear_velocity=0.3, max_angular_velocity=1.57))
+    limits=Limits(
+        max_linear_velocity=0.3, max_angular_velocity=1.57,
+        max_linear_acceleration=0.5, max_angular_acceleration=2.5,
+        max_linear_jerk=2.0, max_angular_jerk=10.0),
+    footprint=Box(length=0.387, width=0.240, ahead=0.0435))
+
+
+def profile_of(name_or_path: str) -> RobotProfile:
+    """
+    Return a robot's profile; all but the Kachaka's are read from files.
+
+    :param name_or_path: a name that the package knows, or the path of a file
+    :returns: the robot
+    :raises UsageError: if there is none, or it cannot be read
+    """
+    if name_or_path == KACHAKA.name:
+        return KACHAKA
+    from kachaka_simple_control.robot.robot_file import find_robot
+    return find_robot(name_or_path)

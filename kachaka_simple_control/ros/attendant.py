@@ -24,7 +24,7 @@ from kachaka_simple_control.execution.stillness import Stillness
 from kachaka_simple_control.ros.robot_link import RobotLink
 
 #: How often other publishers are looked for [s].
-GLANCE = 0.1
+GLANCE = 0.2
 
 
 class Attendant:
@@ -82,11 +82,21 @@ class Attendant:
             self._link.require_same_robot()
             self._link.require_alone()
 
-    def _require_odometry(self, now: float) -> None:
+    def has_lost_robot(self, now: float) -> bool:
+        """
+        Tell whether odometry, which was there when the robot was met, has fallen silent.
+
+        :param now: the time [s]
+        :returns: whether it has been silent for longer than it may
+        """
         silence = self._odometry.silence(now)
         if not self._has_odometry or silence is None or not self._odometry_timeout:
-            return
-        if silence > self._odometry_timeout:
+            return False
+        return silence > self._odometry_timeout
+
+    def _require_odometry(self, now: float) -> None:
+        if self.has_lost_robot(now):
+            silence = self._odometry.silence(now)
             raise RunFaultError(
                 f'odometry has been silent for {silence:.1f} s: the robot or the link to it is '
                 'lost')

@@ -25,17 +25,17 @@ import signal
 import socket
 import sys
 
-from geometry_msgs.msg import Twist
 from kachaka_simple_control.execution.clocks import awake_or_asleep
+from kachaka_simple_control.execution.frozen import is_frozen
 from kachaka_simple_control.execution.latch import Flag, Latch
 from kachaka_simple_control.execution.stopping import send_stop
 from kachaka_simple_control.execution.watchdog import Sign, Watchdog
 from kachaka_simple_control.motion.kinematics import ZERO
 from kachaka_simple_control.ros.endpoints import own_participant
-from kachaka_simple_control.ros.messages import twist
+from kachaka_simple_control.ros.velocity_message import VelocityMessage
+from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 
 #: How often the graph is looked at until a subscriber was met [s].
 GLANCE = 0.02
@@ -46,7 +46,7 @@ PIPE = 65536
 class GuardianProcess:
     """Listens to its node's signs, and publishes zeros: on request, or when signs fail."""
 
-    def __init__(self, publisher: Publisher, shared: memoryview, hold: float) -> None:
+    def __init__(self, publisher: VelocityPublisher, shared: memoryview, hold: float) -> None:
         """
         Have heard nothing yet.
 
@@ -58,6 +58,7 @@ class GuardianProcess:
         self._publisher = publisher
         self._latch, self._sending = Latch(shared[:1]), Flag(shared[1:2])
         self._hold = hold
+        self._node = os.getppid()
         self._watchdog = Watchdog()
         self._is_matched = False
 
@@ -75,9 +76,13 @@ class GuardianProcess:
                 self._lost('the guardian was told to end')
             elif signs in readable:
                 self._hear(os.read(signs, PIPE), now)
-            elif self._watchdog.is_silent(now, self._sending.is_set):
+            elif self._watchdog.is_silent(now, self._waits_for_dds()):
                 self._stop('the node fell silent')
             self._look_for_a_subscriber()
+
+    def _waits_for_dds(self) -> bool:
+        # One that was frozen just then only seems to wait.
+        return self._sending.is_set and not is_frozen(self._node)
 
     def _patience(self) -> float | None:
         patience = self._watchdog.patience()
@@ -105,7 +110,7 @@ class GuardianProcess:
         send_stop(self._zero, self._hold)
 
     def _zero(self) -> bool:
-        self._publisher.publish(twist(ZERO))
+        self._publisher.transmit(ZERO)
         return True
 
     def _look_for_a_subscriber(self) -> None:
@@ -118,14 +123,14 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Be a guardian.
 
-    :param args: topic, ROS domain, depth, hold [s], and two descriptors: signs and the memory
-        shared with the node
+    :param args: topic, ROS domain, hold [s], type of message and its frame, and two descriptors:
+        signs and the memory shared with the node
     :returns: the exit code
     """
     parser = argparse.ArgumentParser()
     for name, kind in (
-            ('topic', str), ('domain', int), ('depth', int), ('hold', float), ('signs', int),
-            ('shared', int)):
+            ('topic', str), ('domain', int), ('hold', float), ('type', str), ('frame', str),
+            ('signs', int), ('shared', int)):
         parser.add_argument(name, type=kind)
     options = parser.parse_args(args)
     endings = _hear_signals()
@@ -138,7 +143,9 @@ def main(args: Sequence[str] | None = None) -> int:
         enable_rosout=False, start_parameter_services=False)
     # First of all, or the node would take our publisher for somebody else's.
     _say(f'participant {own_participant(node).hex()}')
-    publisher = node.create_publisher(Twist, options.topic, options.depth)
+    message = VelocityMessage(
+        options.type, options.frame, lambda: node.get_clock().now().to_msg())
+    publisher = VelocityPublisher(node, options.topic, message)
     try:
         GuardianProcess(publisher, shared, options.hold).serve(options.signs, endings)
     finally:

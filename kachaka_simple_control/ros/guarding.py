@@ -17,27 +17,29 @@ from __future__ import annotations
 
 from kachaka_simple_control.execution import child
 from kachaka_simple_control.execution.guardian import Guardian, Unguarded
+from kachaka_simple_control.robot.robot_profile import RobotProfile
 from kachaka_simple_control.ros.settings import Settings
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.node import Node
 
 
 def guard(
-        node: Node, publisher: VelocityPublisher, hold: float, settings: Settings,
+        node: Node, publisher: VelocityPublisher, profile: RobotProfile, settings: Settings,
 ) -> Guardian | Unguarded:
     """
     Start a guardian for a publisher, unless none is wanted.
 
     :param node: the node that publishes
-    :param publisher: the publisher of velocities; the guardian's has the same topic and depth
-    :param hold: how long the robot keeps a velocity without a new one [s]
+    :param publisher: the publisher of velocities; the guardian's is of the same kind
+    :param profile: the kind of robot
     :param settings: whether a guardian is wanted
     :returns: the guardian, or what stands in for it
     """
     if not settings.guardian:
         return Unguarded()
     arguments = [
-        publisher.topic_name, node.context.get_domain_id(), publisher.qos_profile.depth, hold]
+        publisher.topic_name, node.context.get_domain_id(), profile.hold, profile.message_type,
+        profile.frame]
     return Guardian(
         [*child.command('kachaka_simple_control.ros.guardian_process'), *map(str, arguments)],
         child.environment())

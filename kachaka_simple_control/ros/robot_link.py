@@ -19,10 +19,8 @@ from collections.abc import Callable
 
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError
 from kachaka_simple_control.execution.guardian import Guardian, Unguarded
-from kachaka_simple_control.motion.kinematics import ZERO
 from kachaka_simple_control.ros.endpoints import own_participant, participants
 from kachaka_simple_control.ros.manual_control import ManualControl
-from kachaka_simple_control.ros.messages import twist
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.ros.waiting import wait_until
@@ -167,7 +165,7 @@ class RobotLink:
         return ''
 
     def _no_subscriber(self) -> str:
-        wanted = type(twist(ZERO)).__name__
+        wanted = self._publisher.msg_type.__name__
         topic = self._publisher.topic_name
         types = {
             info.topic_type for info in self._node.get_subscriptions_info_by_topic(topic)}

@@ -68,7 +68,7 @@ class Session:
         self._settings = settings
         #: what odometry tells of the robot's velocity
         self.odometry = Stillness()
-        self._guardian = guard(node, publisher, profile.hold, settings)
+        self._guardian = guard(node, publisher, profile, settings)
         self.edge = PublisherEdge(
             publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending)
         self._manual_control = ManualControl(node, names.manual_control, self._require_not_halted)
@@ -212,7 +212,12 @@ class Session:
                 'goes off by itself')
 
     def _still_moves(self) -> bool:
-        return self.odometry.moves(time.monotonic()) and not self._link.others()
+        """Tell whether zeros are still wanted: the robot is seen to move, or not seen any more."""
+        now = time.monotonic()
+        # What a dead link has not delivered waits in the kernel for 3 s, velocities too.  They
+        # must have gone before our publisher does: with it, a reader drops the zeros after them.
+        wanted = self.odometry.moves(now) or self._attendant.has_lost_robot(now)
+        return wanted and not self._link.others()
 
     def _require_not_halted(self) -> None:
         if self._halted_by is not None:

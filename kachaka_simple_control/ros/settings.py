@@ -19,8 +19,8 @@ from dataclasses import dataclass, Field, field, fields
 from typing import Any
 
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.execution.playing import LATENESS
-from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.execution.playing import HIGHEST_RATE, lowest_rate
+from kachaka_simple_control.robot.robot_profile import KACHAKA, RobotProfile
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
@@ -35,10 +35,14 @@ def _setting(default: Any, description: str, lowest: float = 0.0, highest: float
 class Settings:
     """Every parameter of the node, fixed when the node is made."""
 
+    robot: str = _setting(
+        KACHAKA.name, 'Which robot: kachaka, turtlebot3, generic, or the path of a profile')
     robot_namespace: str = _setting(
-        KACHAKA.namespace, 'ROS namespace of the robot; prefixes its topics and its service')
+        KACHAKA.namespace,
+        'ROS namespace of the robot; prefixes its topics and its service. By default that of its '
+        'profile')
     rate: float = _setting(
-        10.0, 'How often a velocity is sent [Hz]', 1.0 / (KACHAKA.hold - LATENESS), 1000.0)
+        10.0, 'How often a velocity is sent [Hz]', lowest_rate(KACHAKA.hold), HIGHEST_RATE)
     robot_timeout: float = _setting(
         10.0, 'How long to wait for a robot before giving up [s]', 0.1, 3600.0)
     prime_time: float = _setting(
@@ -58,29 +62,50 @@ class Settings:
         False, 'Record what is sent and what odometry answers, for the table at the end')
 
 
-def declare(node: Node) -> Settings:
+def declare_robot(node: Node) -> str:
     """
-    Declare the parameters on a node, and read them.
+    Declare the parameter that says which robot it is, and read it; others depend on it.
+
+    :param node: whose parameter it is
+    :returns: the name or the file of a robot's profile
+    :raises UsageError: if it is no text
+    """
+    (setting,) = (setting for setting in fields(Settings) if setting.name == 'robot')
+    return str(_declare_one(node, setting, setting.default, None))
+
+
+def declare(node: Node, profile: RobotProfile) -> Settings:
+    """
+    Declare the other parameters on a node, and read them.
 
     They are read-only: a drive keeps the settings that it was planned with.
 
     :param node: whose parameters they are
-    :returns: their values
+    :param profile: the robot, of which some defaults and bounds are taken
+    :returns: the values of all
     :raises UsageError: if a value has the wrong type or is out of range
     """
-    return Settings(**{setting.name: _declare_one(node, setting) for setting in fields(Settings)})
+    defaults = {'robot_namespace': profile.namespace}
+    bounds = {'rate': (lowest_rate(profile.hold), HIGHEST_RATE)}
+    values = {
+        setting.name: _declare_one(
+            node, setting, defaults.get(setting.name, setting.default),
+            bounds.get(setting.name, setting.metadata['range']))
+        for setting in fields(Settings) if setting.name != 'robot'}
+    return Settings(robot=str(node.get_parameter('robot').value), **values)
 
 
-def _declare_one(node: Node, setting: Field[Any]) -> Any:
+def _declare_one(
+        node: Node, setting: Field[Any], default: Any,
+        bounds: tuple[float, float] | None) -> Any:
     descriptor = ParameterDescriptor(description=setting.metadata['description'], read_only=True)
-    bounds = setting.metadata['range']
     if bounds:
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
         # People write rate:=20; rclpy would refuse an integer here.
         descriptor.dynamic_typing = True
     try:
-        value = node.declare_parameter(setting.name, setting.default, descriptor).value
+        value = node.declare_parameter(setting.name, default, descriptor).value
     except ParameterException as error:
         allowed = f' It must be from {bounds[0]:g} to {bounds[1]:g}.' if bounds else ''
         raise UsageError(f'{error}{allowed}') from None

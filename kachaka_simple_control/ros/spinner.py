@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 import sys
 import threading
+import time
 from types import FrameType
 
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
@@ -25,6 +26,8 @@ from rclpy.node import Node
 
 #: How long the thread may take to end [s].
 PATIENCE = 2.0
+#: How long it pauses after a callback has failed [s]: the next may fail as well.
+PAUSE = 0.02
 
 
 class BackgroundSpinner:
@@ -93,12 +96,21 @@ class BackgroundSpinner:
         return self._executor
 
     def _spin(self, executor: SingleThreadedExecutor) -> None:
-        try:
-            executor.spin()
-        except ExternalShutdownException:
-            pass
-        except BaseException as error:
+        while (error := _failure(executor)) is not None:
+            # Then it goes on: the answer to giving the robot back needs to be heard, too.
             self._on_error(error)
+            time.sleep(PAUSE)
+
+
+def _failure(executor: SingleThreadedExecutor) -> BaseException | None:
+    """Spin until the executor ends, or a callback raises what is returned."""
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        return None
+    except BaseException as error:
+        return error
+    return None
 
 
 def wake_main_thread() -> None:

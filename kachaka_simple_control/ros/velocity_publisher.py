@@ -18,9 +18,12 @@ from __future__ import annotations
 from typing import Any
 
 from kachaka_simple_control.errors import MotionRefusedError
-from kachaka_simple_control.motion.kinematics import Velocity, ZERO
-from kachaka_simple_control.ros.messages import twist
-from rclpy.publisher import Publisher
+from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.ros.velocity_message import VelocityMessage
+from rclpy.node import Node
+
+#: How many messages the publisher keeps: the lesson's.
+DEPTH = 10
 
 
 class VelocityPublisher:
@@ -31,14 +34,16 @@ class VelocityPublisher:
     a publisher offers (``topic_name``, ``get_subscription_count()``, ...) is handed through.
     """
 
-    def __init__(self, publisher: Publisher) -> None:
+    def __init__(self, node: Node, topic: str, message: VelocityMessage) -> None:
         """
-        Show a publisher.
+        Make a publisher for the edge to use.
 
-        :param publisher: the one that the edge uses
+        :param node: whose it is
+        :param topic: where velocities go
+        :param message: makes messages of them
         """
-        self._publisher = publisher
-        self._velocity, self._message = ZERO, twist(ZERO)
+        self._publisher = node.create_publisher(message.type, topic, DEPTH)
+        self._message = message
 
     def transmit(self, velocity: Velocity) -> None:
         """
@@ -46,10 +51,7 @@ class VelocityPublisher:
 
         :param velocity: what to publish
         """
-        # The same one comes again and again, and a message takes longer to make than to send.
-        if velocity is not self._velocity:
-            self._velocity, self._message = velocity, twist(velocity)
-        self._publisher.publish(self._message)
+        self._publisher.publish(self._message.of(velocity))
 
     def publish(self, msg: Any) -> None:  # noqa: ARG002
         """

@@ -1,0 +1,157 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Measure over a bad link, keep the data, print the tables; ``make lossy-link`` runs this."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from datetime import datetime, timezone
+import json
+import os
+from pathlib import Path
+import random
+import signal
+import sys
+import time
+from typing import Any
+
+from benchmarks import machine
+from benchmarks.lossy_link.network import why_not
+from benchmarks.lossy_link.tables import broken, tables
+from benchmarks.page import updated
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+RESULTS = ROOT / 'benchmarks' / 'results'
+PAGE = ROOT / 'docs' / 'lossy_link.md'
+BEGIN = '<!-- measured: written by make lossy-link, changes here are lost -->'
+PARTS = ('stops', 'moves', 'answers', 'cable')
+LOSSES = (0, 10, 30, 50)
+#: How often each part is measured, in full and for a first look.
+FULL = {'stops': 200, 'moves': 20, 'answers': 15, 'cable': 5}
+QUICK = {'stops': 5, 'moves': 3, 'answers': 2, 'cable': 1}
+
+
+def measure(parts: Sequence[str], losses: Sequence[int], counts: dict[str, int]) -> dict[str, Any]:
+    """
+    Measure.
+
+    :param parts: which parts
+    :param losses: how many of a hundred packets are lost
+    :param counts: how often each part is measured
+    :returns: the run, plain data
+    """
+    # Before anything is started that loads rclpy: no other robot hears these.
+    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    from benchmarks.lossy_link.answers import measure_answers
+    from benchmarks.lossy_link.cable import measure_cable
+    from benchmarks.lossy_link.moves import measure_moves, RATES
+    from benchmarks.lossy_link.rig import rig
+    from benchmarks.lossy_link.stops import measure_stops
+    run: dict[str, Any] = {
+        'date': f'{datetime.now(timezone.utc):%Y-%m-%d}', 'machine': machine.describe(),
+        **{part: [] for part in PARTS}}
+    for percent in losses:
+        if 'stops' in parts:
+            with rig() as made:
+                run['stops'].append(measure_stops(made, percent, counts['stops']))
+        for rate in RATES if 'moves' in parts else ():
+            with rig() as made:
+                run['moves'].append(measure_moves(made, percent, rate, counts['moves']))
+        if 'answers' in parts:
+            with rig() as made:
+                run['answers'].append(measure_answers(made, percent, counts['answers']))
+    if 'cable' in parts:
+        with rig() as made:
+            run['cable'] = measure_cable(made, counts['cable'])
+    return run
+
+
+def joined(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """
+    Put the runs of several parts together.
+
+    :param runs: the runs
+    :returns: one run, its series in order of loss; date and machine are the last one's
+    """
+    found = {part: [one for run in runs for one in run[part]] for part in PARTS}
+    for part in PARTS[:-1]:
+        found[part].sort(key=lambda one: (one['percent'], one.get('rate', 0)))
+    return {**runs[-1], **found}
+
+
+def write_page(run: dict[str, Any]) -> None:
+    """
+    Put the tables of a run on the page.
+
+    :param run: the run
+    """
+    text = '\n'.join([
+        f'Measured on {run["date"]}.', '', *(table.markdown() for table in tables(run))])
+    PAGE.write_text(updated(PAGE.read_text(), text, begin=BEGIN))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Do what the arguments say.
+
+    :param arguments: the arguments without the program's name; None for those of the process
+    :returns: the exit code: 1 if a promise was not kept
+    """
+    options = _options(arguments)
+    if options.of:
+        run = joined([json.loads(file.read_text()) for file in options.of])
+        write_page(run)
+    else:
+        if (reason := why_not()) is not None:
+            print(f'skipped: {reason}')
+            return 0
+        # So that what was made here is also removed when this program is asked to end.
+        for signum in (signal.SIGTERM, signal.SIGHUP):
+            signal.signal(signum, lambda number, _: sys.exit(128 + number))
+        run = _measured(options)
+    print('\n'.join(table.text() for table in tables(run)))
+    lines = broken(run)
+    print('\n'.join(lines) if lines else 'Every promise was kept')
+    return 1 if lines else 0
+
+
+def _measured(options: argparse.Namespace) -> dict[str, Any]:
+    begin = time.monotonic()
+    counts = QUICK if options.quick else FULL
+    run = measure(options.part or PARTS, options.loss or LOSSES, counts)
+    name = 'quick' if options.quick else 'full'
+    file = RESULTS / f'lossy-{name}-{datetime.now(timezone.utc):%Y%m%d-%H%M%S}.json'
+    file.write_text(json.dumps(run, indent=1) + '\n')
+    print(f'measured in {(time.monotonic() - begin) / 60.0:.1f} minutes: '
+          f'{file.relative_to(ROOT)}\n')
+    if not (options.quick or options.part or options.loss):
+        write_page(run)
+    return run
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog='benchmarks.lossy_link', description=__doc__)
+    parser.add_argument('--quick', action='store_true', help='measure little')
+    parser.add_argument('--part', action='append', choices=PARTS, help='this part alone')
+    parser.add_argument(
+        '--loss', action='append', type=int, metavar='PERCENT', help='this loss alone')
+    parser.add_argument(
+        '--of', type=Path, nargs='+', metavar='FILE',
+        help='show these runs together, on the page too; measure nothing')
+    return parser.parse_args(arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

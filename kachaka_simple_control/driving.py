@@ -1,0 +1,140 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What the command does when a robot is to be driven; needs ROS."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING
+
+from kachaka_simple_control.audience.listeners import Listeners, listeners, REPORTER
+from kachaka_simple_control.command_line import Options
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
+from kachaka_simple_control.report.table import table
+from kachaka_simple_control.robot.robot_profile import KACHAKA, profile_of
+from kachaka_simple_control.ros.isolation import stay_on_this_machine
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.motion_file import MotionFile
+
+
+def drive(options: Options) -> None:
+    """
+    Drive a robot as the command was asked to.
+
+    :param options: what was asked
+    :raises ControlError: if it could not be done; the robot was stopped
+    :raises InvalidMotionError: if it cannot be done; nothing has moved
+    """
+    motion_file = _motion_file(options)
+    # Started last, a bridge ends last: after its robot was stopped and given back.
+    with contextlib.ExitStack() as helpers:
+        if options.brings_robot:
+            stay_on_this_machine()
+        start_ros(options.ros_arguments)
+        robot_control = KachakaSimpleControl(parameter_overrides=[
+            Parameter(name, value=value)
+            for name, value in _parameters(options, motion_file).items()])
+        told = helpers.enter_context(listeners(robot_control.audience))
+        try:
+            _start_listeners(told, options)
+            robot_control.introduce(_title(motion_file))
+            if options.brings_robot:
+                helpers.enter_context(
+                    _robot_of(options, robot_control.settings.robot_namespace))
+            _play(robot_control, motion_file, options.wait)
+        except KeyboardInterrupt:
+            robot_control.get_logger().info('Program was interrupted')
+        finally:
+            robot_control.stop_robot()
+            told.still_after = still_after = robot_control.stop_confirmed_after
+            robot_control.destroy_node()
+            rclpy.try_shutdown()
+    if options.brings_robot:
+        print(table(robot_control.record, still_after))
+
+
+def start_ros(arguments: tuple[str, ...]) -> None:
+    """
+    Initialise ROS, without the signal handlers of its own.
+
+    :param arguments: what ROS is told, from ``--ros-args`` on
+    :raises UsageError: if ROS does not understand it
+    """
+    try:
+        rclpy.init(args=[*arguments], signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise UsageError(str(error).splitlines()[0]) from None
+
+
+def _start_listeners(told: Listeners, options: Options) -> None:
+    if options.report is not None:
+        told.start(REPORTER, options.report)
+
+
+def _title(motion_file: MotionFile | None) -> str:
+    return 'lesson' if motion_file is None else motion_file.motion.name
+
+
+def _robot_of(
+        options: Options, namespace: str) -> contextlib.AbstractContextManager[object]:
+    """Return the robot that the command brings along, in a process of its own."""
+    from kachaka_simple_control.robot.simulation import real_robot, simulation
+    if options.address is None:
+        return simulation(namespace)
+    return real_robot(options.address, namespace)
+
+
+def _motion_file(options: Options) -> MotionFile | None:
+    """Read the motion, and refuse what its robot cannot do before anything is started."""
+    robot = options.robot
+    motion_file = None
+    if options.motions or options.wait:
+        from kachaka_simple_control.motion_file import find
+        motion_file = find(options.motions[0] if options.motions else 'lesson')
+        robot = robot or motion_file.robot
+    profile = profile_of(robot or KACHAKA.name)
+    if options.brings_robot and profile.velocity_topic != KACHAKA.velocity_topic:
+        raise UsageError(
+            f'--sim and --address bring a kachaka along, not a {profile.name}: leave out that '
+            'option, or --robot')
+    if motion_file is not None:
+        motion_file.check(profile.limits, profile.name)
+    return motion_file
+
+
+def _parameters(options: Options, motion_file: MotionFile | None) -> dict[str, object]:
+    summary = options.brings_robot or None
+    said = [{'robot': options.robot, 'rate': options.rate, 'summary': summary}]
+    if motion_file is not None:
+        said.insert(0, {'robot': motion_file.robot, 'rate': motion_file.rate})
+    return {name: value for values in said for name, value in values.items() if value is not None}
+
+
+def _play(
+        robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool) -> None:
+    if motion_file is None:
+        play_lesson(robot_control)
+        return
+    profile = robot_control.profile
+    limits = motion_file.check(profile.limits, profile.name)
+    if wait:
+        from kachaka_simple_control.ros.stand_by import stand_by
+        stand_by(robot_control, lambda: robot_control.run(motion_file.motion, limits))
+    else:
+        robot_control.run(motion_file.motion, limits)

@@ -1,0 +1,204 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""From the text of a file to its values: plain YAML, without what hides or surprises."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import re
+from typing import Any
+
+from kachaka_simple_control.motion_file.document import Document, Node
+from kachaka_simple_control.motion_file.problems import (
+    dotted,
+    INSTALL,
+    MAX_PROBLEMS,
+    Problem,
+    UnreadableFileError,
+)
+from kachaka_simple_control.motion_file.scalars import resolve, ScalarError
+from kachaka_simple_control.motion_file.units import quoted
+
+#: How many values and keys a file may have.
+MAX_VALUES = 100_000
+#: How deep they may be nested; a motion's innermost step in 20 repeats is 64 deep.
+MAX_DEPTH = 70
+
+
+def compose(text: str) -> Document:
+    """
+    Read YAML: mappings, lists and words, in one document.
+
+    :param text: the text
+    :returns: its values, and what is wrong with single ones
+    :raises UnreadableFileError: if it is no YAML, empty or too large
+    """
+    try:
+        import yaml
+    except ImportError:
+        raise UnreadableFileError(Problem(INSTALL)) from None
+    # The one in C is fifteen times as fast; some builds of PyYAML have it not.
+    loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+    composer = _Composer()
+    try:
+        for event in yaml.parse(text, Loader=loader):
+            composer.take(event)
+    except yaml.YAMLError as error:
+        raise UnreadableFileError(*composer.problems, _not_yaml(error, text)) from None
+    return composer.document()
+
+
+def _not_yaml(error: Any, text: str) -> Problem:
+    mark = getattr(error, 'problem_mark', None) or getattr(error, 'context_mark', None)
+    reason = getattr(error, 'problem', None) or getattr(error, 'context', None) or 'no reason'
+    lines = re.split('\r\n|\r|\n', text)[mark.line:mark.line + 1] if mark else []
+    found = ''.join(lines)[mark.column:mark.column + 1] if mark else ''
+    if 'cannot start any token' in reason and found:
+        advice = 'indent with spaces' if found == '\t' else 'put the text in quotes'
+        reason = f'nothing can begin with {quoted(found)} here; {advice}'
+    return Problem(
+        f'this is not YAML: {" ".join(reason.split())}', line=mark.line + 1 if mark else None)
+
+
+def _resolve(event: Any) -> tuple[Any, str | None]:
+    """Return what a word means, or else what is wrong with it."""
+    try:
+        event.value.encode()
+        return (event.value if event.style else resolve(event.value)), None
+    except ScalarError as error:
+        return None, str(error)
+    except UnicodeEncodeError:
+        return None, 'half a character, as in \\ud83d, cannot be in a text'
+
+
+def _decoration(event: Any) -> str | None:
+    """Return what is wrong with what stands before a value to say more than the value does."""
+    anchor: str | None = getattr(event, 'anchor', None)
+    tag: str | None = getattr(event, 'tag', None)
+    if type(event).__name__ == 'AliasEvent':
+        return f'aliases such as {quoted(f"*{anchor}")} are not read; write it out'
+    if anchor is not None:
+        return f'anchors such as {quoted(f"&{anchor}")} are not read; leave it out'
+    return None if tag is None else f'tags such as {quoted(tag)} are not read; leave it out'
+
+
+@dataclass(eq=False)
+class _Open:
+    """A mapping or list whose end has not come yet, and the key whose value comes next."""
+
+    node: Node
+    key: str | None = None
+    key_line: int = 0
+    is_twice: bool = False
+
+    @property
+    def awaits_key(self) -> bool:
+        return self.key is None and isinstance(self.node.data, dict)
+
+    @property
+    def part(self) -> str | int:
+        # Of a list, it is the last one so far.
+        return len(self.node.data) - 1 if self.key is None else self.key
+
+
+class _Composer:
+    """Builds the values of a document from the events of PyYAML, one by one."""
+
+    def __init__(self) -> None:
+        self.problems: list[Problem] = []
+        self._root: Node | None = None
+        self._open: list[_Open] = []
+        self._count = 0
+
+    def document(self) -> Document:
+        if self._root is None or (self._root.data is None and not self.problems):
+            raise UnreadableFileError(Problem('the file is empty'))
+        return Document(self._root, self.problems)
+
+    def take(self, event: Any) -> None:
+        kind = type(event).__name__.removesuffix('Event')
+        line = event.start_mark.line + 1
+        if kind == 'DocumentStart' and self._root is not None:
+            raise self._given_up('a second document begins here; a file has one', line)
+        if kind == 'Scalar' and self._open and self._open[-1].awaits_key:
+            self._take_key(event, line)
+        elif kind in ('Scalar', 'Alias', 'MappingStart', 'SequenceStart'):
+            self._take_value(kind, event, line)
+        elif kind in ('MappingEnd', 'SequenceEnd'):
+            self._open.pop()
+            self._next()
+
+    def _take_key(self, event: Any, line: int) -> None:
+        mapping = self._open[-1]
+        mapping.key, mapping.key_line = event.value, line
+        mapping.is_twice = event.value in mapping.node.data
+        self._count_one(line)
+        if mapping.is_twice:
+            first = mapping.node.children[event.value].line
+            self._object(line, f'this key is here twice, first in line {first}')
+        elif objection := _decoration(event):
+            self._object(line, objection)
+
+    def _take_value(self, kind: str, event: Any, line: int) -> None:
+        if self._open and self._open[-1].awaits_key:
+            raise self._given_up('a key must be a word', line)
+        self._count_one(line)
+        node = Node(line, {'MappingStart': {}, 'SequenceStart': []}.get(kind))
+        objection = _decoration(event)
+        if kind == 'Scalar' and not objection:
+            node.data, objection = _resolve(event)
+        self._attach(node)
+        if objection:
+            node.is_bad = node.is_spoilt = True
+            self._object(line, objection)
+        if kind in ('MappingStart', 'SequenceStart'):
+            self._open.append(_Open(node))
+            if len(self._open) > MAX_DEPTH:
+                raise self._given_up(
+                    f'lists and keys are nested more than {MAX_DEPTH} deep', line)
+        else:
+            self._next()
+
+    def _attach(self, node: Node) -> None:
+        if not self._open:
+            self._root = node
+            return
+        parent = self._open[-1]
+        if parent.key is None:
+            parent.node.children[len(parent.node.data)] = node
+            parent.node.data.append(node.data)
+        elif not parent.is_twice:
+            parent.node.children[parent.key] = node
+            parent.node.data[parent.key] = node.data
+            node.line = parent.key_line
+
+    def _next(self) -> None:
+        if self._open:
+            self._open[-1].key = None
+
+    def _object(self, line: int, text: str) -> None:
+        for parent in self._open:
+            parent.node.is_spoilt = True
+        way = [parent.part for parent in self._open]
+        self.problems.append(Problem(text, line, dotted(way)))
+        if len(self.problems) >= MAX_PROBLEMS:
+            raise UnreadableFileError(*self.problems)
+
+    def _count_one(self, line: int) -> None:
+        self._count += 1
+        if self._count > MAX_VALUES:
+            raise self._given_up(f'there are more than {MAX_VALUES} values and keys', line)
+
+    def _given_up(self, text: str, line: int) -> UnreadableFileError:
+        return UnreadableFileError(*self.problems, Problem(text, line))

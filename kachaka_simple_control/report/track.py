@@ -1,0 +1,168 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Where a plan goes, as lines and poses to draw; and as few of them as show it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+import math
+
+from kachaka_simple_control.motion.kinematics import advance, ORIGIN, Pose
+from kachaka_simple_control.motion.plan import Plan, Stage
+from kachaka_simple_control.motion.steps import Arc, Forward, Move
+from kachaka_simple_control.report.outline import Point
+
+#: How far a line turns between two of its points [rad]: 4 degrees, off by 1/1600 of the radius.
+BEND = math.radians(4.0)
+#: More of a turn in place would run into its own beginning [rad].
+SWEEP = math.radians(330.0)
+#: From so many points on, lines are drawn but once.
+MANY_POINTS = 500
+#: So many points at most are drawn.
+MAX_POINTS = 10_000
+#: Between two lines that do not touch.
+GAP = (math.nan, math.nan)
+
+Cell = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """
+    The path of one step: its curvature is the same all along.
+
+    :param start: where it begins
+    :param distance: how far it goes [m], negative backwards
+    :param angle: how far it turns [rad], positive to the left
+    """
+
+    start: Pose
+    distance: float
+    angle: float
+
+    @property
+    def middle(self) -> Pose:
+        """Return where it is half-way, looking where it goes to."""
+        pose = advance(self.start, self.distance / 2.0, self.angle / 2.0)
+        return pose if self.distance >= 0.0 else Pose(pose.x, pose.y, pose.theta + math.pi)
+
+    def sweep(self, radius: float) -> list[Point]:
+        """
+        Return the points to draw a turn in place through: where something ahead would go.
+
+        :param radius: how far ahead [m]
+        :returns: the points [m]; of more than a turn its end
+        """
+        angle = math.copysign(min(abs(self.angle), SWEEP), self.angle)
+        first = self.start.theta + self.angle - angle
+        count = max(1, math.ceil(abs(angle) / BEND))
+        headings = (first + angle * number / count for number in range(count + 1))
+        return [(self.start.x + radius * math.cos(heading),
+                 self.start.y + radius * math.sin(heading)) for heading in headings]
+
+    def points(self) -> list[Point]:
+        """
+        Return the points to draw a line through.
+
+        :returns: the points [m], without the first; none if it stays in its place
+        """
+        if self.distance == 0.0:
+            return []
+        angle = self.angle
+        if abs(angle) > 2.0 * math.tau:
+            # Nobody sees the rounds after the first; what counts is where they end.
+            angle = math.copysign(math.tau, angle) + math.fmod(angle, math.tau)
+        part = angle / self.angle if self.angle else 1.0
+        count = max(1, math.ceil(abs(angle) / BEND))
+        poses = (advance(self.start, self.distance * part * number / count,
+                         angle * number / count) for number in range(1, count + 1))
+        return [(pose.x, pose.y) for pose in poses]
+
+
+def stretches(plan: Plan) -> list[Stretch]:
+    """
+    Return the path of each step of a plan.
+
+    :param plan: the plan
+    :returns: its paths, each beginning where the one before ends
+    """
+    starts = [ORIGIN, *(stage.pose for stage in plan.stages)]
+    return [Stretch(start, _signed(stage), stage.pose.theta - start.theta)
+            for start, stage in zip(starts, plan.stages)]
+
+
+def _signed(stage: Stage) -> float:
+    step = stage.step
+    if isinstance(step, Move):
+        return math.copysign(stage.length, step.linear_x)
+    if isinstance(step, Forward):
+        return math.copysign(stage.length, step.distance)
+    return math.copysign(stage.length, step.angle) if isinstance(step, Arc) else stage.length
+
+
+def line(paths: Iterable[Stretch], grain: float) -> list[Point]:
+    """
+    Return the line through all paths.
+
+    :param paths: the paths, one after the other
+    :param grain: the smallest thing that can be seen [m]
+    :returns: its points, beginning at the origin; where it was thinned out, with gaps of NaN
+    """
+    points = [(ORIGIN.x, ORIGIN.y)]
+    for path in paths:
+        points += path.points()
+    if len(points) <= MANY_POINTS:
+        return points
+    thinned = _unlike(points, grain)
+    while len(thinned) > MAX_POINTS:
+        grain *= 2.0
+        thinned = _unlike(points, grain)
+    return thinned
+
+
+def _unlike(points: Sequence[Point], grain: float) -> list[Point]:
+    # Each line once: an hour of squares looks like one of them.
+    cells = [(round(x / grain), round(y / grain)) for x, y in points]
+    seen: set[tuple[Cell, Cell]] = set()
+    kept = [points[0]]
+    last = 0
+    for one, two in pairwise(range(len(points))):
+        ends = (cells[one], cells[two])
+        if ends[0] == ends[1] or ends in seen:
+            continue
+        seen.update((ends, ends[::-1]))
+        kept += [points[two]] if cells[last] == ends[0] else [GAP, points[one], points[two]]
+        last = two
+    return kept
+
+
+def distinct(poses: Iterable[Pose], grain: float, most: int) -> list[Pose]:
+    """
+    Return the poses that look different.
+
+    :param poses: the poses, in order
+    :param grain: the smallest thing that can be seen [m]
+    :param most: how many there may be
+    :returns: one of each kind, in order; if there are too many, some evenly from all
+    """
+    kinds: dict[tuple[int, int, int], Pose] = {}
+    for pose in poses:
+        heading = round(math.degrees(pose.theta)) % 360
+        kinds.setdefault((round(pose.x / grain), round(pose.y / grain), heading), pose)
+    kept = list(kinds.values())
+    if len(kept) <= most:
+        return kept
+    return [kept[number * (len(kept) - 1) // (most - 1)] for number in range(most)]

@@ -1,0 +1,75 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Drive when a service asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import threading
+
+from kachaka_simple_control.errors import ControlError
+import rclpy
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+
+def stand_by(node: Node, drive: Callable[[], None]) -> None:
+    """
+    Serve a node's callbacks, ``~/run`` among them, until the program is asked to end.
+
+    :param node: whose service it is
+    :param drive: what each request starts; its errors are told, and end nothing else
+    """
+    service = RunService(node, drive)
+    node.get_logger().info(f'Standing by: call {service.name} to start, ~/stop to stop')
+    rclpy.spin(node)
+
+
+class RunService:
+    """The service ``~/run``: starts a drive, one at a time, and answers at once."""
+
+    def __init__(self, node: Node, drive: Callable[[], None]) -> None:
+        """
+        Offer it.
+
+        :param node: whose service it is
+        :param drive: what each request starts
+        """
+        self._node = node
+        self._drive = drive
+        self._driving = threading.Lock()
+        self._service = node.create_service(Trigger, '~/run', self._on_request)
+
+    @property
+    def name(self) -> str:
+        """Return its full name."""
+        return str(self._service.srv_name)
+
+    def _on_request(
+            self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        del request
+        response.success = self._driving.acquire(blocking=False)
+        response.message = 'started' if response.success else 'a motion is running already'
+        if response.success:
+            # A callback must return soon, so the drive gets a thread of its own.
+            threading.Thread(target=self._run, name='drive', daemon=True).start()
+        return response
+
+    def _run(self) -> None:
+        try:
+            self._drive()
+        except ControlError as error:
+            self._node.get_logger().error(str(error))
+        finally:
+            self._driving.release()

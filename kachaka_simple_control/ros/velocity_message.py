@@ -1,0 +1,74 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What a robot takes velocities as: Twist, or TwistStamped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from geometry_msgs.msg import Twist, TwistStamped
+from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.ros.messages import twist
+
+if TYPE_CHECKING:
+    from builtin_interfaces.msg import Time
+
+#: By the names that robot profiles have for them.
+TYPES = {'Twist': Twist, 'TwistStamped': TwistStamped}
+
+
+class VelocityMessage:
+    """
+    Makes messages of velocities, one at a time.
+
+    The same velocity comes again and again, and a message takes longer to make than to send: each
+    is kept until another velocity is wanted, and of a stamped one only the time is new.
+    """
+
+    def __init__(self, name: str, frame: str, now: Callable[[], Time]) -> None:
+        """
+        Make a zero first.
+
+        :param name: of the type: Twist or TwistStamped
+        :param frame: the frame in the header of a stamped message
+        :param now: tells the time for that header
+        """
+        self.type: type[Twist] | type[TwistStamped] = TYPES[name]
+        self._now = now
+        self._message = self.type()
+        self._is_stamped = name == 'TwistStamped'
+        if self._is_stamped:
+            self._message.header.frame_id = frame
+        self._velocity = ZERO
+
+    def of(self, velocity: Velocity) -> Twist | TwistStamped:
+        """
+        Return a velocity as a message.
+
+        :param velocity: the velocity
+        :returns: the message, which is good until the next is asked for
+        """
+        if velocity is not self._velocity:
+            self._velocity = velocity
+            self._fill(twist(velocity))
+        if self._is_stamped:
+            self._message.header.stamp = self._now()
+        return self._message
+
+    def _fill(self, message: Twist) -> None:
+        if self._is_stamped:
+            self._message.twist = message
+        else:
+            self._message = message

@@ -1,0 +1,153 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Files that are large, deep, endless or no files: one clear line, soon, in little memory."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+
+from kachaka_simple_control.motion_file import load, MotionFileError
+from motion_texts import refusal
+from program import environment
+import pytest
+
+pytest.importorskip('yaml', reason='needs PyYAML')
+pytest.importorskip('jsonschema', reason='needs jsonschema')
+
+MEGABYTE = 1_000_000
+LAUGHS = 'a: &a [x]\n' + ''.join(
+    f'{two}: &{two} [*{one},*{one}]\n' for one, two in zip('abcdefghijkl', 'bcdefghijklm'))
+HOSTILE = {
+    'a list in a list in a list': '[' * MEGABYTE,
+    'the same, in the style of blocks': '- ' * (MEGABYTE // 2),
+    'keys in keys': '{a: ' * (MEGABYTE // 4),
+    'keys of keys': '? ' * (MEGABYTE // 2),
+    'too many steps': 'steps:\n' + '- wait: 0\n' * 99_000,
+    'too many empty lists': '[' + '[],' * 300_000 + ']',
+    'too many bad steps': 'steps:\n' + '- wiat: 0\n' * 33_000,
+    'too many bad keys': ''.join(f'key{index}: 0\n' for index in range(45_000)),
+    'too many keys alike': 'a: 1\n' * 190_000,
+    'a laugh doubled and doubled': LAUGHS,
+    'anchors': '[' + '&a b, ' * 150_000 + ']',
+    'aliases': '[' + '*a, ' * 200_000 + ']',
+    'a tag without an end': 'a: !' + 'a' * 900_000 + ' b',
+    'a key without an end': 'a' * 990_000 + ': 1',
+    'a number without an end': 'steps:\n- wait: ' + '9' * 900_000,
+    'a number in quotes without an end': 'steps:\n- wait: "' + '9' * 900_000 + ' m"',
+    'spaces before a unit': 'steps:\n- wait: "1' + ' ' * 900_000 + 'x"',
+    'documents': '---\n' * 250_000,
+    'quotes': '"' * MEGABYTE,
+    'nothing': '\n' * MEGABYTE,
+}
+
+
+@pytest.mark.parametrize('what', HOSTILE)
+def test_a_hostile_text_is_refused_soon(what):
+    begin = time.process_time()
+    lines = refusal(HOSTILE[what])
+    assert time.process_time() - begin < 3.0  # of a slow machine; here it is below 1 s
+    assert len(lines) <= 101
+    assert all(line.startswith('bad.yaml') and len(line) < 400 for line in lines)
+
+
+@pytest.mark.parametrize('data, line', [
+    (b'steps: []'.ljust(MEGABYTE + 1), 'this is more than 1000000 bytes, the most that is read'),
+    ('steps: []'.encode('utf-16'), 'this is text in UTF-16; save it as UTF-8'),
+    ('steps: []'.encode('utf-16-le'),
+     '1: U+0000 cannot be in a text; is this one, saved as UTF-8?'),
+    ('steps: []\nname: Zoë'.encode('latin-1'),
+     '2: byte 0xeb is not UTF-8; is this a text, saved as UTF-8?'),
+    (b'\x89PNG\r\n\x1a\n\0\0', '1: byte 0x89 is not UTF-8; is this a text, saved as UTF-8?'),
+    (b'steps: []\n\x1b[31m', '2: U+001B cannot be in a text; is this one, saved as UTF-8?'),
+    ('steps: []\u2028name: a'.encode(),
+     '1: U+2028 cannot be in a text; is this one, saved as UTF-8?'),
+    (b'', 'the file is empty'),
+    (b'\xef\xbb\xbf', 'the file is empty'),
+])
+def test_what_is_no_text_is_refused(tmp_path, data, line):
+    path = tmp_path / 'bad.yaml'
+    path.write_bytes(data)
+    with pytest.raises(MotionFileError) as caught:
+        load(path)
+    assert str(caught.value) == f'{path}:{"" if line[0].isdigit() else " "}{line}'
+
+
+def test_a_file_of_the_largest_size_is_read(tmp_path):
+    path = tmp_path / 'large.yaml'
+    path.write_bytes(b'steps: []'.ljust(MEGABYTE))
+    assert load(path).motion.name == 'large'
+
+
+def refused(path: str | os.PathLike[str]) -> str:
+    """Return how a path is refused, and make sure that nobody waits for it."""
+    begin = time.monotonic()
+    with pytest.raises(MotionFileError) as caught:
+        load(path)
+    assert time.monotonic() - begin < 2.0
+    return str(caught.value)
+
+
+def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path):
+    pipe = tmp_path / 'pipe.yaml'
+    os.mkfifo(pipe)
+    assert refused(pipe) == f'{pipe}: this is a device or a pipe, not a file'
+    assert refused('/dev/zero') == '/dev/zero: this is a device or a pipe, not a file'
+    assert refused(tmp_path) == f'{tmp_path}: this is a folder; name a file in it'
+    missing = tmp_path / 'missing.yaml'
+    assert refused(missing) == f'{missing}: there is no such file'
+    assert refused(missing / 'b.yaml') == f'{missing}/b.yaml: there is no such file'
+    missing.symlink_to(missing)
+    assert 'it cannot be read: ' in refused(missing)
+    assert refused('a\0.yaml') == r"'a\x00.yaml': no file can have this name"
+    assert 'it cannot be read: ' in refused('a' * 300 + '.yaml')
+
+
+def test_a_file_one_may_not_read_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / 'secret.yaml'
+    path.touch(mode=0)
+    if os.geteuid() == 0:  # who may read everything
+        def deny(*_: object) -> int:
+            raise PermissionError(13, 'Permission denied')
+        monkeypatch.setattr(os, 'open', deny)
+    assert refused(path) == f'{path}: you are not allowed to read this file'
+
+
+def test_no_file_is_left_open(tmp_path):
+    descriptors = Path('/proc/self/fd')
+    count = len(list(descriptors.iterdir()))
+    for path in (tmp_path, Path('/dev/zero'), tmp_path / 'missing.yaml'):
+        refused(path)
+    assert len(list(descriptors.iterdir())) == count
+
+
+def test_all_of_this_needs_little_memory(tmp_path):
+    """A process that may have 400 MB reads every one of them; most of it is PyYAML's code."""
+    for number, text in enumerate(HOSTILE.values()):
+        tmp_path.joinpath(f'{number}.yaml').write_text(text)
+    program = f"""
+import pathlib, resource
+from kachaka_simple_control.motion_file import load, loads, MotionFileError
+loads('steps: []')
+resource.setrlimit(resource.RLIMIT_AS, (400_000_000, 400_000_000))
+for path in sorted(pathlib.Path({str(tmp_path)!r}).iterdir()):
+    try:
+        load(path)
+    except MotionFileError:
+        pass
+"""
+    subprocess.run([sys.executable, '-c', program], check=True, env=environment(), timeout=60)

@@ -1,0 +1,126 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Motions from files, driven by the command: on the simulated robot, and on request."""
+
+import re
+import signal
+
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.robot.robot_profile import KACHAKA
+from program import COMMAND, program
+import pytest
+
+pytestmark = pytest.mark.ros
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+pytest.importorskip('jsonschema', reason='needs jsonschema')
+
+SHORT = """
+name: short
+rate: 20 Hz
+steps:
+  - forward: 0.05 m
+  - arc: {radius: 0.1 m, angle: -90 deg}
+  - wait: 0.2 s
+"""
+STAMPED = """
+name: stamped
+namespace: /left
+velocity_topic: cmd_vel
+message_type: TwistStamped
+frame: left/base_link
+odometry_topic: null
+manual_control: null
+hold: 0.3 s
+limits: {max_linear_velocity: 0.2 m/s, max_angular_velocity: 1 rad/s}
+"""
+
+
+def final_pose(text):
+    """Return x [m], y [m] and heading [degrees] from what the command printed."""
+    return [float(number) for number in re.search(
+        r'x (\S+) m, y (\S+) m, heading (\S+) degrees', text).groups()]
+
+
+def test_a_motion_ends_where_its_plan_says(tmp_path):
+    """The bounds are wide, for a busy machine; docs/motions.md has what a quiet one does."""
+    from kachaka_simple_control.motion_file import loads
+    file = tmp_path / 'short.yaml'
+    file.write_text(SHORT)
+    planned = plan(loads(SHORT, 'short.yaml').motion, KACHAKA.limits, 20.0)
+    with program([*COMMAND, str(file), '--sim'], tmp_path) as started:
+        assert started.end(40.0) == 0, started.text
+    x, y, heading = final_pose(started.text)
+    assert (x, y) == pytest.approx((planned.pose.x, planned.pose.y), abs=0.005)
+    assert heading == pytest.approx(-90.0, abs=2.0)
+    assert f'Motion completed: short, 3 steps, {planned.duration:.3f} seconds' in started.text
+    assert 'forward 0.05 m' in started.text
+
+
+def test_a_motion_that_the_robot_cannot_do_is_refused_before_anything_starts(listener, tmp_path):
+    file = tmp_path / 'fast.yaml'
+    file.write_text('steps:\n  - forward: 1 m\n  - turn: {angle: 90 deg, speed: 2 rad/s}\n')
+    with program([*COMMAND, str(file)], tmp_path) as started:
+        assert started.end() == 2
+    (line,) = started.text.splitlines()
+    assert f"{file}:3: steps[1].turn.speed: 2.0 rad/s is above kachaka's limit of 1.57" in line
+    assert listener.heard == []
+    assert listener.answered == []
+
+
+def test_a_simulated_kachaka_is_no_turtlebot(tmp_path):
+    with program([*COMMAND, '--sim', '--robot', 'turtlebot3'], tmp_path) as started:
+        assert started.end() == 2
+    (line,) = started.text.splitlines()
+    assert 'bring a kachaka along, not a turtlebot3' in line
+
+
+def test_on_request_it_drives_and_stops(listener, tmp_path):
+    """Twice, and a second request in between is refused; Ctrl+C ends it."""
+    with program([*COMMAND, 'straight', '--wait'], tmp_path) as started:
+        started.wait_for_text('Standing by')
+        assert listener.heard == []
+        for _ in range(2):
+            before = len(listener.heard)
+            assert listener.call('run').success
+            assert listener.call('run').message == 'a motion is running already'
+            listener.wait_for(lambda heard: heard.moves, after=before)
+            assert listener.call('stop').success
+            assert not listener.heard[-1].moves
+        started.send(signal.SIGINT)
+        assert started.end() == 130
+    assert started.text.count('the movement was ended by stop_robot()') == 2
+    assert 'Traceback' not in started.text
+
+
+def test_a_robot_may_take_velocities_with_a_stamp(tmp_path):
+    """Node and guardian alike; whose robot it is, its own profile says."""
+    from geometry_msgs.msg import TwistStamped
+    from listener import Listener
+    file = tmp_path / 'stamped.yaml'
+    file.write_text(STAMPED)
+    motion = tmp_path / 'short.yaml'
+    motion.write_text(SHORT)
+    with Listener(serves=False) as listener:
+        heard = []
+        listener._node.create_subscription(TwistStamped, '/left/cmd_vel', heard.append, 10)
+        command = [*COMMAND, str(motion), '--robot', str(file)]
+        with program(command, tmp_path) as started:
+            assert started.end() == 0, started.text
+    assert {message.header.frame_id for message in heard} == {'left/base_link'}
+    stamps = [message.header.stamp.sec + message.header.stamp.nanosec / 1e9 for message in heard]
+    moving = [stamp for stamp, message in zip(stamps, heard) if message.twist.linear.x]
+    assert len(moving) > 10
+    assert moving == sorted(moving)
+    assert heard[-1].twist.linear.x == heard[-1].twist.angular.z == 0.0

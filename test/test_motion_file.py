@@ -1,0 +1,234 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Motions in files: what a text says, where it says it, and that writing it loses nothing."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError
+from fractions import Fraction
+import math
+
+from hypothesis import example, given, settings
+from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
+from kachaka_simple_control.motion.survey import find_errors
+from kachaka_simple_control.motion_file import dump, load, loads, MotionFileError
+from motion_texts import EVERYTHING, MOTIONS
+import pytest
+
+pytest.importorskip('yaml', reason='needs PyYAML')
+pytest.importorskip('jsonschema', reason='needs jsonschema')
+
+KACHAKA = Limits(0.3, 1.57)
+
+
+@pytest.fixture(params=['CSafeLoader', 'SafeLoader'])
+def any_loader(request, monkeypatch):
+    """Use PyYAML's parser in C, and then the one in Python, which some machines have alone."""
+    import yaml
+    if request.param == 'SafeLoader':
+        monkeypatch.delattr(yaml, 'CSafeLoader', raising=False)
+    elif not hasattr(yaml, 'CSafeLoader'):
+        pytest.skip('PyYAML has no parser in C here')
+
+
+def only_step(text: str) -> object:
+    """Return the step of a motion that has one."""
+    return loads(f'steps:\n  - {text}\n').motion.steps[0]
+
+
+@pytest.mark.usefixtures('any_loader')
+def test_a_file_says_what_a_person_wrote():
+    file = loads(EVERYTHING, 'everything.yaml')
+    assert file.motion == Motion('everything', (
+        Forward(0.5), Turn(math.pi / 2), Arc(0.3, math.pi, 0.15), Move(0.1, 0.0, 1.0), Wait(2.0),
+        Forward(-0.2, 0.1), Turn(-1.0, math.pi / 4), Wait(0.5),
+        Repeat(4, (Wait(60.0), Repeat(0, ()))),
+    ), 'One of each.')
+    assert (file.robot, file.rate, file.source) == ('kachaka', 20.0, 'everything.yaml')
+    assert file.limits == {'max_linear_velocity': 0.2, 'max_angular_jerk': math.pi / 2}
+
+
+@pytest.mark.parametrize('text, step', [
+    ('wait: 1e3', Wait(1000.0)),  # PyYAML alone takes this for text
+    ('wait: "2 s"', Wait(2.0)),
+    ('wait: "2"', Wait(2.0)),
+    ('wait: +2.', Wait(2.0)),
+    ('wait: 0', Wait(0.0)),
+    ("{'turn': 90 deg}", Turn(math.pi / 2)),
+    ('turn: -1', Turn(-1.0)),
+    ('repeat: {times: 2.0, steps: [wait: 1]}', Repeat(2, (Wait(1.0),))),
+    ('repeat: {times: 1e2, steps: []}', Repeat(100, ())),
+])
+def test_there_is_more_than_one_way_to_write_a_step(text, step):
+    assert only_step(text) == step
+
+
+def test_numbers_become_floats_and_counts_whole_numbers():
+    assert isinstance(only_step('wait: 2').duration, float)
+    assert isinstance(only_step('repeat: {times: 2.0, steps: []}').times, int)
+
+
+@pytest.mark.parametrize('word', ['yes', 'on', 'off', 'n', '1:30', '0x10', '1_000', '2026-11-21'])
+def test_words_that_old_yaml_reads_as_something_else_are_text(word):
+    assert loads(f'name: {word}\nsteps: []').motion.name == word
+
+
+def test_only_the_steps_must_be_there():
+    file = loads('steps: []', 'folder/quiet.yaml')
+    assert file.motion == Motion('quiet', ())
+    assert (file.robot, file.rate, dict(file.limits)) == (None, None, {})
+
+
+@pytest.mark.usefixtures('any_loader')
+def test_a_file_read_is_not_changed(tmp_path):
+    path = tmp_path / 'wait.yaml'
+    path.write_bytes('\ufeffname: ü\r\nsteps:\r\n- wait: 1\r\n'.encode())  # as some editors save
+    file = load(path)
+    assert (file.motion, file.source) == (Motion('ü', (Wait(1.0),)), str(path))
+    assert load(str(path)) == file
+    assert hash(load(path)) == hash(file)
+    with pytest.raises(FrozenInstanceError):
+        file.rate = 10.0
+    with pytest.raises(TypeError):
+        file.limits['max_linear_velocity'] = 10.0
+
+
+@pytest.mark.usefixtures('any_loader')
+@pytest.mark.parametrize('path, line', [
+    ('steps', 6), ('steps[0]', 7), ('steps[0].forward.distance', 7), ('steps[2].arc.speed', 9),
+    ('steps[8].repeat', 15), ('steps[8].repeat.times', 16), ('steps[8].repeat.steps[0].wait', 18),
+    ('steps[8].repeat.steps[1].repeat.times', 19), ('steps[9]', 6), ('limits', 4)])
+def test_a_place_in_a_motion_has_a_line(path, line):
+    assert loads(EVERYTHING, 'a.yaml').where(path) == f'a.yaml:{line}'
+
+
+TOO_FAST = """\
+steps:
+  - forward: {distance: 1 m, speed: 0.2 m/s}
+  - repeat:
+      times: 2
+      steps:
+        - turn:
+            angle: 90 deg
+            speed: 2 rad/s
+  - move: {linear_x: -0.4, angular_z: 2, duration: 1}
+"""
+
+
+def test_what_a_robot_cannot_do_is_said_with_its_line_and_the_robots_name():
+    with pytest.raises(MotionFileError) as caught:
+        loads(TOO_FAST, 'fast.yaml').check(KACHAKA, 'kachaka')
+    assert str(caught.value).splitlines() == [
+        ('fast.yaml:8: steps[1].repeat.steps[0].turn.speed: 2.0 rad/s is above '
+         "kachaka's limit of 1.57 rad/s"),
+        ("fast.yaml:9: steps[2].move.linear_x: -0.4 m/s, outside kachaka's limits of "
+         '-0.3 to 0.3 m/s'),
+        ("fast.yaml:9: steps[2].move.angular_z: 2.0 rad/s, outside kachaka's limits of "
+         '-1.57 to 1.57 rad/s'),
+    ]
+    assert [problem.line for problem in caught.value.problems] == [8, 9, 9]
+
+
+def test_errors_of_planning_can_be_given_their_lines():
+    file = loads(TOO_FAST, 'fast.yaml')
+    error = file.located(find_errors(file.motion, KACHAKA))
+    assert str(error).startswith('fast.yaml:8: steps[1].repeat.steps[0].turn.speed: 2.0 rad/s is '
+                                 "above the robot's limit of 1.57 rad/s")
+    assert isinstance(error, InvalidMotionError)
+
+
+def test_the_files_own_limits_hold_too():
+    file = loads('limits: {max_linear_velocity: 0.1 m/s}\n'
+                 'steps: [{forward: {distance: 1 m, speed: 0.2 m/s}}]', 'slow.yaml')
+    with pytest.raises(MotionFileError) as caught:
+        file.check(KACHAKA, 'kachaka')
+    assert str(caught.value) == (
+        'slow.yaml:2: steps[0].forward.speed: 0.2 m/s is above the limit of 0.1 m/s')
+
+
+def test_what_can_be_done_is_planned_with_the_tighter_limits():
+    file = loads('limits: {max_linear_velocity: 0.1, max_angular_acceleration: 1}\nsteps: []')
+    assert file.check(KACHAKA) == Limits(0.1, 1.57, max_angular_acceleration=1.0)
+
+
+@pytest.mark.parametrize('robot, text, expected', [
+    (Limits(0.3, 1.0, max_backward_velocity=0.2), 'max_linear_velocity: 0.1', 0.1),
+    (Limits(0.3, 1.0, max_backward_velocity=0.2), 'max_linear_velocity: 0.25', 0.2),
+    (Limits(0.3, 1.0, max_backward_velocity=0.2), 'max_angular_velocity: 0.5', 0.2),
+    (Limits(0.3, 1.0, max_backward_velocity=0.2), 'max_backward_velocity: 0.15', 0.15),
+    (Limits(0.3, 1.0), 'max_linear_velocity: 0.1', 0.1),
+])
+def test_who_slows_a_robot_down_slows_it_down_backwards_too(robot, text, expected):
+    file = loads(f'limits: {{{text}}}\nsteps: []')
+    assert file.tighten(robot).backward_velocity == expected
+
+
+def test_a_file_cannot_allow_what_the_robot_does_not():
+    file = loads('limits:\n  max_angular_velocity: 90 deg/s\n  max_linear_velocity: 31 cm/s\n'
+                 '  max_backward_velocity: 0.4\n  max_linear_deceleration: 2\nsteps: []', 'a.yaml')
+    with pytest.raises(MotionFileError) as caught:
+        file.tighten(Limits(0.3, 1.57, max_linear_acceleration=1.0), 'kachaka')
+    assert str(caught.value).splitlines() == [
+        ("a.yaml:2: limits.max_angular_velocity: 1.5707963267948966 rad/s is above kachaka's "
+         'limit of 1.57 rad/s'),
+        "a.yaml:3: limits.max_linear_velocity: 0.31 m/s is above kachaka's limit of 0.3 m/s",
+        "a.yaml:4: limits.max_backward_velocity: 0.4 m/s is above kachaka's limit of 0.3 m/s",
+        ("a.yaml:5: limits.max_linear_deceleration: 2.0 m/s^2 is above kachaka's limit of "
+         '1.0 m/s^2'),
+    ]
+
+
+@given(MOTIONS)
+@example(Motion('no', ()))
+@example(Motion('', (Wait(0.0),), 'two\nlines: # "quoted" \\ \x00\x85\u2028\ufeff\U0001f600'))
+@example(Motion('true', (Forward(1), Wait(5e-324), Turn(-1.7976931348623157e308))))
+@settings(max_examples=200, deadline=None)
+def test_what_is_written_reads_back_as_the_same_motion(motion):
+    assert loads(dump(motion)).motion == motion
+
+
+@given(MOTIONS)
+@settings(max_examples=50, deadline=None)
+def test_what_is_written_is_what_any_yaml_reader_reads(motion):
+    import yaml
+    data = yaml.safe_load(dump(motion))
+    assert (data['name'], data.get('description', '')) == (motion.name, motion.description)
+    assert len(data['steps']) == len(motion.steps)
+
+
+def test_what_is_written_looks_as_if_a_person_wrote_it():
+    steps = [Repeat(4, [Forward(0.5), Turn(1.5, 0.5)]), Wait(2)]
+    assert dump(Motion('square', steps, 'A square.')) == (
+        'name: square\n'
+        'description: A square.\n'
+        'steps:\n'
+        '  - repeat:\n'
+        '      times: 4\n'
+        '      steps:\n'
+        '        - forward: 0.5 m\n'
+        '        - turn: {angle: 1.5 rad, speed: 0.5 rad/s}\n'
+        '  - wait: 2.0 s\n')
+
+
+@pytest.mark.parametrize('motion, words', [
+    (Motion('third', [Wait(Fraction(1, 3))]), 'numbers that are no floats'),
+    (Motion('long', [Repeat(10**6, [Wait(1.0)])]), 'at most 1000000'),
+    (Motion('large', [Wait(1.0)] * 50_000), 'more than 100000 values'),
+    (Motion('half', [], '\ud83d'), 'escape|half a character'),
+])
+def test_what_no_file_can_hold_is_not_written(motion, words):
+    with pytest.raises(MotionFileError, match=words):
+        dump(motion)

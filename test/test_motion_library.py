@@ -1,0 +1,143 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The motions that come with the package, and how they are found."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from kachaka_simple_control.motion.kinematics import advance, ORIGIN, Pose
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Arc, Forward, Move, Repeat, Step, Turn, Wait
+from kachaka_simple_control.motion_file import dump, find, library, loads, MotionFileError
+from kachaka_simple_control.robot.robot_file import find_robot, robots
+import pytest
+
+pytest.importorskip('yaml', reason='needs PyYAML')
+pytest.importorskip('jsonschema', reason='needs jsonschema')
+
+NAMES = ['circle', 'figure_eight', 'lesson', 'spin', 'square', 'square_cw', 'straight',
+         'umbmark_ccw', 'umbmark_cw']
+
+
+def drive(pose: Pose, steps: tuple[Step, ...]) -> Pose:
+    """Return where steps lead, by geometry alone."""
+    for step in steps:
+        if isinstance(step, Repeat):
+            for _ in range(step.times):
+                pose = drive(pose, step.steps)
+        elif isinstance(step, Forward):
+            pose = advance(pose, step.distance, 0.0)
+        elif isinstance(step, Turn):
+            pose = advance(pose, 0.0, step.angle)
+        elif isinstance(step, Arc):
+            length = abs(step.radius) * step.angle
+            pose = advance(pose, length, length / step.radius)
+        elif isinstance(step, Move):
+            pose = advance(
+                pose, step.linear_x * step.duration, step.angular_z * step.duration)
+        else:
+            assert isinstance(step, Wait)
+    return pose
+
+
+def test_the_library_has_what_it_has():
+    assert library() == NAMES
+
+
+@pytest.mark.parametrize('name, end', [
+    ('circle', (0, 0, 360)), ('figure_eight', (0, 0, 0)), ('lesson', (0.1, 0, 0)),
+    ('spin', (0, 0, 360)), ('square', (0, 0, 360)), ('square_cw', (0, 0, -360)),
+    ('straight', (1, 0, 0)), ('umbmark_ccw', (0, 0, 360)), ('umbmark_cw', (0, 0, -360))])
+def test_each_ends_where_its_name_says(name, end):
+    x, y, degrees = end
+    pose = drive(ORIGIN, find(name).motion.steps)
+    assert (pose.x, pose.y, pose.theta) == pytest.approx((x, y, math.radians(degrees)), abs=1e-9)
+
+
+@pytest.mark.parametrize('robot', robots())
+@pytest.mark.parametrize('name', NAMES)
+def test_each_robot_can_do_it(name, robot):
+    file, profile = find(name), find_robot(robot)
+    limits = file.check(profile.limits, profile.name)
+    planned = plan(file.motion, limits, file.rate or 20.0)
+    ours, geometry = planned.path()[-1], drive(ORIGIN, file.motion.steps)
+    if name != 'lesson':  # which asks for velocities, not for a way
+        assert (ours.x, ours.y, ours.theta) == pytest.approx(
+            (geometry.x, geometry.y, geometry.theta), abs=1e-6)
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_each_is_written_for_people(name):
+    file = find(name)
+    assert file.motion.name == name
+    assert file.motion.description.endswith('.')
+    assert (file.robot, dict(file.limits)) == (None, {})
+    text = Path(file.source).read_text()
+    assert text.startswith('# yaml-language-server: $schema=motion.schema.json\n')
+    assert all(len(line) <= 99 for line in text.splitlines())
+    assert loads(dump(file.motion)).motion == file.motion
+
+
+def test_the_lesson_is_what_the_front_door_plays():
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    from kachaka_simple_control.kachaka_simple_control import play_lesson
+
+    class Notes:
+        steps: tuple[Move, ...] = ()
+
+        def move_robot(self, *values: float) -> None:
+            self.steps += (Move(*values),)
+
+    notes = Notes()
+    play_lesson(notes)
+    assert len(notes.steps) == 7
+    assert find('lesson').motion.steps == notes.steps
+
+
+def test_umbmark_is_the_same_square_both_ways_round():
+    both = [find(f'umbmark_{way}').motion for way in ('ccw', 'cw')]
+    for motion, sign in zip(both, (1, -1)):
+        repeat, = motion.steps
+        forward, _, turn, _ = repeat.steps
+        assert (repeat.times, forward.distance, turn.angle) == (4, 4.0, sign * math.pi / 2)
+
+
+def test_a_path_is_a_path_and_a_name_a_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for path in ('square', 'square.yaml'):
+        Path(path).write_text('name: mine\nsteps: []')
+    assert find('square').motion.name == 'square'
+    for path in ('./square', 'square.yaml', './square.yaml', str(tmp_path / 'square.yaml'),
+                 Path('square')):
+        assert find(path).motion.name == 'mine'
+        assert find(path).source == str(path)
+
+
+@pytest.mark.parametrize('name, words', [
+    ('squar', "squar: there is no motion of this name; did you mean 'square'?  Known are circle"),
+    ('dance', 'dance: there is no motion of this name; known are circle, figure_eight, lesson, '),
+    ('', "'': there is no motion of this name; known are "),
+    ('motion', 'motion: there is no motion of this name'),
+    ('squar.yaml', 'squar.yaml: there is no such file'),
+    ('motions/square', 'motions/square: there is no such file'),
+    ('../motions/square', '../motions/square: there is no such file'),
+])
+def test_what_is_not_there_is_refused_in_one_line(name, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MotionFileError) as caught:
+        find(name)
+    assert str(caught.value).startswith(words)
+    assert '\n' not in str(caught.value)

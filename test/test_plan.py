@@ -1,0 +1,251 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Whole plans: they end where the motion leads, whatever the limits and the rate."""
+
+from dataclasses import replace
+from itertools import pairwise
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.motion.kinematics import Pose, Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import Plan, plan
+from kachaka_simple_control.motion.steps import (
+    Arc,
+    Forward,
+    Motion,
+    Move,
+    Repeat,
+    Turn,
+    Wait,
+)
+import pytest
+from strategies import (
+    closed_form,
+    GOALS,
+    KACHAKA,
+    LIMITS,
+    MOTIONS,
+    motions,
+    RATES,
+    UNHURRIED,
+    written_out,
+)
+
+
+def close(one: Pose, two: Pose, size: float = 1.0) -> bool:
+    """Tell whether two poses differ by less than a billionth of the way, or of a metre."""
+    tolerance = 1e-9 * max(1.0, size)
+    return (math.hypot(one.x - two.x, one.y - two.y) <= tolerance
+            and abs(one.theta - two.theta) <= tolerance)
+
+
+def size(planned: Plan) -> float:
+    """Return how much a plan drives and turns, for rounding to be measured by."""
+    return planned.length + sum(
+        abs(segment.velocity.angular_z) * (segment.end - segment.start)
+        for segment in planned.segments)
+
+
+def sent(planned: Plan) -> list[tuple[float, float]]:
+    """Return the velocities of a plan."""
+    return [(segment.velocity.linear_x, segment.velocity.angular_z)
+            for segment in planned.segments]
+
+
+@UNHURRIED
+@given(MOTIONS, LIMITS, RATES)
+def test_a_plan_ends_where_geometry_says(motion, limits, rate):
+    planned = plan(motion, limits, rate)
+    expected = closed_form(motion.steps)
+    assert close(expected, planned.path()[-1], size(planned))
+    assert close(expected, planned.pose, size(planned))
+
+
+@UNHURRIED
+@given(MOTIONS, LIMITS, RATES)
+def test_every_stage_ends_where_geometry_says(motion, limits, rate):
+    planned = plan(motion, limits, rate)
+    leaves = written_out(motion.steps)
+    assert [stage.step for stage in planned.stages] == leaves
+    pose = Pose()
+    for leaf, stage in zip(leaves, planned.stages):
+        pose = closed_form([leaf], pose)
+        assert close(pose, stage.pose, size(planned))
+
+
+@UNHURRIED
+@given(MOTIONS, LIMITS, RATES)
+def test_stages_and_segments_tell_the_same(motion, limits, rate):
+    planned = plan(motion, limits, rate)
+    for stage in planned.stages:
+        own = [segment for segment in planned.segments
+               if stage.start <= segment.start and segment.end <= stage.end]
+        lengths = [abs(s.velocity.linear_x) * (s.end - s.start) for s in own]
+        assert stage.length == pytest.approx(math.fsum(lengths), rel=1e-9, abs=1e-9)
+        assert stage.max_linear_velocity == max(
+            (abs(s.velocity.linear_x) for s in own), default=0.0)
+        assert stage.max_angular_velocity == max(
+            (abs(s.velocity.angular_z) for s in own), default=0.0)
+    assert planned.length == math.fsum(stage.length for stage in planned.stages) or (
+        planned.length == pytest.approx(math.fsum(stage.length for stage in planned.stages)))
+
+
+@UNHURRIED
+@given(MOTIONS, LIMITS, RATES)
+def test_segments_and_stages_follow_each_other_without_a_gap(motion, limits, rate):
+    planned = plan(motion, limits, rate)
+    for row in (planned.segments, planned.stages):
+        assert all(one.end == two.start for one, two in pairwise(row))
+        assert not row or row[0].start == 0.0
+        assert not row or row[-1].end == planned.duration
+    assert all(segment.end > segment.start for segment in planned.segments)
+
+
+@UNHURRIED
+@given(motions(GOALS), LIMITS, RATES)
+def test_no_tick_of_a_goal_is_longer_than_a_period_and_none_is_a_sliver(motion, limits, rate):
+    planned = plan(motion, limits, rate)
+    for stage in planned.stages:
+        own = [segment.end - segment.start for segment in planned.segments
+               if stage.start <= segment.start and segment.end <= stage.end]
+        assert all(tick <= planned.period * (1.0 + 1e-6) for tick in own)
+        assert not own or max(own) - min(own) <= 1e-6 * max(own)
+
+
+@UNHURRIED
+@given(MOTIONS, LIMITS, RATES)
+def test_nothing_in_a_plan_is_refused_on_its_way_out(motion, limits, rate):
+    """The edge checks each velocity once more, and a run that it refuses has failed."""
+    for segment in plan(motion, limits, rate).segments:
+        limits.check(segment.velocity)
+
+
+@pytest.mark.parametrize('radius', [0.181, -0.163, 0.186])
+def test_an_arc_that_turns_as_quickly_as_the_robot_may_is_not_refused_either(radius):
+    """1.57 rad/s times one of these radii, divided by it again, is more than 1.57 rad/s."""
+    for speed in (None, abs(radius) * 1.57):
+        planned = plan(Motion('arc', (Arc(radius, 3.0, speed),)), KACHAKA, 10.0)
+        for segment in planned.segments:
+            KACHAKA.check(segment.velocity)
+        assert planned.max_angular_velocity == pytest.approx(1.57)
+
+
+@pytest.mark.parametrize('step, linear, angular', [
+    (Forward(1.0, 0.1), 0.1, 0.0), (Forward(-1.0, 0.1), 0.1, 0.0), (Turn(-2.0, 0.5), 0.0, 0.5),
+    (Arc(0.5, 2.0, 0.1), 0.1, 0.2), (Arc(-2.0, -2.0, 0.2), 0.2, 0.1)])
+def test_a_speed_is_kept_to_and_reached(step, linear, angular):
+    planned = plan(Motion('slow', (step,)), KACHAKA, 10.0)
+    assert planned.max_linear_velocity == pytest.approx(linear)
+    assert planned.max_angular_velocity == pytest.approx(angular)
+
+
+@UNHURRIED
+@given(MOTIONS, LIMITS, RATES, RATES)
+def test_another_rate_is_no_other_motion(motion, limits, rate, other):
+    one, two = plan(motion, limits, rate), plan(motion, limits, other)
+    assert close(one.path()[-1], two.path()[-1], size(one))
+    assert one.duration == two.duration
+    assert [stage.end for stage in one.stages] == [stage.end for stage in two.stages]
+
+
+@UNHURRIED
+@given(MOTIONS, MOTIONS, LIMITS, RATES)
+def test_durations_add_up(first, second, limits, rate):
+    both = Motion('both', first.steps + second.steps)
+    durations = [plan(motion, limits, rate).duration for motion in (first, second, both)]
+    assert durations[2] == pytest.approx(durations[0] + durations[1], rel=1e-12)
+
+
+@UNHURRIED
+@given(MOTIONS, LIMITS, RATES, st.integers(0, 4))
+def test_a_repeat_is_the_same_over_and_over(motion, limits, rate, times):
+    repeated = plan(Motion('many', (Repeat(times, motion.steps),)), limits, rate)
+    by_hand = plan(Motion('many', motion.steps * times), limits, rate)
+    assert repeated.segments == by_hand.segments
+    assert [stage.pose for stage in repeated.stages] == [stage.pose for stage in by_hand.stages]
+
+
+def mirrored(step):
+    """Return a step with left and right exchanged."""
+    if isinstance(step, Move):
+        return replace(step, angular_z=-step.angular_z)
+    if isinstance(step, Repeat):
+        return replace(step, steps=tuple(map(mirrored, step.steps)))
+    if isinstance(step, Arc):
+        return replace(step, radius=-step.radius)
+    return replace(step, angle=-step.angle) if isinstance(step, Turn) else step
+
+
+@UNHURRIED
+@given(MOTIONS, LIMITS, RATES)
+def test_a_mirrored_motion_is_the_mirrored_plan(motion, limits, rate):
+    there = plan(motion, limits, rate)
+    mirror = plan(Motion('mirrored', tuple(map(mirrored, motion.steps))), limits, rate)
+    assert [(v, -w) for v, w in sent(there)] == sent(mirror)
+    assert there.duration == mirror.duration
+    assert (there.pose.x, -there.pose.y, -there.pose.theta) == pytest.approx(
+        (mirror.pose.x, mirror.pose.y, mirror.pose.theta), abs=1e-12)
+
+
+def reversed_(step):
+    """Return a step that goes its way backwards."""
+    if isinstance(step, Move):
+        return Move(-step.linear_x, -step.angular_z, step.duration)
+    if isinstance(step, Repeat):
+        return replace(step, steps=tuple(map(reversed_, step.steps)))
+    if isinstance(step, Forward):
+        return replace(step, distance=-step.distance)
+    return replace(step, angle=-step.angle) if isinstance(step, (Arc, Turn)) else step
+
+
+@UNHURRIED
+@given(MOTIONS, LIMITS, RATES)
+def test_backwards_is_forwards_with_the_other_sign(motion, limits, rate):
+    limits = replace(limits, max_backward_velocity=None)
+    there = plan(motion, limits, rate)
+    back = plan(Motion('back', tuple(map(reversed_, motion.steps))), limits, rate)
+    assert [(-v, -w) for v, w in sent(there)] == sent(back)
+    assert there.duration == back.duration
+
+
+@UNHURRIED
+@given(GOALS, LIMITS, RATES)
+def test_an_arc_stays_an_arc_at_every_tick(goal, limits, rate):
+    for linear, angular in sent(plan(Motion('one', (goal,)), limits, rate)):
+        if isinstance(goal, Arc):
+            assert linear == pytest.approx(angular * goal.radius, rel=1e-12)
+        assert linear == 0.0 or not isinstance(goal, Turn)
+        assert angular == 0.0 or not isinstance(goal, Forward)
+
+
+@pytest.mark.parametrize('distance', [0.07, 0.14, 0.28, 0.56])
+def test_rounding_alone_makes_no_further_tick(distance):
+    """Some of these take a hair more than a whole number of periods."""
+    for bounds, speed in ((Limits(0.3, 1.57), 0.1), (Limits(0.1, 1.57), None)):
+        planned = plan(Motion('x', (Forward(distance, speed),)), bounds, 10.0)
+        assert len(planned.segments) == round(100.0 * distance)
+
+
+def test_a_plan_is_a_value_that_nothing_changes():
+    planned = plan(Motion('x', (Forward(0.5), Wait(1.0))), KACHAKA, 10.0)
+    assert planned == plan(Motion('y', (Forward(0.5), Wait(1.0))), KACHAKA, 10.0)
+    segment = planned.segments[0]
+    for thing, name in (
+            (planned, 'period'), (segment, 'end'), (planned.stages[0], 'end'),
+            (segment.velocity, 'linear_x')):
+        with pytest.raises(AttributeError):
+            setattr(thing, name, 1.0)
+    assert planned.segments[-1].velocity == Velocity()

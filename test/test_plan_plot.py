@@ -1,0 +1,262 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What a person sees of a plan before it is driven."""
+
+from itertools import combinations
+import math
+import os
+from pathlib import Path
+import sys
+
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Forward, Motion
+from kachaka_simple_control.report.plan_plot import check_plot_file, draw, save_plot
+from plans import (
+    ABRUPT,
+    BACK,
+    DISC,
+    EIGHT,
+    EMPTY,
+    GENTLE,
+    HOUR,
+    LESSON,
+    preview,
+    SPIN,
+    SQUARE,
+    SQUARE_CW,
+)
+import pytest
+
+
+@pytest.fixture
+def matplotlib():
+    """Return matplotlib."""
+    return pytest.importorskip('matplotlib', reason='needs matplotlib')
+
+
+def marked(figure, gid):
+    """Return the artists of a kind."""
+    return figure.findobj(lambda artist: artist.get_gid() == gid)
+
+
+def data_of(figure, gid):
+    """Return the points of the lines of a kind."""
+    return [list(zip(*artist.get_data())) for artist in marked(figure, gid)]
+
+
+@pytest.mark.parametrize('name', ['plan.jpg', 'plan', 'plan.', '.png', 'plan.svg.txt'])
+def test_an_ending_that_we_cannot_draw_is_refused(tmp_path, name):
+    file = tmp_path / name
+    with pytest.raises(UsageError) as refusal:
+        check_plot_file(file)
+    assert str(refusal.value) == (
+        f'{file}: a plot is .png, .svg or .pdf; take one of these as its ending')
+
+
+def test_a_place_that_is_none_is_refused_before_anything_is_drawn(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'matplotlib', None)
+    with pytest.raises(UsageError) as refusal:
+        save_plot(tmp_path / 'gone' / 'plan.svg', [preview(SQUARE)])
+    assert str(refusal.value) == (
+        f'{tmp_path}/gone/plan.svg: there is no folder {tmp_path}/gone; make it first')
+    (tmp_path / 'plan.svg').mkdir()
+    with pytest.raises(UsageError) as refusal:
+        save_plot(str(tmp_path / 'plan.svg'), [preview(SQUARE)])
+    assert str(refusal.value) == f'{tmp_path}/plan.svg: this is a folder; name a file in it'
+
+
+def test_a_place_that_is_not_ours_is_refused(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(os, 'access', lambda *question: asked.append(question))
+    with pytest.raises(UsageError) as refusal:
+        check_plot_file(tmp_path / 'plan.PDF')
+    assert str(refusal.value) == f'{tmp_path}/plan.PDF: you are not allowed to write there'
+    assert asked == [(tmp_path, os.W_OK)]
+
+
+def test_without_matplotlib_one_sentence_says_how_to_get_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'matplotlib', None)
+    with pytest.raises(UsageError) as refusal:
+        save_plot(tmp_path / 'plan.svg', [preview(SQUARE)])
+    assert str(refusal.value) == (
+        'a plot needs matplotlib: pip install matplotlib, or sudo apt install python3-matplotlib')
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize('count', [0, 13])
+def test_nobody_looks_at_too_many_plans(count):
+    with pytest.raises(UsageError, match=rf'^a plot shows 1 to 12 motions, not {count}; name'):
+        draw([preview(SPIN)] * count)
+
+
+def test_a_disk_that_is_full_is_one_sentence(tmp_path, monkeypatch, matplotlib):
+    def refuse(*_):
+        raise OSError(28, 'No space left on device')
+    monkeypatch.setattr(Path, 'write_bytes', refuse)
+    with pytest.raises(UsageError) as refusal:
+        save_plot(tmp_path / 'plan.png', [preview(SPIN)])
+    assert str(refusal.value) == (
+        f'{tmp_path}/plan.png: it cannot be written: No space left on device')
+
+
+@pytest.mark.parametrize('motion', [SQUARE, LESSON, EIGHT, BACK, SPIN], ids=lambda m: m.name)
+def test_every_step_is_drawn(matplotlib, motion):
+    one = preview(motion)
+    figure = draw([one])
+    [path], [headings], [robots] = (
+        data_of(figure, 'path'), marked(figure, 'headings'), marked(figure, 'robots'))
+    ticks = [segment.tolist() for segment in headings.get_segments()]
+    assert len(ticks) == len(robots.get_paths())
+    for stage in one.plan.stages:
+        end = (stage.pose.x, stage.pose.y)
+        assert any(point == pytest.approx(end, abs=1e-3) for point in path)
+        nose = (end[0] + 0.25 * math.cos(stage.pose.theta),
+                end[1] + 0.25 * math.sin(stage.pose.theta))
+        assert any(tick[0] == pytest.approx(end, abs=2e-3)
+                   and tick[1] == pytest.approx(nose, abs=5e-3) for tick in ticks)
+    assert data_of(figure, 'start') == [[(0.0, 0.0)]]
+    assert data_of(figure, 'end') == [[pytest.approx((one.plan.pose.x, one.plan.pose.y))]]
+
+
+def test_boundaries_stand_where_steps_end(matplotlib):
+    one = preview(LESSON)
+    for lines in marked(draw([one]), 'boundaries'):
+        times = [segment[0][0] for segment in lines.get_segments()]
+        assert times == pytest.approx([1.0, 2.0, 3.0, 5.0, 6.0, 8.0, 9.0])
+
+
+def test_velocities_are_drawn_as_they_are_held(matplotlib):
+    """Half a metre at 0.25 m/s, then a quarter turn at 1 rad/s, four times."""
+    figure = draw([preview(SQUARE, ABRUPT)])
+    linear, angular = marked(figure, 'sent')
+    assert linear.get_drawstyle() == angular.get_drawstyle() == 'steps-post'
+    side, turn = 2.0, math.pi / 2.0
+    starts = [number * (side + turn) for number in range(4)]
+    expected = [(time, value) for start in starts
+                for time, value in ((start, 0.25), (start + side, 0.0))]
+    assert list(zip(*linear.get_data()))[1:-1] == [
+        pytest.approx(corner) for corner in expected]
+    assert max(angular.get_ydata()) == 1.0
+    assert angular.get_ydata()[-1] == linear.get_ydata()[-1] == 0.0
+
+
+@pytest.mark.parametrize('motion, limits, expected, far', [
+    (SQUARE, GENTLE, [0.3, 1.57], []),
+    (LESSON, GENTLE, [0.3, 1.57, -1.57], []),
+    (BACK, Limits(0.3, 0.9, max_backward_velocity=0.1), [-0.1, -0.9], []),
+    (Motion('', [Forward(1.0, 0.1)]), Limits(math.inf, math.inf), [], []),
+    (Motion('', [Forward(1.0, 0.1)]), Limits(2.0, math.inf), [], ['far above: limit 2 m/s']),
+])
+def test_limits_are_dashed_where_they_matter(matplotlib, motion, limits, expected, far):
+    figure = draw([preview(motion, limits)])
+    lines = marked(figure, 'limit')
+    assert all(line.get_linestyle() == '--' for line in lines)
+    assert [line.get_ydata()[0] for line in lines] == expected
+    texts = [text.get_text() for axes in figure.axes for text in axes.texts]
+    units = ['m/s' if abs(value) < 0.5 else 'rad/s' for value in expected]
+    assert texts == [f'limit {value:g} {unit}' for value, unit in zip(expected, units)] + far
+
+
+def test_all_rows_have_the_same_scales(matplotlib):
+    figure = draw([preview(SQUARE), preview(SQUARE_CW), preview(SPIN)])
+    assert len(figure.axes) == 9
+    for column in range(3):
+        limits = {(axes.get_xlim(), axes.get_ylim()) for axes in figure.axes[column::3]}
+        assert len(limits) == 1
+    for axes in figure.axes[::3]:
+        box = axes.get_window_extent()
+        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        assert (right - left) / box.width == pytest.approx((top - bottom) / box.height)
+
+
+SHOWN = {
+    'square': [preview(SQUARE)],
+    'three': [preview(SQUARE), preview(EIGHT), preview(LESSON)],
+    'spin': [preview(SPIN, footprint=None)],
+    'empty': [preview(EMPTY)],
+    'nowhere': [preview(EMPTY, Limits(math.inf, math.inf), footprint=None)],
+    'back': [preview(BACK, Limits(30.0, 1.57, max_backward_velocity=0.2), footprint=DISC)],
+    'far': [preview(Motion('f' * 200, [Forward(-12345.678)]), Limits(0.3, 1e-6), robot='r' * 90)],
+    'hour': [preview(HOUR)],
+}
+
+
+@pytest.mark.parametrize('previews', SHOWN.values(), ids=SHOWN)
+def test_no_words_are_clipped_or_on_top_of_others(matplotlib, previews):
+    figure = draw(previews)
+    figure.canvas.draw()
+    renderer = figure.canvas.get_renderer()
+    texts = words(figure)
+    boxes = [text.get_window_extent(renderer) for text in texts]
+    assert len(texts) > 15
+    for text, box in zip(texts, boxes):
+        assert 0.0 <= box.x0 < box.x1 <= figure.bbox.x1, text
+        assert 0.0 <= box.y0 < box.y1 <= figure.bbox.y1, text
+    for (one, first), (two, second) in combinations(zip(texts, boxes), 2):
+        assert not first.overlaps(second), (one, two)
+    # The key is beside the pictures, not in them.
+    key = figure.legends[0].get_window_extent(renderer)
+    assert not any(key.overlaps(axes.get_window_extent()) for axes in figure.axes)
+
+
+def words(figure):
+    """Return all texts that can be seen: no numbers beyond the end of their axis."""
+    texts = [*figure.texts, *figure.legends[0].get_texts()]
+    for axes in figure.axes:
+        texts += axes.texts
+        for axis, view in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+            texts += [axis.label, *(
+                tick.label1 for tick in axis.get_major_ticks()
+                if view[0] <= tick.get_loc() <= view[1] and tick.label1.get_visible())]
+    return [text for text in texts if text.get_text()]
+
+
+@pytest.mark.parametrize('ending', ['png', 'svg', 'pdf'])
+def test_two_runs_give_the_same_bytes(tmp_path, matplotlib, ending):
+    files = [tmp_path / f'{number}.{ending}' for number in range(2)]
+    for file in files:
+        save_plot(file, [preview(SQUARE), preview(EIGHT)])
+    one, two = (file.read_bytes() for file in files)
+    assert one == two
+    assert one.startswith({'png': b'\x89PNG', 'svg': b'<?xml', 'pdf': b'%PDF'}[ending])
+    assert b'Matplotlib' not in one
+
+
+def test_an_hour_is_a_small_file(tmp_path, matplotlib):
+    file = tmp_path / 'hour.svg'
+    save_plot(file, [preview(HOUR, rate=50.0)])
+    assert file.stat().st_size < 500_000
+
+
+def test_settings_and_state_of_others_stay_as_they_are(tmp_path, matplotlib):
+    before = dict(matplotlib.rcParams)
+    had_pyplot = 'matplotlib.pyplot' in sys.modules
+    matplotlib.rcParams['font.size'] = 31.0
+    try:
+        save_plot(tmp_path / 'plan.svg', [preview(SQUARE)])
+        assert matplotlib.rcParams['font.size'] == 31.0
+        own = (tmp_path / 'plan.svg').read_bytes()
+    finally:
+        matplotlib.rcParams['font.size'] = before['font.size']
+    save_plot(tmp_path / 'plan.svg', [preview(SQUARE)])
+    assert own == (tmp_path / 'plan.svg').read_bytes()
+    assert dict(matplotlib.rcParams) == before
+    assert ('matplotlib.pyplot' in sys.modules) == had_pyplot
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('name', [r'$\frac$ $x', 'four $ 5', '四角', 'two\nlines'])
+def test_a_name_is_no_formula(tmp_path, matplotlib, name):
+    save_plot(tmp_path / 'plan.png', [preview(Motion(name, SQUARE.steps))])

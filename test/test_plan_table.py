@@ -1,0 +1,191 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What a person reads of a plan before it is driven."""
+
+import math
+import re
+
+from hypothesis import given
+from kachaka_simple_control.execution.player import Player
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
+from kachaka_simple_control.report.plan_table import plan_table
+from kachaka_simple_control.report.preview import in_words, Preview
+from plans import ABRUPT, EIGHT, EMPTY, GENTLE, HOUR, LESSON, preview, SPIN, SQUARE, SQUARE_CW
+import pytest
+from strategies import LIMITS, MOTIONS, RATES
+
+
+def lines_of(*previews):
+    """Return the lines of a table."""
+    return plan_table(previews).splitlines()
+
+
+def cells(line):
+    """Return the words of a line."""
+    return line.split()
+
+
+def test_square_tells_what_school_geometry_does():
+    """Half a metre at 0.25 m/s is 2 s, a quarter turn at 1 rad/s is pi / 2 s."""
+    lines = lines_of(preview(SQUARE, ABRUPT))
+    assert lines[0] == 'square on kachaka at 20 Hz'
+    assert cells(lines[2]) == [
+        'step', 'start', 'takes', 'length', 'x', 'y', 'heading', 'linear', 'angular']
+    assert cells(lines[3]) == [
+        '[s]', '[s]', '[m]', '[m]', '[m]', '[deg]', '[m/s]', '[rad/s]']
+    corners = [(0.5, 0.0), (0.5, 0.5), (0.0, 0.5), (0.0, 0.0)]
+    side, turn = 2.0, math.pi / 2.0
+    for number, (x, y) in enumerate(corners):
+        start = number * (side + turn)
+        heading = 90.0 * number
+        assert cells(lines[5 + 2 * number]) == [
+            str(2 * number + 1), 'forward', '0.5', 'm', str(number + 1), 'of', '4', f'{start:.3f}',
+            '2.000', '0.500', f'{x:.3f}', f'{y:.3f}', f'{heading:.1f}', '0.250', '0.000']
+        assert cells(lines[6 + 2 * number]) == [
+            str(2 * number + 2), 'turn', '90', 'deg', str(number + 1), 'of', '4',
+            f'{start + side:.3f}', '1.571', '0.000', f'{x:.3f}', f'{y:.3f}',
+            f'{heading + 90.0:.1f}', '0.000', '1.000']
+    assert cells(lines[14]) == [
+        '8', 'steps', f'{4 * (side + turn):.3f}', '2.000', '0.000', '0.000', '360.0', '0.250',
+        '1.000']
+
+
+def test_below_the_table_stand_messages_and_limits():
+    limits = Limits(0.3, 1.57, 0.5, 2.5, max_backward_velocity=0.1, max_linear_deceleration=1.0)
+    lines = lines_of(preview(LESSON, limits, rate=10.0))
+    assert 'Sent: 90 velocities, 100 ms apart or less, then the stop' in lines
+    assert 'Limits: 0.3 m/s, 0.1 m/s backwards, 1 m/s^2 braking, 0.5 m/s^2' not in lines
+    assert 'Limits: 0.3 m/s, 0.1 m/s backwards, 0.5 m/s^2, 1 m/s^2 braking' in lines
+    assert '        1.57 rad/s, 2.5 rad/s^2' in lines
+    assert lines[-1].startswith('Poses: at the end')
+
+
+def test_without_limits_none_are_told():
+    motion = Motion('any', [Forward(1.0, 0.2)])
+    lines = lines_of(preview(motion, Limits(math.inf, math.inf)))
+    assert 'Limits: none' in lines
+
+
+def test_a_motion_of_nothing_has_a_table_too():
+    lines = lines_of(preview(EMPTY))
+    assert cells(lines[-6]) == [
+        '0', 'steps', '0.000', '0.000', '0.000', '0.000', '0.0', '0.000', '0.000']
+    assert any(line.startswith('Sent: 0 velocities') for line in lines)
+
+
+def test_repeated_steps_of_a_long_motion_stand_there_twice():
+    lines = lines_of(preview(HOUR, ABRUPT))
+    assert len(lines) < 20
+    assert cells(lines[5])[:7] == ['1', 'forward', '0.5', 'm', '1', 'of', '1000']
+    assert cells(lines[6])[:7] == ['2', 'turn', '90', 'deg', '1', 'of', '1000']
+    # A thousand sides of 2 s and turns of pi / 2 s, but for the first of each and the last.
+    assert lines[7] == '... 1996 steps, from 3.571 s to 3567.2 s, as above ...'
+    assert cells(lines[8])[:7] == ['1999', 'forward', '0.5', 'm', '1000', 'of', '1000']
+    assert cells(lines[9])[:7] == ['2000', 'turn', '90', 'deg', '1000', 'of', '1000']
+
+
+def test_a_long_motion_without_repeats_is_cut_in_the_middle():
+    motion = Motion('long', [Move(0.1, 0.0, 1.0)] * 300)
+    lines = lines_of(preview(motion))
+    assert len(lines) <= 60
+    assert '... 262 steps, from 19.000 s to 281.000 s ...' in lines
+    numbers = [int(cells(line)[0]) for line in lines if 'move' in line]
+    assert numbers == [*range(1, 20), *range(282, 301)]
+
+
+def test_what_was_not_seen_before_is_not_called_as_above():
+    inner = [Forward(0.1), Turn(0.5)]
+    motion = Motion('nested', [Repeat(5, [Repeat(10, inner), Wait(1.0)]), Forward(-1.0)])
+    gaps = [line for line in lines_of(preview(motion)) if line.startswith('...')]
+    assert [line.split(',')[0] for line in gaps] == ['... 18 steps', '... 81 steps']
+    assert all(line.endswith('as above ...') for line in gaps)
+
+
+def test_two_motions_are_shown_in_steps_and_side_by_side():
+    lines = lines_of(preview(SQUARE, ABRUPT), preview(SQUARE_CW, ABRUPT))
+    assert len(lines) <= 60
+    assert 'square on kachaka at 20 Hz' in lines
+    assert 'square_cw on kachaka at 20 Hz' in lines
+    assert sum('of 4' in line for line in lines) == 16
+    place = lines.index('2 motions on kachaka at 20 Hz')
+    assert [cells(line) for line in lines[place + 5:place + 7]] == [
+        ['square', '8', '14.283', '2.000', '0.000', '0.000', '360.0', '0.250', '1.000', '288'],
+        ['square_cw', '8', '14.283', '2.000', '0.000', '0.000', '-360.0', '0.250', '1.000',
+         '288']]
+
+
+def test_many_motions_are_only_compared():
+    lines = lines_of(*map(preview, [SQUARE, SQUARE_CW, LESSON, EIGHT, SPIN, EMPTY, HOUR]))
+    assert lines[0] == '7 motions on kachaka at 20 Hz'
+    assert [cells(line)[0] for line in lines[5:12]] == [
+        'square', 'square_cw', 'lesson', 'figure_eight', 'spin', 'empty', 'hour']
+
+
+def test_robots_and_rates_that_differ_have_a_column():
+    lines = lines_of(
+        preview(SQUARE), preview(SQUARE, rate=10.0, robot='another'), preview(SPIN))
+    place = lines.index('3 motions')
+    assert cells(lines[place + 2])[:4] == ['motion', 'robot', 'rate', 'steps']
+    assert cells(lines[place + 6])[:4] == ['square', 'another', '10', '8']
+
+
+@pytest.mark.parametrize('step, words', [
+    (Forward(0.5), 'forward 0.5 m'),
+    (Forward(-0.5, 0.1), 'forward -0.5 m'),
+    (Turn(math.pi / 2.0), 'turn 90 deg'),
+    (Turn(-1.0), 'turn -57.296 deg'),
+    (Arc(-0.3, math.pi), 'arc -0.3 m, 180 deg'),
+    (Wait(2), 'wait 2 s'),
+    (Move(0.1, -0.0, 3.0), 'move 0.1 m/s, 0 rad/s'),
+    (Repeat(4, [Wait(1.0)]), 'repeat 4 times'),
+])
+def test_steps_in_words(step, words):
+    assert in_words(step) == words
+
+
+@pytest.mark.parametrize('name', [
+    'x' * 300, '四角' * 100, 'two\nlines\tand a bell\x07', '$a_b$', ''])
+def test_a_name_keeps_to_its_line(name):
+    """Names come from files, and may be anything."""
+    for previews in ([Preview(name, name, plan(SQUARE, GENTLE, 20.0), GENTLE)],
+                     [preview(SQUARE), preview(Motion(name, SQUARE.steps), robot=name)]):
+        table = plan_table(previews)
+        assert all(line.isprintable() for line in table.splitlines())
+        assert max(wide(line) for line in table.splitlines()) <= 99
+
+
+def wide(text):
+    """Return how many columns a text takes: Japanese letters take two."""
+    return sum(2 if '　' <= letter <= '￠' else 1 for letter in text)
+
+
+@given(MOTIONS, LIMITS, RATES)
+def test_any_table_fits_a_terminal(motion, limits, rate):
+    for count in (1, 2, 7):
+        lines = lines_of(*[preview(motion, limits, rate)] * count)
+        assert max(map(len, lines)) <= 99
+        assert len(lines) <= 60
+        assert not re.search(r'-0\.0+(?![0-9])', ' '.join(lines))
+
+
+@given(MOTIONS, LIMITS, RATES)
+def test_as_many_velocities_are_told_as_are_sent(motion, limits, rate):
+    one = preview(motion, limits, rate)
+    player = Player(one.plan)
+    sent, now = 0, 0.0
+    while sent < 3000 and (due := player.due(now)) is not None:
+        sent, now = sent + 1, due.deadline
+    assert sent in (3000, one.messages)

@@ -1,0 +1,186 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The quickest profile: exact, within its limits, and as quick as they allow."""
+
+from itertools import pairwise
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.motion.profile import quickest
+import pytest
+from strategies import or_infinite, spread
+
+DISTANCES = spread(1e-6, 1e4)
+FINITE = spread(1e-3, 1e3)
+ANY = or_infinite(FINITE)
+PARTS = st.floats(0.0, 1.0)
+#: Velocity, acceleration, deceleration, jerk.
+BOUNDS = st.tuples(FINITE, ANY, ANY, ANY)
+SMOOTH = st.tuples(FINITE, FINITE, FINITE, FINITE)
+
+
+def pieces(profile):
+    """Return begin and end of each piece of a profile that is more than rounding."""
+    rise, fall, end = profile.rise, profile.fall, profile.duration
+    marks = sorted((
+        0.0, rise.easing, rise.duration - rise.easing, rise.duration,
+        end - fall.duration, end - fall.duration + fall.easing, end - fall.easing, end))
+    return [(start, stop) for start, stop in pairwise(marks) if stop - start > 1e-6 * end]
+
+
+@given(DISTANCES, BOUNDS)
+def test_it_begins_at_nothing_and_ends_at_the_distance_to_the_last_bit(distance, bounds):
+    profile = quickest(distance, *bounds)
+    assert profile.position_at(0.0) == 0.0
+    assert profile.position_at(profile.duration) == distance
+    assert profile.position_at(-1.0) == 0.0
+    assert profile.position_at(profile.duration + 1.0) == distance
+    assert profile.velocity_at(profile.duration) == 0.0
+    assert profile.velocity_at(-1.0) == profile.acceleration_at(-1.0) == 0.0
+    assert profile.acceleration_at(profile.duration) == 0.0
+
+
+@given(DISTANCES, BOUNDS, PARTS)
+def test_it_keeps_within_its_limits_at_every_time(distance, bounds, part):
+    velocity, acceleration, deceleration, _ = bounds
+    profile = quickest(distance, *bounds)
+    time = part * profile.duration
+    assert 0.0 < profile.duration < math.inf
+    assert -1e-12 * distance <= profile.position_at(time) <= distance * (1.0 + 1e-12)
+    assert -1e-9 * velocity <= profile.velocity_at(time) <= velocity
+    assert -deceleration <= profile.acceleration_at(time) <= acceleration
+
+
+@given(DISTANCES, SMOOTH)
+def test_its_acceleration_changes_no_faster_than_the_jerk(distance, bounds):
+    profile = quickest(distance, *bounds)
+    for start, end in pieces(profile):
+        # Inside of each piece, where rounding of a mark does not matter.
+        times = [start + (end - start) * part for part in (0.1, 0.9)]
+        change = profile.acceleration_at(times[1]) - profile.acceleration_at(times[0])
+        noise = 1e-12 * max(bounds[1:3])
+        assert abs(change) <= bounds[3] * (times[1] - times[0]) * (1.0 + 1e-6) + noise
+
+
+@given(DISTANCES, BOUNDS)
+def test_positions_are_the_sum_of_velocities_and_those_of_accelerations(distance, bounds):
+    """Simpson's rule is exact for the parabolas that velocities are made of."""
+    profile = quickest(distance, *bounds)
+    for start, end in pieces(profile):
+        half = (start + end) / 2.0
+        # Velocities just within the piece: at its ends those of a rectangle jump.
+        inner = [start + (end - start) * part for part in (1e-9, 1.0 - 1e-9)]
+        first, middle, last = (profile.velocity_at(time) for time in (inner[0], half, inner[1]))
+        area = (first + 4.0 * middle + last) / 6.0 * (end - start)
+        covered = profile.position_at(end) - profile.position_at(start)
+        assert covered == pytest.approx(area, rel=1e-7, abs=1e-8 * distance)
+        gained = profile.acceleration_at(half) * (inner[1] - inner[0])
+        assert last - first == pytest.approx(gained, rel=1e-7, abs=1e-8 * profile.velocity)
+
+
+@given(DISTANCES, BOUNDS)
+def test_where_the_velocity_is_not_reached_there_is_no_cruise(distance, bounds):
+    """To cruise below the largest velocity would be to give time away."""
+    profile = quickest(distance, *bounds)
+    assert profile.velocity == bounds[0] or profile.cruise <= 1e-9 * profile.duration
+
+
+@given(DISTANCES, FINITE, ANY, ANY)
+def test_without_a_limit_of_jerk_it_is_the_trapezoid_of_the_textbooks(
+        distance, velocity, acceleration, deceleration):
+    slowness = 1.0 / acceleration + 1.0 / deceleration
+    ramps = velocity * velocity * slowness / 2.0
+    expected = (distance / velocity + velocity * slowness / 2.0 if ramps <= distance
+                else math.sqrt(2.0 * distance * slowness))
+    profile = quickest(distance, velocity, acceleration, deceleration)
+    assert profile.duration == pytest.approx(expected, rel=1e-12)
+
+
+@given(DISTANCES, FINITE)
+def test_with_a_limit_of_velocity_alone_it_is_a_rectangle(distance, velocity):
+    profile = quickest(distance, velocity)
+    assert profile.duration == distance / velocity
+    assert profile.velocity_at(0.0) == velocity
+    assert profile.velocity_at(profile.duration / 2.0) == velocity
+
+
+@given(DISTANCES, FINITE)
+def test_with_a_limit_of_jerk_alone_it_takes_the_textbooks_time(distance, jerk):
+    """Four equal parts of jerk, up, down, down and up: s = 2 j (t / 4)^3."""
+    profile = quickest(distance, math.inf, jerk=jerk)
+    assert profile.duration == pytest.approx(4.0 * math.pow(distance / (2.0 * jerk), 1.0 / 3.0))
+
+
+@pytest.mark.parametrize('bounds, peak, duration', [
+    # Ramps of a time v / a + a / j, or 2 sqrt(v / j) where a is not reached.
+    ((2.0, 1.0, 1.0, 1.0), 2.0, 10.0 / 2.0 + 3.0),
+    ((9.0, 1.0, 1.0, 1.0), (math.sqrt(41.0) - 1.0) / 2.0, math.sqrt(41.0) + 1.0),
+    ((1.0, 9.0, 9.0, 1.0), 1.0, 10.0 / 1.0 + 2.0),
+    ((2.0, 1.0, 9.0, 1.0), 2.0, 10.0 / 2.0 + (3.0 + 2.0 * math.sqrt(2.0)) / 2.0),
+])
+def test_some_profiles_are_those_reckoned_by_hand(bounds, peak, duration):
+    profile = quickest(10.0, *bounds)
+    assert profile.velocity == pytest.approx(peak)
+    assert profile.duration == pytest.approx(duration)
+
+
+@given(DISTANCES, BOUNDS, st.integers(0, 3), st.floats(1.0, 10.0))
+def test_a_larger_limit_makes_nothing_slower(distance, bounds, which, factor):
+    larger = [bound * (factor if index == which else 1.0) for index, bound in enumerate(bounds)]
+    slow, quick = quickest(distance, *bounds), quickest(distance, *larger)
+    assert quick.duration <= slow.duration * (1.0 + 1e-12)
+
+
+@given(DISTANCES, SMOOTH, PARTS)
+def test_with_acceleration_and_deceleration_exchanged_it_is_the_film_backwards(
+        distance, bounds, part):
+    velocity, acceleration, deceleration, jerk = bounds
+    there = quickest(distance, velocity, acceleration, deceleration, jerk)
+    back = quickest(distance, velocity, deceleration, acceleration, jerk)
+    time = part * there.duration
+    assert back.duration == pytest.approx(there.duration, rel=1e-12)
+    assert back.position_at(back.duration - time) == pytest.approx(
+        distance - there.position_at(time), abs=1e-9 * distance)
+
+
+@given(DISTANCES, BOUNDS, spread(1e-3, 1e3), spread(1e-3, 1e3))
+def test_other_units_make_no_other_profile(distance, bounds, length, time):
+    """Millimetres or miles, seconds or minutes: the drive is the same."""
+    velocity, acceleration, deceleration, jerk = bounds
+    square, cube = time * time, time * time * time
+    other = quickest(
+        distance * length, velocity * length / time, acceleration * length / square,
+        deceleration * length / square, jerk * length / cube)
+    assert other.duration == pytest.approx(quickest(distance, *bounds).duration * time, rel=1e-9)
+
+
+@given(BOUNDS)
+def test_no_distance_takes_no_time(bounds):
+    profile = quickest(0.0, *bounds)
+    assert profile.duration == profile.position_at(0.0) == profile.velocity_at(0.0) == 0.0
+
+
+@given(st.floats(5e-324, 1e-6), BOUNDS)
+def test_the_tiniest_distances_break_nothing(distance, bounds):
+    profile = quickest(distance, *bounds)
+    for part in (0.0, 0.3, 0.7, 1.0):
+        assert 0.0 <= profile.position_at(part * profile.duration) <= distance * (1.0 + 1e-12)
+        assert 0.0 <= profile.velocity_at(part * profile.duration) <= bounds[0]
+
+
+def test_what_nothing_limits_is_refused():
+    with pytest.raises(InvalidMotionError, match='nothing limits the velocity'):
+        quickest(1.0, math.inf)

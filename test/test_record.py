@@ -1,0 +1,77 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What a record makes of drives that did not go as planned."""
+
+from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.report.events import Began, Closed, Ended, Planned, Sent
+from kachaka_simple_control.report.record import Record
+from kachaka_simple_control.report.table import table
+import pytest
+
+MOTION = Motion('two', (Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 1.0)))
+
+
+def stopped(after, reason='stopped by SIGINT'):
+    """Return the record of a motion at 10 Hz that was stopped some time after t = 0."""
+    record, ticks = Record(), round(after * 10)
+    record.hear(Planned(MOTION, Limits(0.3, 1.5), 10.0))
+    for zero in range(3):
+        record.hear(Sent(99.5 + zero / 10, ZERO))
+    record.hear(Began(100.0))
+    for tick in range(ticks):
+        step = MOTION.steps[min(tick // 10, 2)]
+        record.hear(Sent(100.0 + tick / 10, step.velocity))
+    for zero in range(5):
+        record.hear(Sent(100.0 + after - 0.03 + zero / 20, ZERO))
+    if reason:
+        record.hear(Ended(100.5 + after, reason))
+    return record
+
+
+@pytest.mark.parametrize('reason', ['stopped by SIGINT', None])
+@pytest.mark.parametrize(('after', 'wholes'), [
+    (0.5, [False]), (1.5, [True, False]), (2.5, [True, True, False])])
+def test_of_a_stopped_motion_the_steps_that_were_begun_are_told(after, wholes, reason):
+    """Whether it was stopped or killed."""
+    (motion,) = stopped(after, reason).motions
+    assert [movement.is_whole for movement in motion.movements] == wholes
+    assert not motion.is_whole
+    assert motion.own_messages[0].time == 100.0
+    assert all(not sent.velocity.is_zero or sent.time >= 101.0
+               for sent in motion.own_messages[:-1])
+
+
+def test_the_zero_of_the_stop_ends_the_step_it_fell_into():
+    movement = stopped(0.5).movements[-1]
+    assert movement.sent[-1] == Sent(pytest.approx(100.47), ZERO)
+    assert {sent.velocity for sent in movement.sent[:-1]} == {Velocity(0.1, 0.0)}
+
+
+def test_a_motion_that_never_began_has_no_steps():
+    """No robot listened, say."""
+    record = Record()
+    record.hear(Planned(MOTION, Limits(0.3, 1.5), 10.0))
+    record.hear(Ended(3.0, 'no robot listens'))
+    assert record.movements == []
+    assert not record.motions[0].own_messages
+    assert table(record, None).splitlines()[-1] == 'Final pose: unknown, no odometry arrived'
+
+
+def test_the_end_of_the_program_is_noted():
+    record = stopped(1.5)
+    record.hear(Closed(103.0, 0.2, 2))
+    assert record.closed == Closed(103.0, 0.2, 2)
+    assert len(record.sent) == len(record.motions[0].sent)

@@ -1,0 +1,183 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Robots as files: what they say, what is refused, and what is known without any file."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+import math
+import re
+
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.robot.robot_file import find_robot, RobotFileError, robots
+from kachaka_simple_control.robot.robot_profile import Box, Disc, KACHAKA, profile_of, RobotProfile
+import pytest
+
+pytest.importorskip('yaml', reason='needs PyYAML')
+pytest.importorskip('jsonschema', reason='needs jsonschema')
+
+LEAST = """\
+velocity_topic: cmd_vel
+hold: 500 ms
+limits: {max_linear_velocity: 0.2, max_angular_velocity: 1}
+"""
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """Return a way to read a robot from a text."""
+    path = tmp_path / 'robot.yaml'
+
+    def read(text: str) -> RobotProfile:
+        path.write_text(text)
+        return find_robot(path)
+
+    return read
+
+
+def test_the_package_knows_three_robots():
+    assert robots() == ['generic', 'kachaka', 'turtlebot3']
+    assert [find_robot(name).name for name in robots()] == robots()
+
+
+def test_the_file_says_of_kachaka_what_the_lesson_uses_without_it():
+    assert find_robot('kachaka') == KACHAKA
+    assert profile_of('kachaka') is KACHAKA
+    assert profile_of('generic') == find_robot('generic')
+
+
+def test_kachaka_is_what_its_maker_says_with_chosen_accelerations():
+    assert KACHAKA == RobotProfile(
+        'kachaka', '/kachaka', 'manual_control/cmd_vel', 'odometry/odometry',
+        'manual_control/set_enabled', 60.0, 0.3, Limits(0.3, 1.57, 0.5, 2.5, 2.0, 10.0), 'Twist',
+        'base_link', Box(0.387, 0.24, 0.0435))
+
+
+def test_other_robots_take_other_messages_and_need_no_manual_control():
+    turtlebot3 = find_robot('turtlebot3')
+    assert (turtlebot3.message_type, turtlebot3.frame) == ('TwistStamped', 'base_link')
+    assert (turtlebot3.namespace, turtlebot3.velocity_topic) == ('/', 'cmd_vel')
+    assert (turtlebot3.manual_control_service, turtlebot3.manual_control_timeout) == (
+        None, math.inf)
+    assert find_robot('generic').message_type == 'Twist'
+
+
+@pytest.mark.parametrize('name', robots())
+def test_each_figure_has_its_source_or_is_chosen(name):
+    """It has a comment beside it, or shares one with its neighbours."""
+    text = (files('kachaka_simple_control') / 'robots' / f'{name}.yaml').read_text()
+    commented = everywhere = 'All figures are chosen' in text
+    figures = 0
+    for line in text.splitlines():
+        is_figure = re.search(': [0-9.]+ (m|s|rad)', line) is not None
+        if is_figure:
+            figures += 1
+            assert commented or '#' in line, line
+        else:
+            commented = '#' in line or everywhere
+    assert figures > 5
+
+
+def test_a_robot_of_ones_own_needs_few_words(robot):
+    assert robot(LEAST) == RobotProfile(
+        'robot', '/', 'cmd_vel', None, None, math.inf, 0.5, Limits(0.2, 1.0))
+
+
+def test_a_robot_of_ones_own_may_say_everything(robot):
+    assert robot("""\
+name: own
+description: One that has everything.
+namespace: /a/b
+velocity_topic: base/cmd_vel
+message_type: TwistStamped
+frame: base
+odometry_topic: odom
+manual_control: {service: enable, timeout: 1 min}
+hold: 0.3
+limits:
+  max_linear_velocity: 30 cm/s
+  max_angular_velocity: 90 deg/s
+  max_linear_acceleration: 0.5 m/s^2
+  max_linear_deceleration: 1 m/s^2
+  max_angular_acceleration: 180 deg/s^2
+  max_angular_deceleration: 360 deg/s^2
+  max_linear_jerk: 2 m/s^3
+  max_angular_jerk: 720 deg/s^3
+  max_backward_velocity: 10 cm/s
+footprint: {length: 40 cm, width: 300 mm, ahead: -5 cm}
+""") == RobotProfile(
+        'own', '/a/b', 'base/cmd_vel', 'odom', 'enable', 60.0, 0.3,
+        Limits(0.3, math.pi / 2, 0.5, math.pi, 2.0, 4 * math.pi, 1.0, 2 * math.pi, 0.1),
+        'TwistStamped', 'base', Box(0.4, 0.3, -0.05))
+
+
+@pytest.mark.parametrize('line', ['odometry_topic: null', 'manual_control: null', 'footprint: ~'])
+def test_what_a_robot_does_not_have_is_null(robot, line):
+    assert robot(LEAST + line) == robot(LEAST)
+
+
+def test_an_outline_may_be_round(robot):
+    assert robot(LEAST + 'footprint: {radius: 22 cm}').footprint == Disc(0.22)
+
+
+@pytest.mark.parametrize('more, line', [
+    ('footprint: {length: 1}', '4: footprint: it must be length and width, or radius alone'),
+    ('footprint: {length: 1, width: 1, radius: 1}',
+     '4: footprint: it must be length and width, or radius alone'),
+    ('footprint: {radius: 1, ahead: 1}',
+     '4: footprint: it must be length and width, or radius alone'),
+    ('footprint: {}', '4: footprint: it must be length and width, or radius alone'),
+    ('footprint: {radius: 0 m}', "4: footprint.radius: '0 m'; it must be above 0 m"),
+    ('manual_control: {service: a}',
+     ("4: manual_control: 'timeout' is missing: a time above zero, as in 0.3 s (in s, ms or "
+      'min)')),
+    ('manual_control: enable',
+     "4: manual_control: 'enable'; it must be service and timeout, or null"),
+    ('message_type: Twst', "4: message_type: 'Twst'; it must be Twist or TwistStamped"),
+    ('namespace: own', "4: namespace: 'own'; it must be a ROS namespace, such as /kachaka"),
+    ('namespace: "/kachaka\\n"',
+     r"4: namespace: '/kachaka\n'; it must be a ROS namespace, such as /kachaka"),
+    ('odometry_topic: /odom',
+     ("4: odometry_topic: '/odom'; it must be a ROS name without a slash before it, such as odom, "
+      'or null')),
+    ('max_speed: 1',
+     ('4: max_speed: there is no such key; known are name, description, namespace, '
+      'velocity_topic, message_type, frame, odometry_topic, manual_control, hold, limits, '
+      'footprint')),
+    ('hold: 1', '4: hold: this key is here twice, first in line 2'),
+])
+def test_what_is_wrong_with_a_robot_is_said_in_one_line(robot, tmp_path, more, line):
+    with pytest.raises(RobotFileError) as caught:
+        robot(LEAST + more)
+    assert str(caught.value) == f'{tmp_path}/robot.yaml:{line}'
+    assert isinstance(caught.value, UsageError)
+
+
+def test_all_that_is_wrong_with_a_robot_is_said_at_once(robot):
+    with pytest.raises(RobotFileError) as caught:
+        robot('velocity_topic: cmd vel\nhold: 0 s\nlimits: {max_linear_velocity: 1 rad/s}')
+    assert [problem.line for problem in caught.value.problems] == [1, 2, 3, 3]
+
+
+@pytest.mark.parametrize('name, words', [
+    ('kachka', "kachka: there is no robot of this name; did you mean 'kachaka'?  Known are gen"),
+    ('pr2', 'pr2: there is no robot of this name; known are generic, kachaka, turtlebot3; a file'),
+    ('./kachaka.yaml', './kachaka.yaml: there is no such file'),
+])
+def test_a_robot_that_is_not_there_is_refused(name, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RobotFileError) as caught:
+        find_robot(name)
+    assert str(caught.value).startswith(words)

@@ -1,0 +1,131 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The schemas of motions and robots: what validates is what an editor shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.resources import files
+import json
+from typing import Any
+
+from kachaka_simple_control.motion.limits import UNITS
+from kachaka_simple_control.motion.steps import MAX_TIMES
+from kachaka_simple_control.motion_file import loads
+from kachaka_simple_control.motion_file.quantities import LIMITS
+from kachaka_simple_control.motion_file.schema import _MESSAGES
+from kachaka_simple_control.motion_file.step_kinds import KINDS, REPEAT
+from kachaka_simple_control.motion_file.units import QUANTITIES, Sign
+from motion_texts import EVERYTHING
+import pytest
+
+jsonschema = pytest.importorskip('jsonschema', reason='needs jsonschema')
+yaml = pytest.importorskip('yaml', reason='needs PyYAML')
+
+
+def schema(path: str) -> dict[str, Any]:
+    """Return a schema of the package."""
+    return json.loads((files('kachaka_simple_control') / path).read_text('utf-8'))
+
+
+MOTION = schema('motions/motion.schema.json')
+ROBOT = schema('robots/robot.schema.json')
+STEP = MOTION['definitions']['step']
+#: Keywords that say nothing of what may be in a file, or only with others.
+SILENT = {
+    '$schema', 'title', 'description', 'examples', 'definitions', 'properties', 'items', '$ref',
+    'expected', 'entry', 'quantity'}
+
+
+def parts(node: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield a schema and all schemas within it."""
+    yield node
+    for inner in [*node.get('properties', {}).values(), *node.get('definitions', {}).values(),
+                  *([node['items']] if 'items' in node else [])]:
+        yield from parts(inner)
+
+
+ALL = [part for whole in (MOTION, ROBOT) for part in parts(whole)]
+
+
+@pytest.mark.parametrize('whole', [MOTION, ROBOT], ids=['motion', 'robot'])
+def test_they_are_schemas_of_draft_7(whole):
+    assert whole['$schema'] == 'http://json-schema.org/draft-07/schema#'
+    jsonschema.Draft7Validator.check_schema(whole)
+
+
+def test_each_keyword_has_a_message_of_ours():
+    assert {keyword for part in ALL for keyword in part} - SILENT == set(_MESSAGES)
+
+
+def test_each_part_says_what_it_is_to_a_person_and_in_an_error():
+    for part in ALL:
+        if '$ref' not in part:
+            assert part['description'][-1].isalnum() or part['description'].endswith(('.', '/'))
+            assert ('quantity' in part) != ('expected' in part), part
+
+
+def test_quantities_are_those_of_the_program():
+    found = [part for part in ALL if 'quantity' in part]
+    assert {part['quantity'] for part in found} == set(QUANTITIES)
+    for part in found:
+        quantity = QUANTITIES[part['quantity']]
+        assert part['pattern'] == quantity.pattern
+        assert part.get('maximum', float('inf')) == quantity.largest
+        assert ('exclusiveMinimum' in part) == (quantity.sign is Sign.POSITIVE)
+        assert ('minimum' in part) == (quantity.sign is Sign.NOT_NEGATIVE)
+        assert part.get('minimum', part.get('exclusiveMinimum', 0)) == 0
+
+
+def test_examples_are_what_they_are_examples_of():
+    """An editor offers them."""
+    count = 0
+    for part in ALL:
+        for example in part.get('examples', []):
+            whole = {**part, 'definitions': MOTION['definitions']}
+            jsonschema.Draft7Validator(whole).validate(example)
+            count += 1
+    assert count > 30
+
+
+def test_steps_are_those_of_the_program():
+    assert set(STEP['properties']) == {*KINDS, REPEAT}
+    for word, kind in KINDS.items():
+        part = STEP['properties'][word]
+        assert {name: QUANTITIES[field['quantity']] for name, field in part['properties'].items()
+                } == kind.quantities
+        assert (part.get('quantity') is not None) == kind.has_short_form
+        if kind.has_short_form:
+            assert QUANTITIES[part['quantity']] is kind.quantities[kind.first]
+    assert STEP['properties'][REPEAT]['properties']['times']['maximum'] == MAX_TIMES
+
+
+def test_limits_are_those_of_the_program_in_both_schemas():
+    limits = MOTION['properties']['limits']['properties']
+    assert limits == ROBOT['properties']['limits']['properties']
+    assert {name: QUANTITIES[part['quantity']] for name, part in limits.items()} == LIMITS
+    assert {name: quantity.unit for name, quantity in LIMITS.items()} == UNITS
+
+
+def test_the_schema_alone_takes_and_refuses_what_the_program_does():
+    """An editor has nothing but the schema."""
+    validator = jsonschema.Draft7Validator(MOTION)
+    good = yaml.safe_load(EVERYTHING)
+    assert loads(EVERYTHING)
+    assert list(validator.iter_errors(good)) == []
+    for step in ({'wait': '2 m'}, {'wait': -1}, {'wait': '-1 s'}, {'trun': 1}, {}, 'stop',
+                 {'turn': 1, 'wait': 1}, {'arc': {'radius': 1}}):
+        assert list(validator.iter_errors({'steps': [step]})), step
+        assert list(validator.iter_errors(
+            {'steps': [{'repeat': {'times': 1, 'steps': [step]}}]})), step

@@ -1,0 +1,112 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What a motion may be made of, and what is refused when it is made."""
+
+import math
+
+from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.motion.steps import (
+    Arc,
+    Forward,
+    MAX_NESTING,
+    Motion,
+    Move,
+    Repeat,
+    Turn,
+    Wait,
+)
+import pytest
+
+
+@pytest.mark.parametrize('make, text', [
+    (lambda: Move(math.nan, 0.0, 1.0), 'linear_x is nan m/s; it must be a finite number'),
+    (lambda: Move(0.0, math.inf, 1.0), 'angular_z is inf rad/s; it must be a finite number'),
+    (lambda: Move(0.0, 0.0, math.nan), 'duration is nan s; it must be a finite number'),
+    (lambda: Move(0.0, 0.0, -0.1), 'duration is -0.1 s; it must be 0 s or longer'),
+    (lambda: Move('fast', 0.0, 1.0), "linear_x is 'fast'; it must be a number [m/s]"),
+    (lambda: Move(0.0, None, 1.0), 'angular_z is None; it must be a number [rad/s]'),
+    (lambda: Move(0.0, 0.0, True), 'duration is True; it must be a number [s]'),
+    (lambda: Move(0.0, 0.0, 10**400), 'duration is inf s; it must be a finite number'),
+    (lambda: Move(-10**400, 0.0, 1.0), 'linear_x is -inf m/s; it must be a finite number'),
+    (lambda: Forward(math.inf), 'distance is inf m; it must be a finite number'),
+    (lambda: Forward('1 m'), "distance is '1 m'; it must be a number [m]"),
+    (lambda: Forward(1.0, 0.0), 'speed is 0.0 m/s; it must be above 0 m/s'),
+    (lambda: Forward(-1.0, -0.1), 'speed is -0.1 m/s; it must be above 0 m/s'),
+    (lambda: Forward(1.0, math.inf), 'speed is inf m/s; it must be a finite number'),
+    (lambda: Turn(math.nan), 'angle is nan rad; it must be a finite number'),
+    (lambda: Turn(1.0, False), 'speed is False; it must be a number [rad/s]'),
+    (lambda: Turn(1.0, -1), 'speed is -1 rad/s; it must be above 0 rad/s'),
+    (lambda: Arc(0.0, 1.0),
+     'radius is 0.0 m; it must be 1e-06 m from 0 m at least: to turn in place is a Turn'),
+    (lambda: Arc(-1e-7, 1.0),
+     'radius is -1e-07 m; it must be 1e-06 m from 0 m at least: to turn in place is a Turn'),
+    (lambda: Arc(math.inf, 1.0), 'radius is inf m; it must be a finite number'),
+    (lambda: Arc(1.0, math.inf), 'angle is inf rad; it must be a finite number'),
+    (lambda: Arc(1.0, 1.0, 0), 'speed is 0 m/s; it must be above 0 m/s'),
+    (lambda: Wait(-1), 'duration is -1 s; it must be 0 s or longer'),
+    (lambda: Wait(math.inf), 'duration is inf s; it must be a finite number'),
+    (lambda: Repeat(-1, ()), 'times is -1; it must be from 0 to 1000000'),
+    (lambda: Repeat(1000001, ()), 'times is 1000001; it must be from 0 to 1000000'),
+    (lambda: Repeat(1.0, ()), 'times is 1.0; it must be a whole number'),
+    (lambda: Repeat(True, ()), 'times is True; it must be a whole number'),
+    (lambda: Repeat(1, 'abc'), "steps is 'abc'; it must be a sequence of steps"),
+    (lambda: Repeat(1, Wait(1)), 'steps is Wait(duration=1); it must be a sequence of steps'),
+    (lambda: Repeat(1, [Wait(1), 2]),
+     'steps[1]: it is 2; it must be one of Move, Forward, Turn, Arc, Wait, Repeat'),
+    (lambda: Motion('x', [None]),
+     'steps[0]: it is None; it must be one of Move, Forward, Turn, Arc, Wait, Repeat'),
+    (lambda: Motion(1, ()), 'name is 1; it must be text'),
+    (lambda: Motion('x', (), None), 'description is None; it must be text'),
+])
+def test_what_nobody_could_drive_is_refused(make, text):
+    with pytest.raises(InvalidMotionError) as caught:
+        make()
+    assert text == str(caught.value)
+
+
+def test_an_error_tells_its_place_and_its_message_apart():
+    error = InvalidMotionError('2 m is too far', 'steps[1].forward.distance')
+    assert ('2 m is too far', 'steps[1].forward.distance') == (error.message, error.path)
+    assert str(error) == 'steps[1].forward.distance: 2 m is too far'
+    plain = InvalidMotionError('2 m is too far')
+    assert ('2 m is too far', '2 m is too far', None) == (str(plain), plain.message, plain.path)
+
+
+def test_lists_of_steps_are_kept_as_tuples():
+    motion = Motion('x', [Repeat(2, [Wait(1)])])
+    assert motion == Motion('x', (Repeat(2, (Wait(1),)),))
+    assert isinstance(motion.steps, tuple)
+    assert isinstance(motion.steps[0].steps, tuple)
+
+
+def test_steps_are_values():
+    """Equal ones may stand for each other, in sets and as keys, and none can be changed."""
+    steps = [Move(0.1, 0.0, 1), Forward(1), Turn(1), Arc(1, 1), Wait(1), Repeat(1, (Wait(1),))]
+    assert len({*steps, Forward(1.0, None), Arc(1.0, 1.0)}) == len(steps)
+    for step in steps:
+        with pytest.raises(AttributeError):
+            step.duration = 2.0
+
+
+def test_a_whole_turn_and_more_is_no_mistake():
+    assert Turn(100.0).angle == 100.0
+    assert Arc(-1.0, -100.0).angle == -100.0
+
+
+def test_repeats_may_be_nested_but_not_for_ever():
+    steps = (Wait(1.0),)
+    for _ in range(MAX_NESTING):
+        steps = (Repeat(1, steps),)
+    with pytest.raises(InvalidMotionError, match='repeats 21 deep; at most 20'):
+        Repeat(1, steps)

@@ -1,0 +1,122 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Quantities as people write them."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.motion_file.units import (
+    ANGLE,
+    ANGULAR_JERK,
+    FREQUENCY,
+    HOLD,
+    LENGTH,
+    LINEAR_ACCELERATION,
+    QUANTITIES,
+    Quantity,
+    Sign,
+    SPEED,
+    TIME,
+    UnitError,
+)
+import pytest
+
+ALL = list(QUANTITIES.values())
+
+
+@pytest.mark.parametrize('quantity, text, value', [
+    (LENGTH, '0.5 m', 0.5),
+    (LENGTH, '57 cm', 0.57),  # 57 * 0.01 is 0.5700000000000001
+    (LENGTH, '-20cm', -0.2),
+    (LENGTH, '+.5e3   mm', 0.5),
+    (LENGTH, '7', 7.0),
+    (ANGLE, '90 deg', math.pi / 2),
+    (ANGLE, '-360 deg', -2 * math.pi),
+    (ANGLE, '1 rad', 1.0),
+    (TIME, '1.5 min', 90.0),
+    (TIME, '250 ms', 0.25),
+    (TIME, '0', 0.0),
+    (SPEED, '30 cm/s', 0.3),
+    (LINEAR_ACCELERATION, '1 mm/s^2', 0.001),
+    (ANGULAR_JERK, '180 deg/s^3', math.pi),
+    (FREQUENCY, '1000 Hz', 1000.0),
+])
+def test_a_quantity_is_what_it_says(quantity, text, value):
+    assert quantity.parse(text) == value
+
+
+@pytest.mark.parametrize('quantity, text, words', [
+    (TIME, '2 m', "'2 m'; it must be a time, as in 2 s (in s, ms or min)"),
+    (TIME, '1:30', "'1:30'; write 1:30 as 90 s or 1.5 min"),
+    (TIME, '-2 s', "'-2 s'; it must not be negative"),
+    (HOLD, '0 s', "'0 s'; it must be above 0 s"),
+    (SPEED, '-0.1', "'-0.1'; it must not be negative"),
+    (SPEED, 'fast', "'fast'; it must be a speed, as in 0.2 m/s (in m/s, cm/s or mm/s)"),
+    (ANGLE, '90 °', "'90 °'; it must be an angle, as in 90 deg (in rad or deg)"),
+    (FREQUENCY, '1001 Hz', "'1001 Hz'; it must be at most 1000 Hz"),
+    (FREQUENCY, '20 hz', "'20 hz'; it must be a frequency, as in 20 Hz (in Hz)"),
+    (LENGTH, '1e309 m', "'1e309 m' is too large a number"),
+    (LENGTH, '', "''; it must be a length, as in 0.5 m (in m, cm or mm)"),
+])
+def test_what_is_none_is_refused_with_the_units_that_fit(quantity, text, words):
+    with pytest.raises(UnitError) as caught:
+        quantity.parse(text)
+    assert str(caught.value) == words
+
+
+@pytest.mark.parametrize('text', [
+    '1_000 m', '0x10 m', '1,5 m', '\u2212 1 m', '- 1 m', '1 m m', 'm', '1 m\n', ' 1 m', '1\tm',
+    '\uff11 m', '1e m', '.', '1.e1.0', 'nan m', 'inf m', 'infinity'])
+def test_what_only_some_would_take_for_a_number_is_refused(text):
+    with pytest.raises(UnitError):
+        LENGTH.parse(text)
+
+
+@given(st.sampled_from(ALL), st.floats(1e-12, 1e3))
+def test_si_units_lose_no_digit(quantity: Quantity, value: float):
+    assert quantity.parse(f'{value!r} {quantity.unit}') == value == quantity.parse(repr(value))
+
+
+@given(st.sampled_from(ALL), st.text('0123456789.eE+- msradegHzin/^23', max_size=12))
+def test_the_pattern_takes_what_the_parser_takes(quantity: Quantity, text: str):
+    """An editor marks what the program would refuse; only the size of a number it cannot see."""
+    matches = re.search(quantity.pattern, text) is not None
+    try:
+        quantity.parse(text)
+        refused = None
+    except UnitError as error:
+        refused = str(error)
+    too_much = re.search('above 0|at most|too large', refused or '') is not None
+    assert matches == (refused is None or too_much)
+
+
+@pytest.mark.parametrize('text', ['9' * 10**6, '1' + ' ' * 10**6 + 'x', '1e' + '1' * 10**6])
+def test_a_long_text_takes_no_long_time(text):
+    begin = time.process_time()
+    with pytest.raises(UnitError):
+        LENGTH.parse(text)
+    assert re.search(LENGTH.pattern, text + 'x') is None
+    assert time.process_time() - begin < 2.0
+
+
+def test_each_quantity_is_an_example_of_itself():
+    for quantity in ALL:
+        assert quantity.parse(quantity.example) > 0.0
+        assert quantity.units[quantity.unit] == (1.0, 1.0)
+        assert quantity.sign in Sign

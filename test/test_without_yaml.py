@@ -1,0 +1,69 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Who reads no file needs neither PyYAML nor jsonschema; who reads one is told what to install."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from program import environment
+import pytest
+
+BLOCK = """
+import sys
+class Block:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0] in {blocked!r}:
+            raise ModuleNotFoundError(f'{{name}} is blocked', name=name)
+sys.meta_path.insert(0, Block())
+"""
+
+
+def run(text: str, *blocked: str) -> str:
+    """Return what a program prints that cannot import some modules."""
+    result = subprocess.run(
+        [sys.executable, '-c', BLOCK.format(blocked=blocked) + text], check=True, text=True,
+        env=environment(), capture_output=True)
+    return result.stdout
+
+
+def test_motions_robots_and_plans_need_no_file():
+    run("""
+from kachaka_simple_control import Limits, Motion, Move, plan
+from kachaka_simple_control.robot.robot_profile import KACHAKA
+import kachaka_simple_control.motion_file, kachaka_simple_control.robot.robot_file
+plan(Motion('one', (Move(0.1, 0.0, 1.0),)), KACHAKA.limits, 10.0)
+""", 'yaml', 'jsonschema')
+
+
+@pytest.mark.parametrize('blocked', ['yaml', 'jsonschema'])
+@pytest.mark.parametrize('what', [
+    "from kachaka_simple_control.motion_file import find; find('square')",
+    "from kachaka_simple_control.motion_file import loads; loads('steps: []')",
+    "from kachaka_simple_control.robot.robot_file import find_robot; find_robot('kachaka')",
+])
+def test_who_reads_a_file_is_told_what_to_install(what, blocked):
+    if blocked != 'yaml':
+        pytest.importorskip('yaml', reason='needs PyYAML')
+    said = run(f"""
+try:
+    {what}
+except Exception as error:
+    print(type(error).__name__, error)
+""", blocked)
+    assert said.startswith(('MotionFileError ', 'RobotFileError '))
+    assert said.count('\n') == 1
+    assert 'pip install PyYAML jsonschema' in said
+    assert 'apt install python3-yaml python3-jsonschema' in said
