@@ -208,8 +208,10 @@ def _spinning(spinner: Spinner, ending: Ending) -> Iterator[None]:
     with ThreadPoolExecutor(max_workers=1) as threads:
         spinning = threads.submit(spinner.run)
         spinning.add_done_callback(lambda _: ending.end())
-        yield
-        spinner.stop()
+        try:
+            yield
+        finally:
+            spinner.stop()
         spinning.result()
 
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What serves a node in a thread of its own until it is told to stop."""
+"""What serves a node in threads of its own until it is told to stop."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ import threading
 import time
 from typing import Any, Protocol
 
+from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -37,11 +39,11 @@ class Spinner(Protocol):
         """Serve until it is stopped."""
 
     def stop(self) -> None:
-        """Make ``run`` return; from any thread."""
+        """Make ``run`` return, or not begin; once, from any thread."""
 
 
 class NodeSpinner:
-    """Serves all that a node has, in rclpy's way."""
+    """Serves all that a node has, in rclpy's way, but for what stands aside."""
 
     def __init__(self, node: Node) -> None:
         """
@@ -50,7 +52,7 @@ class NodeSpinner:
         :param node: the node
         """
         self._over = threading.Event()
-        self._executor = SingleThreadedExecutor()
+        self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
 
     def run(self) -> None:
@@ -60,9 +62,43 @@ class NodeSpinner:
         self._executor.shutdown()
 
     def stop(self) -> None:
-        """Make ``run`` return; from any thread."""
+        """Make ``run`` return, or not begin; once, from any thread."""
         # A task wakes the executor; shutting it down under way would pull away what it waits on.
         self._executor.create_task(self._over.set)
+
+
+class Aside(CallbackGroup):
+    """
+    Keeps a subscription from the executor that serves the rest of its node.
+
+    What belongs to that subscription, such as a warning that somebody's quality of service does
+    not fit, is the executor's all the same.
+    """
+
+    def can_execute(self, entity: object) -> bool:
+        """
+        Tell whether an executor may serve something.
+
+        :param entity: what it is
+        :returns: whether it may
+        """
+        return not isinstance(entity, (Subscription, GuardCondition))
+
+    def beginning_execution(self, entity: object) -> bool:
+        """
+        Let an executor serve something.
+
+        :param entity: what it is
+        :returns: whether it may
+        """
+        return self.can_execute(entity)
+
+    def ending_execution(self, entity: object) -> None:
+        """
+        Take note that an executor has served something.
+
+        :param entity: what it was
+        """
 
 
 class Ear:
@@ -77,20 +113,20 @@ class Ear:
         """
         Hear nothing yet.
 
-        :param node: the node, which nobody else spins
-        :param subscription: its subscription
+        :param node: the node
+        :param subscription: its subscription, which stands ``Aside``
         :param hear: called with each message, the oldest first
         """
         self._context = node.context
         self._subscription = subscription
         self._hear = hear
         self._over = threading.Event()
-        self._wake = node.create_guard_condition(lambda: None)
+        # The node destroys it, but only after ``run``, which holds it.
+        self._wake = node.create_guard_condition(lambda: None, callback_group=Aside())
 
     def run(self) -> None:
         """Hear until it is stopped."""
-        heard, wake = self._subscription.handle, self._wake.handle
-        kind, context = self._subscription.msg_type, self._context.handle
+        heard, wake, context = self._subscription.handle, self._wake.handle, self._context.handle
         assert context is not None, 'ROS is running'
         with heard, wake, context:
             wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, context)
@@ -99,11 +135,16 @@ class Ear:
                 wait_set.add_subscription(heard)
                 wait_set.add_guard_condition(wake)
                 wait_set.wait(FOREVER)
-                while (taken := heard.take_message(kind, False)) is not None:
-                    self._hear(taken[0])
+                self._empty()
                 time.sleep(COURTESY)
 
     def stop(self) -> None:
-        """Make ``run`` return; from any thread."""
+        """Make ``run`` return, or not begin; once, from any thread."""
         self._over.set()
         self._wake.trigger()
+
+    def _empty(self) -> None:
+        take, kind = self._subscription.handle.take_message, self._subscription.msg_type
+        # A publisher that is quicker than this must not keep it from its end.
+        while not self._over.is_set() and (taken := take(kind, False)) is not None:
+            self._hear(taken[0])

@@ -21,7 +21,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from kachaka_simple_control.motion.kinematics import Velocity
-from kachaka_simple_control.robot.bridge_node import BridgeNode, NODE
+from kachaka_simple_control.robot.bridge_node import BridgeNode
 from kachaka_simple_control.robot.real import real_messages
 from kachaka_simple_control.robot.real.address import Address
 from kachaka_simple_control.robot.real.command import command
@@ -33,8 +33,7 @@ from kachaka_simple_control.robot.real.real_robot import RealRobot
 from kachaka_simple_control.robot.real.speaker import Speaker
 from kachaka_simple_control.robot.real.watch import Watch
 from kachaka_simple_control.robot.robot_profile import KACHAKA
-from kachaka_simple_control.robot.spinners import Ear, NodeSpinner, Spinner
-from rclpy.node import Node
+from kachaka_simple_control.robot.spinners import Aside, Ear, Spinner
 from rclpy.publisher import Publisher
 
 
@@ -42,8 +41,8 @@ class RealBridge(BridgeNode):
     """
     Shows a robot that answers over gRPC.
 
-    Velocities have a thread to themselves: the service is a matter of a second node, ``desk``,
-    and of another thread; odometry and diagnostics are published from threads of their own.
+    Velocities have a thread to themselves, and the rest of the node, the service for example,
+    another; odometry and diagnostics are published from threads of their own.
     """
 
     def __init__(
@@ -58,8 +57,7 @@ class RealBridge(BridgeNode):
         :param give_up: called with the reason when motions are cut short
         """
         self._speaker = Speaker(self._log)
-        self.desk = Node(f'{NODE}_desk', namespace=namespace, start_parameter_services=False)
-        super().__init__(namespace, self.desk)
+        super().__init__(namespace, Aside())
         self._address: Address = meeting.address
         self._identity = meeting.identity
         self._frame_prefix = frame_prefix
@@ -77,7 +75,7 @@ class RealBridge(BridgeNode):
 
     def spinners(self) -> list[Spinner]:
         """Return what to run, each in a thread of its own."""
-        return [Ear(self, self._subscription, self.hear), NodeSpinner(self.desk)]
+        return [Ear(self, self._subscription, self.hear), *super().spinners()]
 
     @property
     def summary(self) -> str:
@@ -120,11 +118,6 @@ class RealBridge(BridgeNode):
         for feed in self._feeds:
             feed.join()
         self._speaker.close()
-
-    def destroy_node(self) -> None:
-        """Destroy both nodes."""
-        self.desk.destroy_node()
-        super().destroy_node()
 
     def _feed(self, publisher: Publisher, fetch: Fetch) -> OdometryFeed:
         def publish(source: Any) -> None:

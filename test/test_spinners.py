@@ -1,0 +1,225 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What serves the bridge's node, and the one subscription that stands aside."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+import threading
+import time
+
+import pytest
+from ros_support import wait_until
+
+pytestmark = pytest.mark.ros
+rclpy = pytest.importorskip('rclpy')
+geometry_msgs = pytest.importorskip('geometry_msgs.msg')
+
+from kachaka_simple_control.robot.bridge import _spinning  # noqa: E402, I100
+from kachaka_simple_control.robot.spinners import Aside, Ear, NodeSpinner  # noqa: E402
+from rclpy.qos import qos_profile_sensor_data  # noqa: E402
+
+Twist = geometry_msgs.Twist
+TOPIC = 'velocity'
+#: How long what should be at once may take on a busy machine [s].
+AT_ONCE = 5.0
+
+
+@pytest.fixture
+def node():
+    """Return a node of a context of its own."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node('spun', context=context)
+    yield node
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+class Running:
+    """A spinner in a thread of its own."""
+
+    def __init__(self, spinner):
+        """Run it."""
+        self.spinner = spinner
+        self.busy = 0.0
+        self._threads = ThreadPoolExecutor(max_workers=1)
+        self.end = self._threads.submit(self._run)
+
+    def stop(self):
+        """Stop it, and wait for its end."""
+        self.spinner.stop()
+        self.end.result(AT_ONCE)
+        self._threads.shutdown()
+
+    def _run(self):
+        self.spinner.run()
+        self.busy = time.thread_time()
+
+
+def subscription(node, callback=lambda _: None):
+    """Return a subscription that stands aside."""
+    return node.create_subscription(
+        Twist, TOPIC, callback, qos_profile_sensor_data, callback_group=Aside())
+
+
+def speaker(node):
+    """Return what publishes a velocity, once it is heard."""
+    publisher = node.create_publisher(Twist, TOPIC, 10)
+    assert wait_until(lambda: publisher.get_subscription_count() == 1)
+
+    def say(linear):
+        message = Twist()
+        message.linear.x = linear
+        publisher.publish(message)
+
+    return say
+
+
+def reached(say, heard):
+    """Publish until something is heard: the reader may match later than the writer."""
+    def is_heard():
+        say(0.0)
+        return bool(heard)
+    return wait_until(is_heard)
+
+
+def test_ear_hears_all_the_oldest_first(node):
+    heard = []
+    running = Running(Ear(node, subscription(node), lambda twist: heard.append(twist.linear.x)))
+    say = speaker(node)
+    assert reached(say, heard)
+    for number in range(1, 21):
+        say(float(number))
+        assert wait_until(lambda number=number: heard[-1] == number)
+    running.stop()
+    assert [number for number in heard if number] == [*range(1, 21)]
+
+
+def test_ear_that_hears_nothing_costs_nothing_and_ends_at_once(node):
+    running = Running(Ear(node, subscription(node), lambda _: None))
+    time.sleep(1.0)
+    assert not running.end.done()
+    begun = time.monotonic()
+    running.stop()
+    assert time.monotonic() - begun < 1.0
+    assert running.busy < 0.1
+
+
+def test_ear_that_is_stopped_before_it_begins_does_not_begin(node):
+    ear = Ear(node, subscription(node), lambda _: None)
+    ear.stop()
+    Running(ear).end.result(AT_ONCE)
+
+
+def test_ear_ends_in_the_midst_of_a_flood(node):
+    """Each message brings the next, so there is always one more to hear."""
+    flood = threading.Event()
+    flood.set()
+    heard = []
+
+    def hear(twist):
+        heard.append(twist)
+        if flood.is_set():
+            say(1.0)
+
+    running = Running(Ear(node, subscription(node), hear))
+    say = speaker(node)
+    assert reached(say, heard)
+    assert wait_until(lambda: len(heard) > 100)
+    try:
+        running.stop()
+    finally:
+        flood.clear()
+
+
+def test_what_fails_on_hearing_comes_out(node):
+    heard = []
+
+    def hear(twist):
+        heard.append(twist)
+        raise ValueError('not that one')
+
+    running = Running(Ear(node, subscription(node), hear))
+    assert reached(speaker(node), heard)
+    assert wait_until(running.end.done)
+    with pytest.raises(ValueError, match='not that one'):
+        running.stop()
+
+
+def test_executor_serves_the_rest_of_the_node_and_leaves_the_ear_its_own(node):
+    wrongly, heard, ticks = [], [], []
+    ear = Running(Ear(node, subscription(node, wrongly.append), heard.append))
+    node.create_timer(0.01, lambda: ticks.append(1))
+    rest = Running(NodeSpinner(node))
+    say = speaker(node)
+    assert reached(say, heard)
+    assert wait_until(lambda: len(ticks) > 10)
+    for _ in range(50):
+        say(1.0)
+        time.sleep(0.002)
+    rest.stop()
+    ear.stop()
+    assert not wrongly
+    assert len(heard) > 10
+
+
+def test_ear_goes_on_when_the_executor_has_ended(node):
+    heard = []
+    ear, rest = Running(Ear(node, subscription(node), heard.append)), Running(NodeSpinner(node))
+    rest.stop()
+    assert reached(speaker(node), heard)
+    ear.stop()
+
+
+class Ends:
+    """Takes note that the program is to end."""
+
+    def __init__(self):
+        """Go on."""
+        self.told = threading.Event()
+
+    def end(self):
+        """Take note."""
+        self.told.set()
+
+
+class Endless:
+    """A spinner that only ``stop`` ends."""
+
+    def __init__(self):
+        """Serve nothing yet."""
+        self._over = threading.Event()
+
+    def run(self):
+        """Wait."""
+        self._over.wait(30.0)
+
+    def stop(self):
+        """End."""
+        self._over.set()
+
+
+def test_failure_beside_a_spinner_is_not_waited_for():
+    begun = time.monotonic()
+    with pytest.raises(ValueError, match='beside'), _spinning(Endless(), Ends()):
+        raise ValueError('beside')
+    assert time.monotonic() - begun < AT_ONCE
+
+
+def test_end_of_a_spinner_ends_the_program():
+    ends = Ends()
+    with _spinning(Endless(), ends):
+        assert not ends.told.is_set()
+    assert ends.told.is_set()
