@@ -16,7 +16,7 @@ What the bridge to a real robot adds to the call that no bridge can do without.
 
 From publishing a velocity to its arrival at the robot, beside the bare gRPC call from asking to
 arrival, in turns at the same rates against the same robot; all processes on this machine.
-``python -m benchmarks.bridge_latency`` prints the table.
+``python -m benchmarks.bridge_latency`` prints the table of ``docs/kachaka.md``.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from typing import Any
 from benchmarks.meter import process_time
 from benchmarks.nanosleep import BILLION, sleep_until
 from benchmarks.quantiles import median, quantile
-from benchmarks.tables import number, Table
+from benchmarks.tables import Table
 
 ROOT = Path(__file__).resolve().parent.parent
 RATES = (10, 50, 100)
@@ -46,7 +46,9 @@ RATES = (10, 50, 100)
 BLOCK, TURNS = 6.0, 3
 #: The bar: the bridge's median over that of the bare call.
 BAR = 2.0
-NAMES = {'floor': 'the bare call', 'bridge': 'through the bridge'}
+NAMES = ('floor', 'bridge')
+HEAD = ('rate', 'bare call, median / 95 %', 'through the bridge, median / 95 %',
+        'of the bare call', 'CPU a command: bare / bridge')
 #: Each velocity is another, so that each arrival is known: by so many parts of the largest.
 STEP = 1e-4
 MAX_LINEAR = 0.3
@@ -99,22 +101,39 @@ def table(entries: Sequence[dict[str, Any]]) -> Table:
     Put the figures as a table.
 
     :param entries: what ``measure`` returned
-    :returns: the table
+    :returns: the table, a row for each rate
     """
-    return Table(
-        'From asking to arrival at the robot',
-        ('rate [Hz]', '', 'median [ms]', '95 % [ms]', 'worst [ms]', 'arrived',
-         'CPU a command [ms]', 'of the bare call'),
-        tuple(_row(entries, entry) for entry in entries))
+    rates = dict.fromkeys(entry['rate'] for entry in entries)
+    return Table('From asking to arrival at the robot', HEAD, tuple(
+        _row(rate, *(_entry(entries, who, rate) for who in NAMES)) for rate in rates))
 
 
-def _row(entries: Sequence[dict[str, Any]], entry: dict[str, Any]) -> tuple[str, ...]:
-    latency = entry['latency']
-    times = ratio(entries, entry['rate']) if entry['who'] == 'bridge' else 1.0
-    return (
-        str(entry['rate']), NAMES[entry['who']],
-        *(number(1e3 * quantile(latency, part)) for part in (0.5, 0.95, 1.0)),
-        f'{len(latency)} of {entry["sent"]}', number(1e3 * entry['cpu']), f'{times:.2f}')
+def lost(entries: Sequence[dict[str, Any]]) -> str:
+    """
+    Tell how many velocities did not arrive through the bridge.
+
+    :param entries: what ``measure`` returned
+    :returns: a sentence
+    """
+    through = [entry for entry in entries if entry['who'] == 'bridge']
+    sent = sum(entry['sent'] for entry in through)
+    missing = sent - sum(len(entry['latency']) for entry in through)
+    return f'Of {sent} velocities {missing} did not arrive.'
+
+
+def _entry(entries: Sequence[dict[str, Any]], who: str, rate: int) -> dict[str, Any]:
+    return next(entry for entry in entries if (entry['who'], entry['rate']) == (who, rate))
+
+
+def _row(rate: int, floor: dict[str, Any], bridge: dict[str, Any]) -> tuple[str, ...]:
+    cpu = ' / '.join(f'{1e3 * entry["cpu"]:.2f}' for entry in (floor, bridge))
+    return (f'{rate} Hz', _latency(floor), _latency(bridge),
+            f'{ratio((floor, bridge), rate):.2f}', f'{cpu} ms')
+
+
+def _latency(entry: dict[str, Any]) -> str:
+    parts = ' / '.join(f'{1e3 * quantile(entry["latency"], part):.2f}' for part in (0.5, 0.95))
+    return f'{parts} ms'
 
 
 def _measure_block(
@@ -257,7 +276,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _be_robot()
         return 0
     entries = measure(block=1.0, turns=1) if options.quick else measure()
-    print(table(entries).text())
+    print(table(entries).markdown())
+    print(lost(entries))
     missed = [rate for rate in RATES if ratio(entries, rate) > BAR]
     print(f'Missed at {missed} Hz: more than {BAR:g} times the bare call' if missed else
           f'Held: at the median at most {BAR:g} times the bare call')

@@ -71,6 +71,8 @@ RUN = re.compile(
     r'(?: in another terminal until: (?P<until>.+?))?'
     r'(?P<close>, after the other terminals are closed)?'
     r'(?:, instead of cloning: (?P<instead>.+))?')
+#: What somebody meant to replace: a line that is an upper-case word, or a word that says so.
+PLACEHOLDER = re.compile(r'\s*[A-Z][A-Z0-9_]+\s*|.*\b(TODO|TBD|FIXME|XXX)\b.*')
 NOT_RUN = re.compile(r'(needs|not run:) .+')
 
 
@@ -128,4 +130,16 @@ def blocks(path: Path) -> list[Block]:
         elif line.strip():
             match = MARK.fullmatch(line.strip())
             mark = match.group(1) if match else ''
+    return found
+
+
+def placeholders(text: str) -> list[int]:
+    """Return the numbers of the lines, outside of blocks, that somebody meant to replace."""
+    found: list[int] = []
+    inside = False
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.lstrip().startswith('```'):
+            inside = not inside
+        elif not inside and PLACEHOLDER.fullmatch(line):
+            found.append(number)
     return found

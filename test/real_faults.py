@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import os
 import random
 import signal
+import sys
 import time
 
 from real_support import commander, faulty_robot, real_bridge
@@ -121,8 +122,23 @@ SCENARIOS = {
     'each call takes 0.25 s, then a stop': lambda *own: slow(*own, 0.25),
     'each call takes 0.5 s, then a stop': lambda *own: slow(*own, 0.5),
     'the bridge is killed (SIGKILL)': killed,
-    'the bridge is frozen for 2 s, its publisher falls silent meanwhile': frozen,
+    'the bridge is frozen for 2 s; its publisher falls silent meanwhile': frozen,
 }
+#: What the bridge does about each of them.
+DOES = (
+    'tells it once; when it is back, a zero; motions are dropped until a rest',
+    'the same; manual control is not taken again before a rest',
+    'a zero after 0.3 s without an answer; the link counts as lost after 1 s more',
+    ('drives, with the newest velocity each time; the zero overtakes the one under way, and is '
+     'sent again after it'),
+    'after three velocities without an answer in 0.3 s it says so, and sends no more until a rest',
+    'nothing: the hold is what is left',
+    'notices it; what had waited is not sent',
+)
+HEAD = ('what happens', 'what the bridge does', 'the robot drove on for',
+        'last velocity at the robot after', 'velocities after the stop')
+#: Less than what one velocity would have moved it [m].
+STILL = 0.0005
 
 
 def play(probe, name, namespace):
@@ -135,18 +151,32 @@ def play(probe, name, namespace):
         return SCENARIOS[name](robot, driver, process)
 
 
+def line(*cells):
+    """Return a line of the table."""
+    return f'| {" | ".join(cells)} |'
+
+
+def row(name, does, result):
+    """Return the line of a scenario."""
+    if result.drift < STILL and not result.late:
+        drove, late = 'stood still', ''
+    else:
+        drove, late = f'{1e3 * result.drift:.0f} mm', f'{1e3 * result.late:.0f} ms'
+    return line(name, does, drove, late, str(result.after_stop))
+
+
 def main():
-    """Print the table."""
-    os.environ['ROS_DOMAIN_ID'] = str(random.randint(1, 100))
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    """Print the table, and what the bridges said beside it."""
+    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     probe = Probe()
-    for number, name in enumerate(SCENARIOS):
+    print(line(*HEAD), line(*('---' for _ in HEAD)), sep='\n', flush=True)
+    for number, (name, does) in enumerate(zip(SCENARIOS, DOES)):
         result = play(probe, name, f'/fault{number}')
-        print(f'| {name} | {1e3 * result.drift:.0f} mm | {1e3 * result.late:.0f} ms '
-              f'| {result.after_stop} |', flush=True)
-        for line in result.said.splitlines():
-            if 'WARN' in line or 'ERROR' in line:
-                print('   ', line.partition(']: ')[2], flush=True)
+        print(row(name, does, result), flush=True)
+        for said in result.said.splitlines():
+            if 'WARN' in said or 'ERROR' in said:
+                print('   ', said.partition(']: ')[2], file=sys.stderr, flush=True)
     probe.close()
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 import shutil
 import textwrap
 
-from documents import Block, blocks, COMMANDS, DOCUMENTS, NOT_RUN
+from documents import Block, blocks, COMMANDS, DOCUMENTS, NOT_RUN, placeholders
 from program import ROOT
 import pytest
 from quotes import compare
@@ -52,6 +52,23 @@ def test_other_marks_are_known(block):
 @pytest.mark.parametrize('block', [b for b in ALL if b.language == 'python'], ids=str)
 def test_python_compiles(block):
     ast.parse(textwrap.dedent(block.text), filename=str(block))
+
+
+@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_nothing_is_left_that_was_to_be_replaced(path):
+    left = placeholders(path.read_text())
+    assert not left, f'{path.relative_to(ROOT)}: lines {left} wait for what should stand there'
+
+
+@pytest.mark.parametrize('line', ['FAULTS', '  LATENCY ', 'TODO', 'Say why (TODO).', 'TABLE_2'])
+def test_placeholders_are_found_but_not_within_blocks(line):
+    assert placeholders(f'# Title\n\n{line}\n\nText.') == [3]
+    assert placeholders(f'```text\n{line}\n```\n') == []
+
+
+@pytest.mark.parametrize('line', ['A sentence on ROS.', 'I', '| ROS | SDK |', '## ROS', ''])
+def test_text_is_no_placeholder(line):
+    assert placeholders(line) == []
 
 
 @needs_source

@@ -36,7 +36,7 @@ from benchmarks.stop_matrix.__main__ import (  # noqa: E402
 )
 from benchmarks.stop_matrix.message import message  # noqa: E402
 from benchmarks.stop_matrix.promise import broken, Promise, too_slow, Zero  # noqa: E402
-from benchmarks.stop_matrix.rows import ROWS  # noqa: E402
+from benchmarks.stop_matrix.rows import CORE, ROWS  # noqa: E402
 from benchmarks.stop_matrix.table import HEAD, matrix, row  # noqa: E402
 from benchmarks.stop_matrix.trial import Trial  # noqa: E402
 
@@ -139,6 +139,18 @@ def test_rows_have_names_of_their_own_and_are_tried():
     assert all(row.full or row.quick for row in ROWS)
 
 
+def test_core_rows_are_such_as_a_robot_over_grpc_can_play():
+    core = [row for row in ROWS if row.promise.what in CORE]
+    assert len(core) == len(CORE)
+    for one in core:
+        assert one.full
+        assert one.quick
+        # Nothing happens to the robot, and no bridge of another kind is asked for.
+        assert not one.harms
+        assert not one.slow
+        assert one.promise.zero is not Zero.NONE
+
+
 def test_the_page_shows_the_matrix_that_is_kept():
     page = PAGE.read_text()
     assert 'new' in updated(page, 'new', BEGIN, END)
@@ -166,3 +178,18 @@ def test_rows_are_brought_about():
     assert lost.zeros == 0
     # The hold alone: 0.3 s at 0.1 m/s since the last velocity.
     assert lost.metres == pytest.approx(0.025, abs=0.01)
+
+
+@pytest.mark.ros
+def test_a_robot_over_grpc_is_stopped_too():
+    """Three processes: the robot, the bridge, and the node that is ended or killed."""
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+    pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
+    from benchmarks.stop_matrix.stage import run
+    rows = [row for row in ROWS if row.promise.what in ('SIGTERM', 'SIGKILL')]
+    seen = run([(row, 1) for row in rows], over_grpc=True)
+    assert breaches(rows, seen, wide=True) == []
+    for (trial,) in seen.values():
+        assert trial.metres is not None
+        assert trial.metres < 0.03

@@ -28,7 +28,7 @@ from typing import Any
 
 from benchmarks.page import updated
 from benchmarks.stop_matrix.promise import broken, too_slow
-from benchmarks.stop_matrix.rows import Row, ROWS
+from benchmarks.stop_matrix.rows import CORE, Row, ROWS
 from benchmarks.stop_matrix.table import matrix
 from benchmarks.stop_matrix.trial import Trial
 from benchmarks.tables import Table
@@ -42,11 +42,12 @@ BEGIN = '<!-- stop matrix: written by make stop-matrix, changes here are lost --
 END = '<!-- stop matrix: end -->'
 
 
-def measure(rows: Sequence[tuple[Row, int]]) -> dict[str, Any]:
+def measure(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[str, Any]:
     """
     Try rows.
 
     :param rows: the rows, and how often each is tried
+    :param over_grpc: whether robots are to be reached over gRPC, by a bridge
     :returns: the matrix, plain data
     """
     from kachaka_simple_control.ros.isolation import stay_on_this_machine
@@ -61,19 +62,21 @@ def measure(rows: Sequence[tuple[Row, int]]) -> dict[str, Any]:
     from benchmarks import machine
     from benchmarks.stop_matrix.stage import run
     described, begin = machine.describe(), time.monotonic()
-    seen = run(rows)
+    seen = run(rows, over_grpc)
     print(f'tried in {(time.monotonic() - begin) / 60.0:.1f} minutes\n')
     return {
         'date': f'{datetime.now(timezone.utc):%Y-%m-%d}', 'machine': described,
         'rows': {what: [trial.data() for trial in trials] for what, trials in seen.items()}}
 
 
-def second_try(rows: Sequence[Row], run: dict[str, Any]) -> dict[str, Any]:
+def second_try(
+        rows: Sequence[Row], run: dict[str, Any], over_grpc: bool = False) -> dict[str, Any]:
     """
     Try rows again that did not keep their promise: the machine may have been busy.
 
     :param rows: the rows that were tried
     :param run: what was seen
+    :param over_grpc: whether robots are to be reached over gRPC, by a bridge
     :returns: what was seen the second time; an empty matrix if all was kept
     """
     seen = trials_of(run)
@@ -81,7 +84,7 @@ def second_try(rows: Sequence[Row], run: dict[str, Any]) -> dict[str, Any]:
     if not again:
         return {**run, 'rows': {}}
     print('Tried again:', *breaches(again, seen, wide=True), sep='\n')
-    return measure([(row, row.quick) for row in again])
+    return measure([(row, row.quick) for row in again], over_grpc)
 
 
 def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
@@ -143,27 +146,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :returns: the exit code: 1 if a promise was not kept
     """
     options = _parser().parse_args(arguments)
-    rows = [row for row in ROWS if (row.quick if options.quick else row.full)
+    over_grpc = options.robot == 'grpc'
+    known = [row for row in ROWS if not over_grpc or row.promise.what in CORE]
+    rows = [row for row in known if (row.quick if options.quick else row.full)
             and (not options.rows or any(part in row.promise.what for part in options.rows))]
     if options.of:
         run = json.loads(options.of.read_text())
     else:
-        run = measure([(row, row.quick if options.quick else row.full) for row in rows])
+        run = measure(
+            [(row, row.quick if options.quick else row.full) for row in rows], over_grpc)
         if options.quick:
-            run = merged(run, second_try(rows, run))
-        if options.merge and REFERENCE.exists():
+            run = merged(run, second_try(rows, run, over_grpc))
+        if options.merge and REFERENCE.exists() and not over_grpc:
             run = merged(json.loads(REFERENCE.read_text()), run)
-        kind = 'quick' if options.quick else 'full'
+        kind = ('quick' if options.quick else 'full') + '-grpc' * over_grpc
         file = RESULTS / f'stops-{kind}-{datetime.now(timezone.utc):%Y%m%d-%H%M%S}.json'
         file.write_text(json.dumps(run, indent=1) + '\n')
     seen = trials_of(run)
     table = matrix([row.promise for row in ROWS], seen)
-    print(table.text())
+    print(table.markdown() if over_grpc else table.text())
     if options.quick:
-        left_out = [row.promise.what for row in ROWS if row.full and not row.quick]
-        print(f'Left out of the quick form: {"; ".join(left_out)}. Bars are ten times as wide, '
-              'for the machine may be busy with other things.')
-    elif not options.rows or options.merge:
+        left_out = [row.promise.what for row in known if row.full and not row.quick]
+        print(f'Left out of the quick form: {"; ".join(left_out) or "nothing"}. Bars are ten '
+              'times as wide, for the machine may be busy with other things.')
+    elif not over_grpc and (not options.rows or options.merge):
         write_page(table, run)
         REFERENCE.write_text(json.dumps(run) + '\n')
     found = breaches(rows, seen, wide=options.quick)
@@ -177,6 +183,9 @@ def _parser() -> argparse.ArgumentParser:
     add('--quick', action='store_true', help='try each row once or twice; leaves docs alone')
     add('--rows', nargs='+', metavar='PART', help='only rows with a part of their name in these')
     add('--merge', action='store_true', help='keep the other rows of the reference')
+    add('--robot', choices=('ros', 'grpc'), default='ros',
+        help='ros: simulated within its bridge; grpc: simulated behind gRPC, shown by the bridge '
+             'for a real one: core rows only, leaves docs alone (default: ros)')
     add('--of', type=Path, metavar='FILE', help='show this matrix, try nothing')
     return parser
 

@@ -22,6 +22,7 @@ import random
 import tempfile
 import time
 
+from benchmarks.grpc_robot import GrpcRobot
 from benchmarks.stop_matrix.observer import Observer
 from benchmarks.stop_matrix.robot_process import RobotProcess
 from benchmarks.stop_matrix.rows import Row
@@ -42,11 +43,12 @@ class Member:
     not on stage are not to be noticed by the one that is.
     """
 
-    def __init__(self, slow: bool) -> None:
+    def __init__(self, slow: bool, over_grpc: bool = False) -> None:
         """
         Start the robot.
 
         :param slow: whether it takes 250 ms a call
+        :param over_grpc: whether robot and bridge are two processes, as with a real robot
         """
         number = next(_NUMBERS)
         self.domain = (_BASE + number) % DOMAINS + 1
@@ -56,7 +58,8 @@ class Member:
         #: where a slow robot tells what it plays
         self.played = Path(self._folder.name) / 'played.txt' if self._folder else None
         self.is_slow = slow
-        self.robot = RobotProcess(self.ears.namespace, self.domain, self.played)
+        self._over_grpc = over_grpc
+        self.robot = self._start()
 
     def wait_until_there(self) -> None:
         """
@@ -73,7 +76,7 @@ class Member:
     def replace_robot(self) -> None:
         """Start another robot in place of one that has left."""
         self.robot.end()
-        self.robot = RobotProcess(self.ears.namespace, self.domain, self.played)
+        self.robot = self._start()
 
     def end(self) -> None:
         """End the robot, and listen no more."""
@@ -82,12 +85,22 @@ class Member:
         if self._folder is not None:
             self._folder.cleanup()
 
+    def _start(self) -> RobotProcess | GrpcRobot:
+        if self._over_grpc:
+            return GrpcRobot(self.ears.namespace, self.domain)
+        return RobotProcess(self.ears.namespace, self.domain, self.played)
+
 
 class Cast:
     """Every robot there is; leaving the ``with`` block ends them."""
 
-    def __init__(self) -> None:
-        """Have none."""
+    def __init__(self, over_grpc: bool = False) -> None:
+        """
+        Have none.
+
+        :param over_grpc: whether each is to be reached over gRPC, by a bridge
+        """
+        self._over_grpc = over_grpc
         self._free: list[Member] = []
         self._all: list[Member] = []
 
@@ -150,6 +163,6 @@ class Cast:
             if not row.slow:
                 self._free.remove(member)
                 return member
-        member = Member(row.slow)
+        member = Member(row.slow, self._over_grpc)
         self._all.append(member)
         return member

@@ -159,3 +159,5 @@ ROWS = (
     Row(Promise('a bridge that takes 250 ms a call, SIGINT', NODE, (130,), bar=SIGNAL),
         faults.signals('SIGINT'), check=faults.played_in_order, slow=True, harms=True),
 )
+#: What is tried with a robot over gRPC, too: nothing that its own bridge would answer otherwise.
+CORE = ('normal end', 'SIGINT (Ctrl+C)', 'SIGTERM', 'SIGKILL', 'SIGSTOP', 'frozen for 1 s')

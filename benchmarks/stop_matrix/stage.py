@@ -35,17 +35,18 @@ BEFORE = (0.2, 0.4)
 AT_ONCE = 3
 
 
-def run(rows: Sequence[tuple[Row, int]]) -> dict[str, list[Trial]]:
+def run(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[str, list[Trial]]:
     """
     Try every row.
 
     :param rows: the rows, and how often each is tried
+    :param over_grpc: whether robots are to be reached over gRPC, by a bridge
     :returns: what was seen, by the name of the row
     """
     seen: dict[str, list[Trial]] = {row.promise.what: [] for row, _ in rows}
     queue = [row for row, count in rows for _ in range(count)]
     done = 0
-    with Cast() as cast:
+    with Cast(over_grpc) as cast:
         for batch in batches(queue):
             for row, trial in zip(batch, _batch(batch, cast)):
                 seen[row.promise.what].append(trial)

@@ -1,0 +1,210 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Where a motion ends that goes through three processes: robot over gRPC, bridge, node.
+
+Each is a process of its own, as with a real Kachaka: ``kachaka_sim``, ``kachaka_bridge --address``
+and ``kachaka_simple_control``.  The robot itself is asked where it is, before and after, by its
+odometry; that is held against the pose that the plan ends at.  ``python -m
+benchmarks.three_processes`` prints the table of ``docs/kachaka.md``.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+import os
+import random
+import subprocess
+import sys
+import time
+
+from kachaka_simple_control.execution import child
+from kachaka_simple_control.looking import RATE
+from kachaka_simple_control.motion.kinematics import Pose
+from kachaka_simple_control.motion.plan import Plan, plan
+from kachaka_simple_control.motion_file import find
+from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.ros.isolation import stay_on_this_machine
+
+from benchmarks.grpc_robot import GrpcRobot
+from benchmarks.process import ROOT
+from benchmarks.progress import show
+from benchmarks.quantiles import median
+from benchmarks.tables import number, Table
+
+MOTIONS, RUNS = ('lesson', 'square'), 10
+#: The bars, of the median: position [m] and heading [rad].
+POSITION, HEADING = 0.003, math.radians(0.5)
+#: A run takes this much longer than its motion, at most: start, discovery, stop [s].
+MEETING = 60.0
+#: After a run the robot comes to rest for certain [s].
+REST = 0.5
+HEAD = ('motion', 'runs to the end', 'position off [mm], median / worst',
+        'heading off [degrees], median / worst')
+
+
+@dataclass(frozen=True)
+class Run:
+    """
+    One run.
+
+    :param motion: which
+    :param position: how far from the plan's end pose the robot came to rest [m]
+    :param heading: how far from its heading, without a sign [rad]
+    :param failure: why it did not come to its end; nothing if it did
+    """
+
+    motion: str
+    position: float
+    heading: float
+    failure: str = ''
+
+
+def measure(motions: Sequence[str] = MOTIONS, runs: int = RUNS) -> list[Run]:
+    """
+    Drive motions.
+
+    :param motions: which
+    :param runs: how often each
+    :returns: every run
+    """
+    stay_on_this_machine()
+    domain = os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    robot = GrpcRobot('kachaka', int(domain))
+    found = []
+    try:
+        for motion in motions:
+            planned = planned_as_driven(motion)
+            for index in range(runs):
+                found.append(_drive(robot, motion, planned))
+                show(f'runs of {motion}', index + 1, runs)
+    finally:
+        robot.end()
+    return found
+
+
+def planned_as_driven(motion: str) -> Plan:
+    """
+    Plan a motion as the command does for a Kachaka.
+
+    :param motion: its name
+    :returns: the plan
+    """
+    file = find(motion)
+    return plan(file.motion, file.check(KACHAKA.limits, KACHAKA.name), file.rate or RATE)
+
+
+def errors(start: Pose, end: Pose, planned: Pose) -> tuple[float, float]:
+    """
+    Tell how far off a robot came to rest.
+
+    :param start: where it began
+    :param end: where it came to rest
+    :param planned: where it should have, had it begun at the origin
+    :returns: how far from there [m], and how far from that heading [rad], neither with a sign
+    """
+    east, north = end.x - start.x, end.y - start.y
+    cosine, sine = math.cos(start.theta), math.sin(start.theta)
+    position = math.hypot(
+        cosine * east + sine * north - planned.x, cosine * north - sine * east - planned.y)
+    heading = math.remainder(end.theta - start.theta - planned.theta, 2.0 * math.pi)
+    return position, abs(heading)
+
+
+def table(runs: Sequence[Run]) -> Table:
+    """
+    Put the runs as a table.
+
+    :param runs: what ``measure`` returned
+    :returns: the table, a row for each motion
+    """
+    return Table(
+        'Where the robot ended, by its odometry', HEAD,
+        tuple(_row(motion, [run for run in runs if run.motion == motion])
+              for motion in dict.fromkeys(run.motion for run in runs)))
+
+
+def missed(runs: Sequence[Run]) -> list[str]:
+    """
+    Tell what was not as it should be.
+
+    :param runs: what ``measure`` returned
+    :returns: sentences; nothing if all was
+    """
+    found = [f'{run.motion}: {run.failure}' for run in runs if run.failure]
+    for motion in dict.fromkeys(run.motion for run in runs):
+        ended = [run for run in runs if run.motion == motion and not run.failure]
+        if ended and median([run.position for run in ended]) > POSITION:
+            found.append(f'{motion}: more than {1e3 * POSITION:g} mm off at the median')
+        if ended and median([run.heading for run in ended]) > HEADING:
+            found.append(
+                f'{motion}: more than {math.degrees(HEADING):g} degrees off at the median')
+    return found
+
+
+def _row(motion: str, runs: Sequence[Run]) -> tuple[str, ...]:
+    ended = [run for run in runs if not run.failure]
+    return (
+        motion, f'{len(ended)} of {len(runs)}',
+        _both([1e3 * run.position for run in ended]),
+        _both([math.degrees(run.heading) for run in ended]))
+
+
+def _both(values: Sequence[float]) -> str:
+    return f'{number(median(values), 2)} / {number(max(values), 2)}' if values else '-'
+
+
+def _drive(robot: GrpcRobot, motion: str, planned: Plan) -> Run:
+    start = robot.pose()
+    failure = _command(motion, planned.duration + MEETING)
+    time.sleep(REST)
+    return Run(motion, *errors(start, robot.pose(), planned.pose), failure)
+
+
+def _command(motion: str, timeout: float) -> str:
+    """Run the command, and return why it failed; nothing if it did not."""
+    command = [*child.command('kachaka_simple_control.__main__'), motion, '--quiet']
+    done = subprocess.run(
+        command, cwd=ROOT, env=child.environment(), stdin=subprocess.DEVNULL, text=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, timeout=timeout, check=False)
+    if done.returncode == 0:
+        return ''
+    return f'exit code {done.returncode}: {"".join(done.stderr.splitlines()[-1:])}'
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Measure, print, and judge.
+
+    :param arguments: the arguments without the program's name; None for those of the process
+    :returns: the exit code: 1 if a bar was missed, or a run did not come to its end
+    """
+    parser = argparse.ArgumentParser(prog='benchmarks.three_processes', description=__doc__)
+    parser.add_argument('--runs', type=int, default=RUNS, help='of each motion (default: 10)')
+    parser.add_argument('--motions', nargs='+', default=MOTIONS, metavar='NAME',
+                        help='which of the library (default: lesson square)')
+    options = parser.parse_args(arguments)
+    runs = measure(options.motions, options.runs)
+    print(table(runs).markdown())
+    print(f'The bar, at the median: {1e3 * POSITION:g} mm and {math.degrees(HEADING):g} degrees')
+    found = missed(runs)
+    print('\n'.join(['Missed:', *found]) if found else 'Held')
+    return 1 if found else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
