@@ -26,9 +26,10 @@ from kachaka_simple_control.robot.simulated import (
     SimulatedKachaka,
     SUCCESS,
 )
-from kachaka_simple_control.robot.spinners import Aside, NodeSpinner, Spinner
+from kachaka_simple_control.robot.spinners import NodeSpinner, Spinner
 from kachaka_simple_control.ros import messages
 from nav_msgs.msg import Odometry
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -46,19 +47,18 @@ ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
 class BridgeNode(Node):
     """The topics, the service and the quality of service of the official bridge."""
 
-    def __init__(self, namespace: str, aside: Aside | None = None) -> None:
+    def __init__(self, namespace: str) -> None:
         """
         Listen from now on.
 
         :param namespace: where its topics and its service are
-        :param aside: keeps velocities from executors, so that the service does not hold them up
         """
         super().__init__(NODE, namespace=namespace, start_parameter_services=False)
         service = KACHAKA.manual_control_service
         assert service is not None, 'a Kachaka has one'
         self._subscription = self.create_subscription(
             Twist, KACHAKA.velocity_topic, self.hear, qos_profile_sensor_data,
-            callback_group=aside)
+            callback_group=MutuallyExclusiveCallbackGroup())
         self._service = self.create_service(SetBool, service, self._on_set_enabled)
         self._odometry = [
             self.create_publisher(Odometry, topic, qos_profile_sensor_data)

@@ -20,9 +20,7 @@ import threading
 import time
 from typing import Any, Protocol
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -43,7 +41,7 @@ class Spinner(Protocol):
 
 
 class NodeSpinner:
-    """Serves all that a node has, in rclpy's way, but for what stands aside."""
+    """Serves all that a node has, in rclpy's way, but for what an ``Ear`` has taken."""
 
     def __init__(self, node: Node) -> None:
         """
@@ -67,40 +65,6 @@ class NodeSpinner:
         self._executor.create_task(self._over.set)
 
 
-class Aside(CallbackGroup):
-    """
-    Keeps a subscription from the executor that serves the rest of its node.
-
-    What belongs to that subscription, such as a warning that somebody's quality of service does
-    not fit, is the executor's all the same.
-    """
-
-    def can_execute(self, entity: object) -> bool:
-        """
-        Tell whether an executor may serve something.
-
-        :param entity: what it is
-        :returns: whether it may
-        """
-        return not isinstance(entity, (Subscription, GuardCondition))
-
-    def beginning_execution(self, entity: object) -> bool:
-        """
-        Let an executor serve something.
-
-        :param entity: what it is
-        :returns: whether it may
-        """
-        return self.can_execute(entity)
-
-    def ending_execution(self, entity: object) -> None:
-        """
-        Take note that an executor has served something.
-
-        :param entity: what it was
-        """
-
-
 class Ear:
     """
     Serves one subscription and nothing else of its node, at a fraction of what an executor costs.
@@ -114,15 +78,20 @@ class Ear:
         Hear nothing yet.
 
         :param node: the node
-        :param subscription: its subscription, which stands ``Aside``
+        :param subscription: its subscription, in a callback group of its own
         :param hear: called with each message, the oldest first
         """
         self._context = node.context
         self._subscription = subscription
         self._hear = hear
         self._over = threading.Event()
+        group = subscription.callback_group
         # The node destroys it, but only after ``run``, which holds it.
-        self._wake = node.create_guard_condition(lambda: None, callback_group=Aside())
+        self._wake = node.create_guard_condition(lambda: None, callback_group=group)
+        # At work on it for ever: so no executor serves the group or waits for it.  Its events
+        # neither: to wait for them, DDS wakes the executor at each message.  They would tell of
+        # a quality of service that does not fit; with best effort, any fits.
+        group.beginning_execution(subscription)
 
     def run(self) -> None:
         """Hear until it is stopped."""

@@ -33,7 +33,7 @@ from kachaka_simple_control.robot.real.real_robot import RealRobot
 from kachaka_simple_control.robot.real.speaker import Speaker
 from kachaka_simple_control.robot.real.watch import Watch
 from kachaka_simple_control.robot.robot_profile import KACHAKA
-from kachaka_simple_control.robot.spinners import Aside, Ear, Spinner
+from kachaka_simple_control.robot.spinners import Ear, Spinner
 from rclpy.publisher import Publisher
 
 
@@ -57,7 +57,7 @@ class RealBridge(BridgeNode):
         :param give_up: called with the reason when motions are cut short
         """
         self._speaker = Speaker(self._log)
-        super().__init__(namespace, Aside())
+        super().__init__(namespace)
         self._address: Address = meeting.address
         self._identity = meeting.identity
         self._frame_prefix = frame_prefix
