@@ -17,21 +17,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 import math
+import textwrap
 
-from kachaka_simple_control.audience.glance import Glance, Left, State
+from kachaka_simple_control.audience.glance import Glance, State
 from kachaka_simple_control.audience.step_lines import which
 from kachaka_simple_control.motion.kinematics import Velocity
 from kachaka_simple_control.report.columns import one_line
 from kachaka_simple_control.report.looks import BLUE, GREY, ORANGE
 from kachaka_simple_control.report.preview import fixed
 from rich.console import Console
-from rich.progress_bar import ProgressBar
-from rich.table import Table
 from rich.text import Text
 
 HEIGHT = 6
 #: In a terminal with less room, a panel helps nobody.
-MIN_COLUMNS, MIN_ROWS = 40, 12
+MIN_COLUMNS, MIN_ROWS = 60, 12
 #: A bar any wider tells nothing more.
 WIDEST = 120
 NAME = 28
@@ -66,16 +65,16 @@ def panel(console: Console, columns: int, glance: Glance, hint: str) -> list[str
     """
     # One column is left free: a terminal may break a line that fills it.
     width = min(columns - 1, WIDEST)
-    line = '\u2500' if console.encoding.startswith('utf') else '-'
+    console.width = columns
+    signs = '\u2501\u2500' if console.encoding.startswith('utf') else '#-'
     rows = [
-        _head(glance, hint, line, width), _state(glance), _bar(glance, width),
-        _step(glance), _commanded(glance), _odometry(glance)]
+        _head(glance, hint, signs[1], width), *_state(glance, width),
+        _bar(glance, signs, width), _commanded(glance), _odometry(glance)]
     return [_drawn(console, row, width) for row in rows]
 
 
-def _drawn(console: Console, row: Text | Table, width: int) -> str:
-    if isinstance(row, Text):
-        row.truncate(width, overflow='ellipsis')
+def _drawn(console: Console, row: Text, width: int) -> str:
+    row.truncate(width, overflow='ellipsis')
     with console.capture() as capture:
         console.print(row, no_wrap=True, overflow='ellipsis', width=width, end='')
     return capture.get().rstrip('\n')
@@ -83,17 +82,25 @@ def _drawn(console: Console, row: Text | Table, width: int) -> str:
 
 def _head(glance: Glance, hint: str, line: str, width: int) -> Text:
     names = [one_line(name, NAME) for name in (glance.title, glance.robot) if name]
+    room = max(1, width - len(hint) - 3)
     text = Text(' on '.join(names), style='bold')
-    end = Text(hint, style='bold')
-    text.append(f' {line * max(1, width - text.cell_len - end.cell_len - 2)} ', style=GREY)
-    return text + end
+    if text.cell_len > room:
+        text = Text(names[0], style='bold')
+    text.truncate(room, overflow='ellipsis')
+    rule = line * max(1, width - text.cell_len - len(hint) - 2)
+    return Text.assemble(text, (f' {rule} ', GREY), (hint, 'bold'))
 
 
-def _state(glance: Glance) -> Text:
-    text = Text()
-    text.append(f' {glance.state.value.upper()} ', _STYLES.get(glance.state, _OTHER_STYLE))
-    text.append(f'  {_words(glance)}')
-    return text
+def _state(glance: Glance, width: int) -> list[Text]:
+    word = f' {glance.state.value.upper()} '
+    words = _words(glance)
+    style = _STYLES.get(glance.state, _OTHER_STYLE)
+    if glance.state is not State.CUT_SHORT:
+        return [Text.assemble((word, style), f'  {words}'), _step(glance)]
+    # The reason may be long, and there is no step to tell of.
+    parts = textwrap.wrap(words, width - len(word) - 2) or ['']
+    return [Text.assemble((word, style), f'  {parts[0]}'),
+            Text(' ' * (len(word) + 2) + ' '.join(parts[1:]))]
 
 
 def _words(glance: Glance) -> str:
@@ -102,40 +109,35 @@ def _words(glance: Glance) -> str:
     if glance.state is State.DRIVING and glance.step is not None:
         return f'{which(glance.step)}: {glance.step.words}'
     if glance.state is State.CUT_SHORT:
-        return one_line(glance.reason or '', WIDEST)
+        return one_line(glance.reason or '', 2 * WIDEST)
     if glance.state is State.STOPPED and glance.seen is not None and glance.seen_ago < FRESH:
         return 'odometry sees the robot stand still'
     return _WORDS.get(glance.state, '')
 
 
-def _bar(glance: Glance, width: int) -> Table | Text:
+def _bar(glance: Glance, signs: str, width: int) -> Text:
     if glance.duration is None:
         return Text()
-    figures = (f'{100.0 * glance.part:3.0f} %  {fixed(glance.time_left, 1)} s left of '
+    figures = (f'  {100.0 * glance.part:3.0f} %   {fixed(glance.time_left, 1)} s left of '
                f'{fixed(glance.duration, 1)} s')
-    grid = Table.grid(padding=(0, 2, 0, 0))
-    bar = ProgressBar(
-        total=1.0, completed=glance.part, width=max(1, width - len(figures) - 4),
-        style=GREY, complete_style=BLUE, finished_style=BLUE)
-    grid.add_row(bar, figures)
-    return grid
+    room = max(1, width - len(figures))
+    done = min(room, max(0, round(glance.part * room)))
+    # Two signs, for there may be no colours.
+    return Text.assemble(
+        (signs[0] * done, f'bold {BLUE}'), (signs[1] * (room - done), GREY), figures)
 
 
 def _step(glance: Glance) -> Text:
     if glance.step is None:
-        return _row('this step', [])
-    return _row('this step', [
-        f'{fixed(glance.step.time_left, 1)} s left', *_left(glance.step.left)])
-
-
-def _left(left: Left) -> Iterable[str]:
-    ways = []
+        return _row('this step', ['none'])
+    left = glance.step.left
+    ways = [f'{fixed(glance.step.time_left, 1)} s']
     if left.distance is not None:
         ways.append(f'{fixed(left.distance, 3)} m')
     if left.angle is not None:
         ways.append(f'{fixed(math.degrees(left.angle), 1)} deg')
-    if ways:
-        yield f'{", ".join(ways)} left {"by odometry" if left.is_seen else "by what was sent"}'
+    by = ' by odometry' if left.is_seen else ' by commands'
+    return _row('this step', [f'{", ".join(ways)} left{by if len(ways) > 1 else ""}'])
 
 
 def _commanded(glance: Glance) -> Text:

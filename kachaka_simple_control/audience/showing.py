@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import threading
 
 from kachaka_simple_control.audience import terminal
 from kachaka_simple_control.audience.screen import has_terminal
@@ -33,12 +34,15 @@ class DisplayTeller(Teller):
     """
     Tells a display what happens, and sees to it that the terminal is left as it was found.
 
-    A display that was killed cannot do that, and one that hangs is killed.
+    A display that was killed cannot do that: it is done in its place, at once, so that nobody
+    takes for news what it drew last.  One that hangs in the end is killed.
     """
 
     def __init__(self) -> None:
         """Start it."""
         super().__init__(child.command(DISPLAY), child.environment())
+        self._clearing = threading.Thread(target=self._clear, name='display', daemon=True)
+        self._clearing.start()
 
     def close(self, patience: float) -> int | None:
         """
@@ -47,14 +51,17 @@ class DisplayTeller(Teller):
         :param patience: how long to wait at most [s]
         :returns: its exit code
         """
-        code = super().close(min(patience, PATIENCE))
-        if code is None:
+        if super().close(min(patience, PATIENCE)) is None:
             self._process.kill()
-            code = self._process.wait()
-        if code != 0 and has_terminal(STDERR):
+        code = self._process.wait()
+        # A terminal may take nothing, after Ctrl+S.
+        self._clearing.join(PATIENCE)
+        return code
+
+    def _clear(self) -> None:
+        if self._process.wait() != 0 and has_terminal(STDERR):
             with contextlib.suppress(OSError):
                 os.write(STDERR, terminal.CLOSE.encode())
-        return code
 
 
 def worth_showing(is_lesson: bool) -> bool:
