@@ -136,7 +136,7 @@ def main() -> None:
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     from kachaka_simple_control.ros.isolation import stay_on_this_machine
     stay_on_this_machine()
-    rounds, count = (2, 6) if options.quick else (10, 30)
+    rounds, count = (2, 6) if options.quick else (6, 30)
     for table in tables(measure(rounds, count)):
         print(f'\n{table.text()}', end='')
 

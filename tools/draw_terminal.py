@@ -34,7 +34,8 @@ FONT = "font-family: 'DejaVu Sans Mono', Menlo, Consolas, monospace;"
 def main() -> None:
     """Read the terminal's lines from standard input, and write the picture."""
     title, picture = sys.argv[1:]
-    lines = sys.stdin.read().rstrip('\n').split('\n')
+    # A line more, for the picture cuts the last one off a little below its letters.
+    lines = [*sys.stdin.read().rstrip('\n').split('\n'), '']
     texts = [Text.from_ansi(line) for line in lines]
     width = max(text.cell_len for text in texts) + 1
     with Path('/dev/null').open('w') as nowhere:

@@ -37,11 +37,13 @@ NAME = 28
 #: Odometry older than this [s] says nothing of now.
 FRESH = 0.5
 LABEL = 11
+#: By number, for many terminals show a bold "black" as grey.
+WHITE, BLACK = '#ffffff', '#000000'
 #: Each state has a word; its colours can be told apart by the colour-blind as well.
 _STYLES = {
-    State.DRIVING: f'bold white on {BLUE}',
-    State.STOPPING: f'bold black on {ORANGE}',
-    State.CUT_SHORT: f'bold black on {ORANGE}',
+    State.DRIVING: f'bold {WHITE} on {BLUE}',
+    State.STOPPING: f'bold {BLACK} on {ORANGE}',
+    State.CUT_SHORT: f'bold {BLACK} on {ORANGE}',
 }
 _OTHER_STYLE = 'bold reverse'
 _WORDS = {
