@@ -15,11 +15,19 @@
 
 import os
 import signal
+import subprocess
 import sys
 import time
 
 from kachaka_simple_control.audience import terminal
 from kachaka_simple_control.audience.screen import Lines, Panel, screen_for
+from kachaka_simple_control.audience.showing import DISPLAY
+from kachaka_simple_control.audience.stream import packets
+from kachaka_simple_control.execution import child
+from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Forward, Motion, Wait
+from kachaka_simple_control.report.events import Began, Closed, Ended, Planned, Sent
 from program import COMMAND, program
 import pytest
 from terminals import at_terminal, Screen
@@ -44,8 +52,8 @@ with listeners(audience) as told:
     audience.tell(Opened(
         'there', 'kachaka', limits, 0.3, 0.0, 'cmd_vel', None, settings={'guardian': True}))
     audience.tell(Planned(Motion('there', (Forward(DISTANCE),)), limits, 50.0))
-    begin = time.monotonic()
-    audience.tell(Began(begin))
+    sys.stdin.readline()  # until there is somebody to see it
+    audience.tell(Began(time.monotonic()))
     for tick in range(round(200 * DISTANCE)):
         before = time.monotonic()
         audience.tell(Sent(before, Velocity(0.25)))
@@ -67,6 +75,13 @@ def teller(distance):
     return [sys.executable, '-c', TELLER.replace('DISTANCE', str(distance))]
 
 
+def begin(shown):
+    """Let a drive begin when it can be seen."""
+    shown.look_for('WAITING')
+    shown.press(b'\n')
+    shown.look_for('DRIVING')
+
+
 def is_clean(screen):
     """Tell whether a terminal is as it was before."""
     return screen.cursor_is_shown and screen.bottom == screen.rows and not any(
@@ -82,7 +97,7 @@ def all_lines(text, count):
 @pytest.mark.parametrize('columns, rows', [(60, 14), (100, 24), (200, 50)])
 def test_a_panel_stays_below_log_lines_that_scroll(columns, rows):
     with at_terminal(teller(0.5), columns, rows) as shown:
-        shown.look_for('DRIVING')
+        begin(shown)
         lines = shown.screen.lines[-6:]
         assert lines[0].startswith('there on kachaka')
         assert lines[0].endswith('Ctrl+C stops the robot')
@@ -96,7 +111,7 @@ def test_a_panel_stays_below_log_lines_that_scroll(columns, rows):
 
 def test_a_terminal_that_changes_its_size_gets_a_panel_that_fits():
     with at_terminal(teller(0.6), 100, 24) as shown:
-        shown.look_for('DRIVING')
+        begin(shown)
         shown.resize(70, 20)
         # A real terminal keeps its lines; this one only has to be written to as one of that size.
         shown.screen.lines, shown.screen.row = [''] * 20, 0
@@ -110,6 +125,7 @@ def test_a_terminal_that_changes_its_size_gets_a_panel_that_fits():
 
 def test_a_terminal_too_small_for_a_panel_gets_lines():
     with at_terminal(teller(0.25), 40, 10) as shown:
+        shown.press(b'\n')
         assert shown.end() == 0
         assert 'step 1 of 1: forward 0.25 m (1 s)' in shown.screen.above
         assert shown.screen.bottom == 10
@@ -117,7 +133,7 @@ def test_a_terminal_too_small_for_a_panel_gets_lines():
 
 def test_when_the_program_is_killed_the_terminal_is_left_as_it_was():
     with at_terminal(teller(5.0)) as shown:
-        shown.look_for('DRIVING')
+        begin(shown)
         shown.process.send_signal(signal.SIGKILL)
         shown.process.wait()
         shown.look_for('kachaka_simple_control was killed in mid-motion: its guardian stops the')
@@ -127,7 +143,7 @@ def test_when_the_program_is_killed_the_terminal_is_left_as_it_was():
 
 def test_when_the_display_is_killed_the_terminal_is_cleared_and_the_drive_goes_on():
     with at_terminal(teller(1.0)) as shown:
-        shown.look_for('DRIVING')
+        begin(shown)
         os.kill(shown.display(), signal.SIGKILL)
         shown.look(0.5)
         assert shown.process.poll() is None
@@ -139,7 +155,7 @@ def test_when_the_display_is_killed_the_terminal_is_cleared_and_the_drive_goes_o
 
 def test_a_display_that_hangs_holds_nobody_up():
     with at_terminal(teller(1.0)) as shown:
-        shown.look_for('DRIVING')
+        begin(shown)
         display = shown.display()
         os.kill(display, signal.SIGSTOP)
         assert shown.end(15.0) == 0
@@ -154,14 +170,29 @@ def test_a_display_that_hangs_holds_nobody_up():
 
 
 def test_a_program_that_was_suspended_gives_the_terminal_back():
-    with at_terminal(teller(2.0)) as shown:
-        shown.look_for('DRIVING')
+    with at_terminal(teller(1.0)) as shown:
+        begin(shown)
         shown.process.send_signal(signal.SIGSTOP)
         shown.look(1.0)
         assert is_clean(shown.screen)
         shown.process.send_signal(signal.SIGCONT)
         shown.look_for('DRIVING')
         assert shown.end() == 0
+
+
+def test_a_display_that_comes_late_tells_all_lines():
+    """The drive was over before its program had started."""
+    told, velocity = [], Velocity(0.25)
+    motion = Motion('there', (Forward(0.25), Wait(1.0)))
+    told.append(Planned(motion, Limits(0.25, 1.0), 10.0))
+    told += [event for tick in range(20) for event in (
+        Sent(100.0 + tick / 10, velocity), *([Began(100.0)] if tick == 0 else []))]
+    told += [Ended(102.0), Closed(102.5)]
+    ended = subprocess.run(
+        child.command(DISPLAY), env=child.environment(), capture_output=True, check=True,
+        input=b''.join(packet for event in told for packet in packets(event)))
+    assert ended.stderr.decode().splitlines() == [
+        'step 1 of 2: forward 0.25 m (1 s)', 'step 2 of 2: wait 1 s (1 s)']
 
 
 @pytest.mark.parametrize('cursor', [0, 5, 19])

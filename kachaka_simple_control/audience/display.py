@@ -32,6 +32,7 @@ from kachaka_simple_control.audience.progress import Progress
 from kachaka_simple_control.audience.screen import Screen, screen_for
 from kachaka_simple_control.audience.stream import events
 from kachaka_simple_control.execution.frozen import is_frozen
+from kachaka_simple_control.report.events import Event, Sent
 
 #: How much lower than others its priority is.
 NICE = 10
@@ -70,10 +71,17 @@ class Display:
     def _listen(self) -> None:
         try:
             for event in events(sys.stdin.buffer):
-                with self._lock:
-                    self._progress.hear(event)
+                self._hear(event)
         finally:
             self._over.set()
+
+    def _hear(self, event: Event) -> None:
+        with self._lock:
+            self._progress.hear(event)
+            if not isinstance(event, Sent):
+                return
+            glance = self._progress.at(event.time)
+        self._screen.follow(glance, event.time)
 
     def _show(self) -> None:
         if is_frozen(self._parent):

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import os
 import sys
+import threading
 from typing import Protocol, TYPE_CHECKING
 
 from kachaka_simple_control.audience import terminal
@@ -46,6 +47,16 @@ class Screen(Protocol):
         :param hint: how to stop
         """
 
+    def follow(self, glance: Glance, now: float) -> None:
+        """
+        Note what there was to see when something happened, perhaps a while ago.
+
+        Called by another thread than the others.
+
+        :param glance: what there was to see
+        :param now: when [s on the steady clock]
+        """
+
     def hide(self) -> None:
         """Take away what is not to stay."""
 
@@ -63,6 +74,7 @@ class Lines:
         """
         self._write = write
         self._lines = StepLines()
+        self._looking = threading.Lock()
 
     def show(self, glance: Glance, now: float, hint: str) -> None:
         """
@@ -73,8 +85,18 @@ class Lines:
         :param hint: not used: whoever reads lines cannot press keys
         """
         del hint
-        for line in self._lines.look(glance, now):
-            self._write(f'{line}\n')
+        self.follow(glance, now)
+
+    def follow(self, glance: Glance, now: float) -> None:
+        """
+        Write the lines that were due then: none is left out because this program was late.
+
+        :param glance: what there was to see
+        :param now: when [s on the steady clock]
+        """
+        with self._looking:
+            for line in self._lines.look(glance, now):
+                self._write(f'{line}\n')
 
     def hide(self) -> None:
         """Leave the lines where they are."""
@@ -100,6 +122,7 @@ class Panel:
         self._write, self._size, self._draw, self._least = write, size, draw, least
         self._lines = Lines(write)
         self._shown: tuple[os.terminal_size, list[str]] | None = None
+        self._is_small = is_smaller(size(), least)
 
     def show(self, glance: Glance, now: float, hint: str) -> None:
         """
@@ -110,10 +133,12 @@ class Panel:
         :param hint: how to stop
         """
         size = self._size()
-        if size.columns < self._least[0] or size.lines < self._least[1]:
+        if is_smaller(size, self._least):
             self.hide()
+            self._is_small = True
             self._lines.show(glance, now, hint)
             return
+        self._is_small = False
         lines = self._draw(size.columns, glance, hint)
         if self._shown == (size, lines):
             return
@@ -124,11 +149,32 @@ class Panel:
         self._write(text + terminal.drawing(size.lines, lines))
         self._shown = size, lines
 
+    def follow(self, glance: Glance, now: float) -> None:
+        """
+        Write lines as long as there is no room for a panel, which shows but what is.
+
+        :param glance: what there was to see
+        :param now: when [s on the steady clock]
+        """
+        if self._is_small:
+            self._lines.follow(glance, now)
+
     def hide(self) -> None:
         """Give the terminal back."""
         if self._shown is not None:
             self._write(terminal.CLOSE)
             self._shown = None
+
+
+def is_smaller(size: os.terminal_size, least: tuple[int, int]) -> bool:
+    """
+    Tell whether a terminal is smaller than it must be.
+
+    :param size: how large it is
+    :param least: how many columns and rows it must have
+    :returns: whether it has less of either
+    """
+    return size.columns < least[0] or size.lines < least[1]
 
 
 def screen_for(descriptor: int) -> Screen:
