@@ -19,6 +19,7 @@ import contextlib
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.audience.listeners import Listeners, listeners, REPORTER
+from kachaka_simple_control.audience.showing import DisplayTeller, worth_showing
 from kachaka_simple_control.command_line import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
@@ -52,7 +53,7 @@ def drive(options: Options) -> None:
             for name, value in _parameters(options, motion_file).items()])
         told = helpers.enter_context(listeners(robot_control.audience))
         try:
-            _start_listeners(told, options)
+            _start_listeners(told, options, is_lesson=motion_file is None)
             robot_control.introduce(_title(motion_file))
             if options.brings_robot:
                 helpers.enter_context(
@@ -82,7 +83,9 @@ def start_ros(arguments: tuple[str, ...]) -> None:
         raise UsageError(str(error).splitlines()[0]) from None
 
 
-def _start_listeners(told: Listeners, options: Options) -> None:
+def _start_listeners(told: Listeners, options: Options, is_lesson: bool) -> None:
+    if not options.quiet and worth_showing(is_lesson):
+        told.join(DisplayTeller())
     if options.report is not None:
         told.start(REPORTER, options.report)
 

@@ -42,7 +42,7 @@ COMMON = {
     'rclpy.qos': {'qos_profile_sensor_data'},
     'rclpy.signals': {'SignalHandlerOptions', 'uninstall_signal_handlers'},
     'rclpy.subscription': {'Subscription'},
-    'rclpy.utilities': {'remove_ros_args'},
+    'rclpy.utilities': {'get_rmw_implementation_identifier', 'remove_ros_args'},
     'rclpy.validate_namespace': {'validate_namespace'},
     'std_srvs.srv': {'SetBool', 'Trigger'},
 }

@@ -53,7 +53,14 @@ class Listeners:
         :param module: its program
         :param arguments: what that is told
         """
-        teller = Teller([*child.command(module), *arguments], child.environment())
+        self.join(Teller([*child.command(module), *arguments], child.environment()))
+
+    def join(self, teller: Teller) -> None:
+        """
+        Add one that was started.
+
+        :param teller: tells it; closed in the end, in the order of joining
+        """
         self._tellers.append(teller)
         self._audience.join(teller.tell)
 

@@ -1,0 +1,199 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What the robot is doing, at any time, as far as events tell; pure, told the time."""
+
+from __future__ import annotations
+
+from kachaka_simple_control.audience.glance import Glance, Left, State, Step
+from kachaka_simple_control.audience.trip import Course, left_of, REST, Trip
+from kachaka_simple_control.execution.stillness import Stillness
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.report.events import (
+    Answered,
+    Began,
+    Closed,
+    Ended,
+    Event,
+    Opened,
+    Planned,
+    Sent,
+)
+from kachaka_simple_control.report.metrics import Displacement, driven, requested
+from kachaka_simple_control.report.preview import in_words
+
+#: When the steps are due does not depend on the rate, and what is sent each time is not shown.
+COARSE = 0.001
+#: The zeros of a stop follow each other more closely than this [s].
+BETWEEN_ZEROS = 0.1
+#: Odometry older than this [s] says nothing of how far it is.
+FRESH = 0.5
+#: A program that drives tells something more often than this [s], or is held up.
+SILENCE = 1.0
+
+
+class Progress:
+    """Follows the events of one program; any order of them will do."""
+
+    def __init__(self) -> None:
+        """Have heard nothing yet."""
+        self._opened: Opened | None = None
+        self._planned: Planned | None = None
+        self._course: Course | None = None
+        self._began: float | None = None
+        self._ended: Ended | None = None
+        self._motions = 0
+        self._sent: Sent | None = None
+        self._answered: Answered | None = None
+        self._told: Trip | None = None
+        self._driven: Trip | None = None
+        self._stillness = Stillness()
+        #: the last event of all; None if none came: it goes on, or was killed
+        self.closed: Closed | None = None
+
+    def hear(self, event: Event) -> None:
+        """
+        Take note of what happened.
+
+        :param event: what it was
+        """
+        match event:
+            case Sent():
+                self._hear_sent(event)
+            case Answered():
+                self._hear_answered(event)
+            case Planned():
+                self._plan(event)
+            case Began() if self._course is not None and self._course.stages:
+                self._began = event.time
+                self._told = Trip(self._course, event.time)
+                self._driven = Trip(self._course, event.time)
+            case Ended():
+                self._ended = event
+            case Opened():
+                self._opened = event
+            case Closed():
+                self.closed = event
+
+    def at(self, now: float) -> Glance:
+        """
+        Return what there is to see.
+
+        :param now: the time [s on the steady clock]
+        :returns: all of it
+        """
+        elapsed = self._elapsed(now)
+        duration = self._course.duration if self._course is not None else None
+        return Glance(
+            state=self._state(now),
+            title=self._title(),
+            robot='' if self._opened is None else self._opened.robot,
+            reason=None if self._ended is None else self._ended.reason,
+            step=self._step(now, elapsed),
+            duration=duration,
+            time_left=(duration or 0.0) - elapsed,
+            commanded=None if self._sent is None else self._sent.velocity,
+            seen=None if self._answered is None else self._answered.velocity,
+            seen_ago=0.0 if self._answered is None else max(0.0, now - self._answered.time),
+            silence=self._silence(now))
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether a motion was begun and not ended."""
+        return self._began is not None and self._ended is None
+
+    @property
+    def is_guarded(self) -> bool:
+        """Whether a guardian stops the robot when the program cannot."""
+        return self._opened is not None and bool(self._opened.settings.get('guardian'))
+
+    def _plan(self, event: Planned) -> None:
+        self._planned, self._began, self._ended = event, None, None
+        self._course = Course(plan(event.motion, event.limits, COARSE))
+        self._told = self._driven = None
+        self._motions += 1
+
+    def _hear_sent(self, event: Sent) -> None:
+        before, self._sent = self._sent, event
+        if before is not None and self._told is not None and self.is_under_way:
+            self._told.go(before.time, event.time, _held(before, event.time))
+
+    def _hear_answered(self, event: Answered) -> None:
+        before, self._answered = self._answered, event
+        self._stillness.hear(event.time, event.velocity)
+        if before is None or self._driven is None or not self.is_under_way:
+            return
+        if before.time < event.time:
+            way = driven((before, event), before.time, event.time) or REST
+            self._driven.go(before.time, event.time, way)
+
+    def _state(self, now: float) -> State:
+        if self._planned is None:
+            return State.READY
+        if self._ended is None:
+            if self._began is not None:
+                return State.DRIVING
+            return State.MEETING if self._sends_zeros(now) else State.WAITING
+        if self._sends_zeros(now) or self._stillness.moves(now):
+            return State.STOPPING
+        return State.STOPPED if self._ended.reason is None else State.CUT_SHORT
+
+    def _sends_zeros(self, now: float) -> bool:
+        return self._sent is not None and now - self._sent.time < BETWEEN_ZEROS
+
+    def _silence(self, now: float) -> float | None:
+        if not self.is_under_way or self._sent is None:
+            return None
+        silence = now - self._sent.time
+        return silence if silence > SILENCE else None
+
+    def _elapsed(self, now: float) -> float:
+        if self._course is None or self._began is None:
+            return 0.0
+        if self._ended is not None:
+            if self._ended.reason is None:
+                return self._course.duration
+            now = min(now, self._ended.time)
+        return min(max(0.0, now - self._began), self._course.duration)
+
+    def _title(self) -> str:
+        if self._opened is not None:
+            return self._opened.title
+        return '' if self._planned is None else self._planned.motion.name
+
+    def _step(self, now: float, elapsed: float) -> Step | None:
+        if self._course is None or self._planned is None or not self._course.stages:
+            return None
+        place = self._course.step_at(elapsed)
+        stage = self._course.stages[place]
+        # What is driven by calls, one at a time, is counted: nobody knows how many will come.
+        is_called = self._planned.motion.name != self._title()
+        return Step(
+            self._motions if is_called else place + 1,
+            None if is_called else len(self._course.stages),
+            in_words(stage.step), stage.end - stage.start,
+            max(0.0, stage.end - max(elapsed, stage.start)),
+            self._left(place, requested(stage.step), now))
+
+    def _left(self, place: int, asked: Displacement, now: float) -> Left:
+        answered = self._answered
+        is_seen = answered is not None and now - answered.time <= FRESH
+        trip = self._driven if is_seen else self._told
+        gone = REST if trip is None else trip.gone(place)
+        return Left(
+            left_of(asked.distance, gone.distance), left_of(asked.angle, gone.angle), is_seen)
+
+
+def _held(sent: Sent, until: float) -> Displacement:
+    held = until - sent.time
+    return Displacement(sent.velocity.linear_x * held, sent.velocity.angular_z * held)

@@ -1,0 +1,74 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The side of the program that drives of the one that shows it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+
+from kachaka_simple_control.audience import terminal
+from kachaka_simple_control.audience.screen import has_terminal
+from kachaka_simple_control.audience.teller import Teller
+from kachaka_simple_control.execution import child
+
+DISPLAY = 'kachaka_simple_control.audience.display'
+STDERR = 2
+#: How long it may take to clear the terminal [s]; there is nothing worth waiting for.
+PATIENCE = 1.0
+
+
+class DisplayTeller(Teller):
+    """
+    Tells a display what happens, and sees to it that the terminal is left as it was found.
+
+    A display that was killed cannot do that: it is done in its place, at once, so that nobody
+    takes for news what it drew last.  One that hangs in the end is killed.
+    """
+
+    def __init__(self) -> None:
+        """Start it."""
+        super().__init__(child.command(DISPLAY), child.environment())
+        self._clearing = threading.Thread(target=self._clear, name='display', daemon=True)
+        self._clearing.start()
+
+    def close(self, patience: float) -> int | None:
+        """
+        Tell it that nothing follows, and wait for its end.
+
+        :param patience: how long to wait at most [s]
+        :returns: its exit code
+        """
+        if super().close(min(patience, PATIENCE)) is None:
+            self._process.kill()
+        code = self._process.wait()
+        # A terminal may take nothing, after Ctrl+S.
+        self._clearing.join(PATIENCE)
+        return code
+
+    def _clear(self) -> None:
+        if self._process.wait() != 0 and has_terminal(STDERR):
+            with contextlib.suppress(OSError):
+                os.write(STDERR, terminal.CLOSE.encode())
+
+
+def worth_showing(is_lesson: bool) -> bool:
+    """
+    Tell whether a display has anything to show.
+
+    :param is_lesson: whether the movements are told one by one by the node's log lines anyway
+    :returns: whether it does: always on a terminal
+    """
+    return not is_lesson or has_terminal(STDERR)

@@ -1,0 +1,209 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A terminal to look at: what programs write to it, and what stands in it then."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import contextlib
+import fcntl
+import os
+from pathlib import Path
+import pty
+import re
+import select
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import time
+
+from program import children_of, environment
+
+SEQUENCE = re.compile(r'\x1b(?:\[([?0-9;]*)([A-Za-z])|([78]))')
+
+
+class Screen:
+    """Understands as much of what is written to a terminal as our programs write."""
+
+    def __init__(self, columns: int, rows: int) -> None:
+        """Be empty."""
+        self.columns, self.rows = columns, rows
+        self.lines = [''] * rows
+        #: lines that were scrolled out at the top
+        self.history: list[str] = []
+        self.row = self.column = 0
+        self.bottom = rows
+        self.cursor_is_shown = True
+        self._saved = (0, 0)
+
+    def write(self, text: str) -> None:
+        """Write to it."""
+        place = 0
+        for match in SEQUENCE.finditer(text):
+            self._print(text[place:match.start()])
+            self._obey(*match.groups())
+            place = match.end()
+        self._print(text[place:])
+
+    @property
+    def above(self) -> list[str]:
+        """Return what was written by others than the panel, from the first line on."""
+        lines = [*self.history, *self.lines[:self.bottom]]
+        while lines and not lines[-1].strip():
+            lines.pop()
+        return [line.rstrip() for line in lines]
+
+    def _print(self, text: str) -> None:
+        for sign in text:
+            if sign == '\n':
+                self._feed()
+            elif sign == '\r':
+                self.column = 0
+            else:
+                if self.column == self.columns:
+                    self.column = 0
+                    self._feed()
+                line = self.lines[self.row].ljust(self.column)
+                self.lines[self.row] = line[:self.column] + sign + line[self.column + 1:]
+                self.column += 1
+
+    def _feed(self) -> None:
+        if self.row == self.bottom - 1:
+            self.history.append(self.lines.pop(0))
+            self.lines.insert(self.bottom - 1, '')
+        else:
+            self.row = min(self.row + 1, self.rows - 1)
+
+    def _obey(self, numbers: str | None, letter: str | None, digit: str | None) -> None:
+        if digit == '7':
+            self._saved = self.row, self.column
+        elif digit == '8':
+            self.row, self.column = self._saved
+        elif letter == 'A':
+            self.row = max(0, self.row - int(numbers or 1))
+        elif letter == 'H':
+            row, column = (int(number) for number in (numbers or '1;1').split(';'))
+            self.row, self.column = row - 1, column - 1
+        elif letter == 'K':
+            self.lines[self.row] = ''
+        elif letter == 'J':
+            self.lines[self.row] = self.lines[self.row][:self.column]
+            self.lines[self.row + 1:] = [''] * (self.rows - self.row - 1)
+        elif letter == 'r':
+            self.bottom = int(numbers.split(';')[1]) if numbers else self.rows
+            self.row = self.column = 0
+        elif numbers == '?25':
+            self.cursor_is_shown = letter == 'h'
+        else:
+            assert letter == 'm', f'nobody told of ESC {numbers}{letter}'
+
+
+class TerminalProgram:
+    """A process at a terminal of its own."""
+
+    def __init__(self, command: list[str], columns: int, rows: int) -> None:
+        """Start it; Ctrl+C at its terminal reaches it."""
+        self._leader, follower = pty.openpty()
+        self.screen = Screen(columns, rows)
+        self._rest = b''
+        self.resize(columns, rows)
+        starter = (
+            'import fcntl, os, sys, termios; fcntl.ioctl(2, termios.TIOCSCTTY, 0); '
+            'os.execv(sys.argv[1], sys.argv[1:])')
+        self.process = subprocess.Popen(
+            [sys.executable, '-c', starter, *command], stdin=follower, stdout=follower,
+            stderr=follower, start_new_session=True,
+            env={**environment(), 'TERM': 'xterm-256color'})
+        os.close(follower)
+
+    def resize(self, columns: int, rows: int) -> None:
+        """Make the terminal as large."""
+        size = struct.pack('HHHH', rows, columns, 0, 0)
+        fcntl.ioctl(self._leader, termios.TIOCSWINSZ, size)
+
+    def press(self, keys: bytes) -> None:
+        """Press keys."""
+        os.write(self._leader, keys)
+
+    def look(self, seconds: float) -> None:
+        """Let it write for a while."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            if not select.select([self._leader], [], [], left)[0] or not self._read():
+                return
+
+    def look_for(self, text: str, timeout: float = 20.0) -> None:
+        """Let it write until a text stands in the terminal."""
+        end = time.monotonic() + timeout
+        while not any(text in line for line in (*self.screen.history, *self.screen.lines)):
+            assert time.monotonic() < end, f'{text!r} never came:\n{self}'
+            if select.select([self._leader], [], [], 0.1)[0] and not self._read():
+                raise AssertionError(f'{text!r} never came, and it is over:\n{self}')
+
+    def end(self, timeout: float = 30.0) -> int:
+        """Let it write until its end; return its exit code as a shell tells it."""
+        end = time.monotonic() + timeout
+        while self.process.poll() is None:
+            assert time.monotonic() < end, f'it does not end:\n{self}'
+            self.look(0.05)
+        self.look(0.3)
+        code = self.process.returncode
+        return 128 - code if code < 0 else code
+
+    def display(self) -> int:
+        """Return the process that draws."""
+        for child in children_of(self.process.pid):
+            with contextlib.suppress(FileNotFoundError):
+                if b'audience.display' in Path(f'/proc/{child}/cmdline').read_bytes():
+                    return child
+        raise AssertionError(f'nobody draws:\n{self}')
+
+    def close(self) -> None:
+        """Leave nothing of it behind."""
+        for child in [self.process.pid, *children_of(self.process.pid)]:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(child, signal.SIGKILL)
+        self.process.wait()
+        os.close(self._leader)
+
+    def __str__(self) -> str:
+        """Return what stands in the terminal."""
+        return '\n'.join([*self.screen.history, '-' * 20, *self.screen.lines])
+
+    def _read(self) -> bool:
+        try:
+            data = self._rest + os.read(self._leader, 65536)
+        except OSError:  # nobody is there any more
+            return False
+        # A sign or a sequence may be cut in two.
+        text = data.decode(errors='ignore')
+        cut = text.rfind('\x1b')
+        if cut >= 0 and not SEQUENCE.match(text, cut):
+            text = text[:cut]
+        self._rest = data[len(text.encode()):]
+        self.screen.write(text)
+        return True
+
+
+@contextlib.contextmanager
+def at_terminal(
+        command: list[str], columns: int = 100, rows: int = 24) -> Iterator[TerminalProgram]:
+    """Run a command at a terminal."""
+    program = TerminalProgram(command, columns, rows)
+    try:
+        yield program
+    finally:
+        program.close()

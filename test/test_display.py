@@ -1,0 +1,298 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The display of a drive at a real terminal: seen, out of the way, and gone in the end."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from kachaka_simple_control.audience import terminal
+from kachaka_simple_control.audience.screen import Lines, Panel, screen_for
+from kachaka_simple_control.audience.showing import DISPLAY
+from kachaka_simple_control.audience.stream import packets
+from kachaka_simple_control.execution import child
+from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Forward, Motion, Wait
+from kachaka_simple_control.report.events import Began, Closed, Ended, Planned, Sent
+from program import COMMAND, program
+import pytest
+from terminals import at_terminal, Screen
+
+pytest.importorskip('rich', reason='needs rich')
+
+#: Tells of a drive, in real time, and writes log lines meanwhile, one of them in two halves.
+TELLER = """
+import os, sys, time
+from kachaka_simple_control.audience.audience import Audience
+from kachaka_simple_control.audience.listeners import listeners
+from kachaka_simple_control.audience.showing import DisplayTeller
+from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Forward, Motion
+from kachaka_simple_control.report.events import Began, Ended, Opened, Planned, Sent
+
+limits = Limits(0.25, 1.0)
+audience, slowest = Audience(), 0.0
+with listeners(audience) as told:
+    told.join(DisplayTeller())
+    audience.tell(Opened(
+        'there', 'kachaka', limits, 0.3, 0.0, 'cmd_vel', None, settings={'guardian': True}))
+    audience.tell(Planned(Motion('there', (Forward(DISTANCE),)), limits, 50.0))
+    sys.stdin.readline()  # until there is somebody to see it
+    audience.tell(Began(time.monotonic()))
+    for tick in range(round(200 * DISTANCE)):
+        before = time.monotonic()
+        audience.tell(Sent(before, Velocity(0.25)))
+        if tick % 10 == 0:
+            os.write(2, b'[INFO] line %d ' % tick)
+            time.sleep(0.001)
+            os.write(2, b'is whole\\n')
+        slowest = max(slowest, time.monotonic() - before)
+        time.sleep(0.02)
+    audience.tell(Sent(time.monotonic(), ZERO))
+    audience.tell(Ended(time.monotonic()))
+    ended = time.monotonic()
+print(f'slowest {slowest:.3f} closed {time.monotonic() - ended:.3f}')
+"""
+
+
+def teller(distance):
+    """Return a program that tells of a drive of some length, at 0.25 m/s."""
+    return [sys.executable, '-c', TELLER.replace('DISTANCE', str(distance))]
+
+
+def begin(shown):
+    """Let a drive begin when it can be seen."""
+    shown.look_for('WAITING')
+    shown.press(b'\n')
+    shown.look_for('DRIVING')
+
+
+def is_clean(screen):
+    """Tell whether a terminal is as it was before."""
+    return screen.cursor_is_shown and screen.bottom == screen.rows and not any(
+        'Ctrl+C' in line or 'commanded' in line for line in screen.lines)
+
+
+def all_lines(text, count):
+    """Tell whether all log lines are there, whole and in order."""
+    return [line for line in text if line.startswith('[INFO]')] == [
+        f'[INFO] line {10 * number} is whole' for number in range(count)]
+
+
+@pytest.mark.parametrize('columns, rows', [(60, 14), (100, 24), (200, 50)])
+def test_a_panel_stays_below_log_lines_that_scroll(columns, rows):
+    with at_terminal(teller(0.5), columns, rows) as shown:
+        begin(shown)
+        lines = shown.screen.lines[-6:]
+        assert lines[0].startswith('there on kachaka')
+        assert lines[0].endswith('Ctrl+C stops the robot')
+        assert 'step 1 of 1: forward 0.5 m' in lines[1]
+        assert max(map(len, lines)) < columns
+        assert shown.screen.bottom == rows - 6
+        assert shown.end() == 0
+        assert all_lines(shown.screen.above, 10)
+        assert is_clean(shown.screen)
+
+
+def test_a_terminal_that_changes_its_size_gets_a_panel_that_fits():
+    with at_terminal(teller(0.6), 100, 24) as shown:
+        begin(shown)
+        shown.resize(70, 20)
+        # A real terminal keeps its lines; this one only has to be written to as one of that size.
+        shown.screen.lines, shown.screen.row = [''] * 20, 0
+        shown.screen.columns, shown.screen.rows, shown.screen.bottom = 70, 20, 20
+        shown.look_for('DRIVING')
+        assert shown.screen.bottom == 14
+        assert len(shown.screen.lines[14]) == 69
+        assert shown.end() == 0
+        assert is_clean(shown.screen)
+
+
+def test_a_terminal_too_small_for_a_panel_gets_lines():
+    with at_terminal(teller(0.25), 40, 10) as shown:
+        shown.press(b'\n')
+        assert shown.end() == 0
+        assert 'step 1 of 1: forward 0.25 m (1 s)' in shown.screen.above
+        assert shown.screen.bottom == 10
+
+
+def test_when_the_program_is_killed_the_terminal_is_left_as_it_was():
+    with at_terminal(teller(5.0)) as shown:
+        begin(shown)
+        shown.process.send_signal(signal.SIGKILL)
+        shown.process.wait()
+        shown.look_for('kachaka_simple_control was killed in mid-motion: its guardian stops the')
+        shown.look(0.3)
+        assert is_clean(shown.screen)
+
+
+def test_when_the_display_is_killed_the_terminal_is_cleared_and_the_drive_goes_on():
+    with at_terminal(teller(1.0)) as shown:
+        begin(shown)
+        os.kill(shown.display(), signal.SIGKILL)
+        shown.look(0.5)
+        assert shown.process.poll() is None
+        assert is_clean(shown.screen)
+        assert shown.end() == 0
+        assert all_lines(shown.screen.above, 20)
+        assert is_clean(shown.screen)
+
+
+def test_a_display_that_hangs_holds_nobody_up():
+    with at_terminal(teller(1.0)) as shown:
+        begin(shown)
+        display = shown.display()
+        os.kill(display, signal.SIGSTOP)
+        assert shown.end(15.0) == 0
+        assert all_lines(shown.screen.above, 20)
+        assert is_clean(shown.screen)
+        words = shown.screen.above[-1].split()
+        assert words[0] == 'slowest'
+        assert float(words[1]) < 0.3
+        assert float(words[3]) < 3.0
+        with pytest.raises(ProcessLookupError):
+            os.kill(display, 0)
+
+
+def test_a_program_that_was_suspended_gives_the_terminal_back():
+    with at_terminal(teller(1.0)) as shown:
+        begin(shown)
+        shown.process.send_signal(signal.SIGSTOP)
+        shown.look(1.0)
+        assert is_clean(shown.screen)
+        shown.process.send_signal(signal.SIGCONT)
+        shown.look_for('DRIVING')
+        assert shown.end() == 0
+
+
+def test_a_display_that_comes_late_tells_all_lines():
+    """The drive was over before its program had started."""
+    told, velocity = [], Velocity(0.25)
+    motion = Motion('there', (Forward(0.25), Wait(1.0)))
+    told.append(Planned(motion, Limits(0.25, 1.0), 10.0))
+    told += [event for tick in range(20) for event in (
+        Sent(100.0 + tick / 10, velocity), *([Began(100.0)] if tick == 0 else []))]
+    told += [Ended(102.0), Closed(102.5)]
+    ended = subprocess.run(
+        child.command(DISPLAY), env=child.environment(), capture_output=True, check=True,
+        input=b''.join(packet for event in told for packet in packets(event)))
+    assert ended.stderr.decode().splitlines() == [
+        'step 1 of 2: forward 0.25 m (1 s)', 'step 2 of 2: wait 1 s (1 s)']
+
+
+@pytest.mark.parametrize('cursor', [0, 5, 19])
+def test_room_is_made_wherever_the_cursor_is(cursor):
+    screen = Screen(80, 20)
+    screen.write('\n'.join(map(str, range(cursor + 1))))
+    screen.write('\r')
+    screen.write(terminal.opening(20, 6) + terminal.drawing(20, ['a', 'b', 'c', 'd', 'e', 'f']))
+    assert screen.lines[14:] == ['a', 'b', 'c', 'd', 'e', 'f']
+    assert screen.row == min(cursor, 13)
+    screen.write(f'{terminal.CLOSE}end')
+    assert screen.above[-1] == 'end'
+    assert len(screen.above) == cursor + 1
+
+
+def test_where_there_is_no_panel_closing_it_does_no_harm():
+    screen = Screen(80, 20)
+    screen.write(f'one\r\n{terminal.CLOSE}two')
+    assert screen.above == ['one', 'two']
+
+
+def test_without_rich_it_says_so_once_and_tells_lines(monkeypatch):
+    leader, follower = os.openpty()
+    monkeypatch.setenv('TERM', 'xterm')
+    assert isinstance(screen_for(follower), Panel)
+    for name in [name for name in sys.modules if name.partition('.')[0] == 'rich']:
+        monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.delitem(sys.modules, 'kachaka_simple_control.audience.panel')
+    assert isinstance(screen_for(follower), Lines)
+    assert b'install rich' in os.read(leader, 1000)
+    monkeypatch.setenv('TERM', 'dumb')
+    assert isinstance(screen_for(follower), Lines)
+    for descriptor in (leader, follower):
+        os.close(descriptor)
+
+
+MOTION = """
+name: short
+rate: 20 Hz
+steps:
+  - forward: 0.2 m
+  - wait: 1 s
+  - turn: 45 deg
+"""
+LOG = '[kachaka_simple_control]: '
+
+
+@pytest.fixture
+def motion(tmp_path):
+    """Return the path of a short motion."""
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+    pytest.importorskip('jsonschema', reason='needs jsonschema')
+    file = tmp_path / 'short.yaml'
+    file.write_text(MOTION)
+    return str(file)
+
+
+@pytest.mark.ros
+def test_a_drive_is_shown_and_its_log_lines_stay(motion):
+    with at_terminal([*COMMAND, motion, '--sim'], 130, 30) as shown:
+        shown.look_for('step 2 of 3: wait 1 s')
+        assert 'short on kachaka' in shown.screen.lines[-6]
+        assert not shown.screen.lines[-1].endswith('nothing yet')
+        assert shown.end(40.0) == 0
+        text = '\n'.join(shown.screen.above)
+        for line in ('Robot control node has started', 'Robot has stopped',
+                     'Motion completed: short, 3 steps, '):
+            assert f'{LOG}{line}' in text
+        assert shown.screen.above[-1].startswith('Final pose by odometry: ')
+        assert is_clean(shown.screen)
+
+
+@pytest.mark.ros
+def test_ctrl_c_ends_the_drive_and_the_display(motion):
+    with at_terminal([*COMMAND, motion, '--sim'], 130, 30) as shown:
+        shown.look_for('DRIVING')
+        shown.press(b'\x03')
+        began = time.monotonic()
+        assert shown.end() == 130
+        assert time.monotonic() - began < 6.0
+        assert f'{LOG}Program was interrupted' in '\n'.join(shown.screen.above)
+        assert is_clean(shown.screen)
+
+
+@pytest.mark.ros
+def test_what_is_no_terminal_gets_a_line_for_each_step(motion, tmp_path):
+    with program([*COMMAND, motion, '--sim'], tmp_path) as started:
+        assert started.end(40.0) == 0
+    assert '\x1b' not in started.text
+    steps = [line for line in started.text.splitlines() if line.startswith('step ')]
+    assert [step.partition(' (')[0] for step in steps] == [
+        'step 1 of 3: forward 0.2 m', 'step 2 of 3: wait 1 s', 'step 3 of 3: turn 45 deg']
+
+
+@pytest.mark.ros
+def test_quiet_leaves_log_lines_and_the_result(motion):
+    with at_terminal([*COMMAND, motion, '--sim', '--quiet'], 130, 30) as shown:
+        shown.look_for('Motion completed: short, 3 steps')
+        assert 'DRIVING' not in str(shown)
+        assert not any(line.startswith('step ') for line in shown.screen.above)
+        assert shown.end(40.0) == 0
+        assert shown.screen.above[-1].startswith('Final pose by odometry: ')
