@@ -39,6 +39,7 @@ from kachaka_simple_control.report.events import Answered, Began, Ended, Planned
 from kachaka_simple_control.report.record import Record
 from kachaka_simple_control.robot.robot_profile import profile_of
 from kachaka_simple_control.ros.before_shutdown import before_shutdown
+from kachaka_simple_control.ros.isolation import avoid_shared_memory
 from kachaka_simple_control.ros.names import names_of
 from kachaka_simple_control.ros.odometry import listen_to_odometry
 from kachaka_simple_control.ros.opening import opened
@@ -68,6 +69,7 @@ class KachakaSimpleControl(Node):
         :param node_options: options of ``rclpy.node.Node``, such as ``namespace``
         :raises UsageError: if a parameter has a value that cannot work
         """
+        avoid_shared_memory()
         super().__init__('kachaka_simple_control', **node_options)
         self.profile = profile_of(declare_robot(self))
         self.settings = declare(self, self.profile)

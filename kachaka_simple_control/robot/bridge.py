@@ -30,6 +30,7 @@ from kachaka_simple_control.robot.real.address import Address, PORT
 from kachaka_simple_control.robot.real.reach import UnreachableError
 from kachaka_simple_control.robot.sim_command import MISSING
 from kachaka_simple_control.robot.simulated import SimulatedKachaka
+from kachaka_simple_control.ros.isolation import avoid_shared_memory
 
 if TYPE_CHECKING:
     from kachaka_simple_control.robot.bridge_node import BridgeNode
@@ -102,6 +103,7 @@ def _main(args: list[str], ending: Ending) -> None:
         namespace = '/' + options.namespace.strip('/')
         validate_namespace(namespace)
         make = _real(options, verdict) if options.address else _simulated(options, how)
+        avoid_shared_memory()
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make(namespace)
     except UnreachableError as error:

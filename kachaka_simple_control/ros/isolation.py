@@ -11,27 +11,73 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Keep ROS 2 traffic on this machine."""
+"""By which ways ROS 2 traffic goes: not by shared memory, and on request on this machine alone."""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
+import re
 
-NEWER = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-HUMBLE = 'ROS_LOCALHOST_ONLY'
+RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+#: Humble's, in place of the range.
+LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'
+TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
+#: Files in which people choose transports themselves, by the major version of Fast DDS.
+PROFILES = {2: 'FASTRTPS_DEFAULT_PROFILES_FILE', 3: 'FASTDDS_DEFAULT_PROFILES_FILE'}
+#: The Fast DDS of Humble, whose rclpy does not know the range.
+HUMBLE = (2, 6)
+LOOPBACK = Path(__file__).with_name('loopback.xml')
+
+
+def avoid_shared_memory() -> None:
+    """
+    Let Fast DDS send by UDP alone in this process and its children, unless told otherwise.
+
+    Its shared memory is common to all programs of a machine, and one of them that was killed
+    leaves its part of it locked.  Whoever meets a newcomer then waits for it, a third of a second
+    at a time, with every publisher of the process held up: a velocity, or a stop, comes that much
+    too late.  What we send is too small to gain anything by shared memory.
+
+    Call it before the first node of a context is made.  Humble's Fast DDS and other middlewares
+    do not know the variable.
+    """
+    if not _is_chosen():
+        os.environ[TRANSPORTS] = 'UDPv4'
 
 
 def stay_on_this_machine() -> None:
     """
     Let this process and its children find nobody on other machines, unless told otherwise.
 
-    A simulated robot has the names of a real one, which must not obey in its place.  Call it
-    before ``rclpy.init``.
+    A simulated robot has the names of a real one, which must not obey in its place.  With Fast
+    DDS a profile does it: ROS's own range LOCALHOST brings shared memory with it, and leaves
+    every third newcomer unheard for three seconds.  Call it before ``rclpy.init``.
     """
-    if NEWER in os.environ or HUMBLE in os.environ:
+    if os.environ.get(RANGE, 'LOCALHOST') != 'LOCALHOST' or LOCALHOST_ONLY in os.environ:
         return
-    # Later distributions warn about Humble's variable, and Humble ignores theirs.
-    if os.environ.get('ROS_DISTRO') == 'humble':
-        os.environ[HUMBLE] = '1'
+    version = _fast_dds()
+    if version == HUMBLE or os.environ.get('ROS_DISTRO') == 'humble':
+        os.environ[LOCALHOST_ONLY] = '1'
+    elif version is None or _is_chosen() or not LOOPBACK.is_file():
+        os.environ[RANGE] = 'LOCALHOST'
     else:
-        os.environ[NEWER] = 'LOCALHOST'
+        os.environ[PROFILES[version[0]]] = str(LOOPBACK)
+        os.environ[RANGE] = 'SUBNET'
+
+
+def _is_chosen() -> bool:
+    return any(name in os.environ for name in (TRANSPORTS, *PROFILES.values()))
+
+
+def _fast_dds() -> tuple[int, int] | None:
+    """Return the version of Fast DDS that this process sends with; None if it is no such."""
+    try:
+        from rclpy.utilities import get_rmw_implementation_identifier
+        get_rmw_implementation_identifier()  # loads it
+        libraries = Path('/proc/self/maps').read_text(errors='replace')
+    except (ImportError, OSError):
+        return None
+    found = re.search(r'/libfast(?:rtps|dds)\.so\.(\d+)\.(\d+)', libraries)
+    version = (int(found[1]), int(found[2])) if found else None
+    return version if version and version[0] in PROFILES else None

@@ -1,0 +1,145 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""By which ways ROS 2 traffic goes."""
+
+import json
+import os
+import subprocess
+import sys
+
+from kachaka_simple_control.execution import child
+from kachaka_simple_control.ros import isolation
+import pytest
+
+pytestmark = pytest.mark.ros
+
+#: Makes a node, and tells its threads and the addresses that it listens at.
+LOOK = """
+import json, pathlib, sys, time
+from kachaka_simple_control.ros.isolation import avoid_shared_memory, stay_on_this_machine
+{way}()
+import rclpy
+rclpy.init()
+node = rclpy.create_node('looked_at')
+time.sleep(0.5)
+threads = [task.read_text().strip() for task in pathlib.Path('/proc/self/task').glob('*/comm')]
+mine = set()
+for link in pathlib.Path('/proc/self/fd').iterdir():
+    try:
+        mine.add(str(link.readlink()))
+    except OSError:
+        pass
+sockets = [line.split() for line in open('/proc/net/udp').readlines()[1:]]
+print(json.dumps([threads, [s[1] for s in sockets if 'socket:[%s]' % s[9] in mine]]))
+"""
+#: Names of the variables that choose transports.
+NAMES = (isolation.RANGE, isolation.LOCALHOST_ONLY, isolation.TRANSPORTS,
+         *isolation.PROFILES.values())
+#: 127.0.0.1, and 239.255.0.1 where all announcements are heard; as the kernel writes them.
+LOOPBACK, ANNOUNCEMENTS = '0100007F', '0100FFEF'
+
+
+def needs_fast_dds():
+    """Skip where another middleware is used, or Humble's, which knows nothing of this."""
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    if (isolation._fast_dds() or isolation.HUMBLE) == isolation.HUMBLE:
+        pytest.skip('needs Fast DDS 2.14 or later')
+
+
+def environment(**chosen):
+    """Return an environment in which nothing but this is chosen."""
+    free = {name: value for name, value in child.environment().items() if name not in NAMES}
+    return {**free, **chosen}
+
+
+def look(way, **chosen):
+    """Return the threads of DDS and the addresses of a program that goes a way."""
+    needs_fast_dds()
+    told = subprocess.run(
+        [sys.executable, '-c', LOOK.format(way=way)], env=environment(**chosen), timeout=60,
+        capture_output=True, check=True, text=True)
+    threads, addresses = json.loads(told.stdout)
+    assert 'deprecated' not in told.stderr
+    return ({name.split('.')[1] for name in threads if name.startswith('dds.')},
+            {address.split(':')[0] for address in addresses})
+
+
+@pytest.mark.parametrize('way', ['avoid_shared_memory', 'stay_on_this_machine'])
+def test_nothing_goes_by_shared_memory(way):
+    """A program that was killed leaves its part of it locked, and others wait for it."""
+    threads, _ = look(way)
+    assert 'udp' in threads
+    assert 'shm' not in threads
+
+
+@pytest.mark.parametrize('chosen', [{}, {isolation.RANGE: 'LOCALHOST'}])
+def test_what_stays_here_sends_from_the_loopback_interface(chosen):
+    """So it cannot answer what it may hear from elsewhere, by way of others who stand here."""
+    _, addresses = look('stay_on_this_machine', **chosen)
+    assert addresses == {LOOPBACK, ANNOUNCEMENTS}
+
+
+def test_what_people_chose_stands():
+    threads, _ = look('avoid_shared_memory', **{isolation.TRANSPORTS: 'DEFAULT'})
+    assert 'shm' in threads
+    for chosen in ({isolation.RANGE: 'SUBNET'}, {isolation.LOCALHOST_ONLY: '0'}):
+        code = ('import os; from kachaka_simple_control.ros.isolation import *; '
+                f'stay_on_this_machine(); print({{n: os.environ.get(n) for n in {NAMES}}})')
+        told = subprocess.run(
+            [sys.executable, '-c', code], env=environment(**chosen), timeout=60,
+            capture_output=True, check=True, text=True)
+        assert told.stdout.count('None') == len(NAMES) - 1
+
+
+def test_tools_that_know_nothing_of_this_hear_who_stays_here():
+    """As in another terminal: with ROS's own settings, or with its range LOCALHOST."""
+    needs_fast_dds()
+    talk = ('from kachaka_simple_control.ros.isolation import *; stay_on_this_machine(); '
+            'import rclpy, time; from geometry_msgs.msg import Twist; rclpy.init(); '
+            'publisher = rclpy.create_node("talker").create_publisher(Twist, "/talk", 10)\n'
+            'while True: publisher.publish(Twist()); time.sleep(0.05)')
+    hear = ('import rclpy; from geometry_msgs.msg import Twist; rclpy.init(); '
+            'node = rclpy.create_node("hearer"); heard = []; '
+            'node.create_subscription(Twist, "/talk", heard.append, 10)\n'
+            'for _ in range(200):\n'
+            '    if heard: break\n'
+            '    rclpy.spin_once(node, timeout_sec=0.1)\n'
+            'print(len(heard))')
+    with subprocess.Popen([sys.executable, '-c', talk], env=environment()) as talker:
+        try:
+            for chosen in ({}, {isolation.RANGE: 'LOCALHOST'}):
+                told = subprocess.run(
+                    [sys.executable, '-c', hear], env=environment(**chosen), timeout=60,
+                    capture_output=True, check=True, text=True)
+                assert int(told.stdout) >= 1
+        finally:
+            talker.kill()
+
+
+def test_a_profile_of_ones_own_is_not_replaced():
+    needs_fast_dds()
+    name = isolation.PROFILES[isolation._fast_dds()[0]]
+    before = dict(os.environ)
+    try:
+        for variable in NAMES:
+            os.environ.pop(variable, None)
+        os.environ[name] = 'own.xml'
+        isolation.avoid_shared_memory()
+        isolation.stay_on_this_machine()
+        assert os.environ[name] == 'own.xml'
+        assert isolation.TRANSPORTS not in os.environ
+        assert os.environ[isolation.RANGE] == 'LOCALHOST'
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
