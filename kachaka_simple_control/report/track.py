@@ -119,18 +119,31 @@ def line(paths: Iterable[Stretch], grain: float) -> list[Point]:
 
     :param paths: the paths, one after the other
     :param grain: the smallest thing that can be seen [m]
-    :returns: its points, beginning at the origin; where it was thinned out, with gaps of NaN
+    :returns: its points, beginning where the first path does; where it was thinned out, with gaps of NaN
     """
-    points = [(ORIGIN.x, ORIGIN.y)]
+    points: list[Point] = []
     for path in paths:
+        points += [] if points else [(path.start.x, path.start.y)]
         points += path.points()
+    return thinned(points or [(ORIGIN.x, ORIGIN.y)], grain)
+
+
+def thinned(points: list[Point], grain: float, most: int = MAX_POINTS) -> list[Point]:
+    """
+    Return a line that looks the same, with fewer points if it has many.
+
+    :param points: its points [m], at least one
+    :param grain: the smallest thing that can be seen [m]
+    :param most: how many points there may be at most
+    :returns: its points; where it was thinned out, with gaps of NaN
+    """
     if len(points) <= MANY_POINTS:
         return points
-    thinned = _unlike(points, grain)
-    while len(thinned) > MAX_POINTS:
+    kept = _unlike(points, grain)
+    while len(kept) > most:
         grain *= 2.0
-        thinned = _unlike(points, grain)
-    return thinned
+        kept = _unlike(points, grain)
+    return kept
 
 
 def _unlike(points: Sequence[Point], grain: float) -> list[Point]:
