@@ -67,6 +67,7 @@ class Rehearsal:
         self._odometry = math.inf if odometry_period is None else self.now
         self._period = odometry_period
         self._count = 0
+        self._is_stopped = True
         self.limits = KACHAKA.limits
         self.tell(Opened(
             title, KACHAKA.name, self.limits, KACHAKA.hold, EPOCH,
@@ -91,9 +92,9 @@ class Rehearsal:
         """
         planned = plan(motion, self.limits, self._rate)
         self.tell(Planned(motion, self.limits, self._rate))
-        for number in range(10):
+        for _ in range(0 if self._count else 10):
             self._send(self.now + 0.05, ZERO)
-        start = self.now + 0.05
+        start = self.now + 0.0005
         began = False
         for due, velocity in self._ticks(planned, until):
             if lost is not None and lost[0] <= due < lost[1]:
@@ -106,20 +107,24 @@ class Rehearsal:
             self._send(start + due + late, velocity)
         if until <= planned.duration and reason is None:
             return
-        self.stop(start + min(until, planned.duration))
-        if until > planned.duration:
-            self.tell(Ended(self.now))
+        if until <= planned.duration:
+            self.stop(start + until)
         else:
-            self.tell(Ended(self.now, reason))
+            self._send(start + planned.duration + self._late(self._count), ZERO)
+            self._is_stopped = False
+        self.tell(Ended(self.now, reason))
 
     def stop(self, time: float) -> None:
         """Send a whole stop."""
+        self._is_stopped = True
         for after in STOP:
             self._send(max(self.now, time + after + 0.0002), ZERO)
 
     def close(self, still_after: float | None = 0.12, signal: int | None = None,
               error: str | None = None, rest: float = 0.4) -> Record:
-        """Let the robot come to rest, and tell the end."""
+        """Stop unless that was done, let the robot come to rest, and tell the end."""
+        if not self._is_stopped:
+            self.stop(self.now + 1.0 / self._rate)
         self._pass(self.now + rest)
         self.tell(Closed(self.now, still_after, signal, error))
         return self.record

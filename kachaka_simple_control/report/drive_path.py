@@ -27,7 +27,8 @@ from kachaka_simple_control.report.frames import composed
 from kachaka_simple_control.report.looks import FAINT, GREEN, GREY, nice, ODOMETRY, PLANNED, SENT
 from kachaka_simple_control.report.outline import Footprint, nose, outline, place, Point
 from kachaka_simple_control.report.path_picture import GRAIN, MARGIN, SMALLEST, TICK
-from kachaka_simple_control.report.track import line, Stretch, stretches, thinned
+from kachaka_simple_control.report.thinning import straightened
+from kachaka_simple_control.report.track import Stretch, stretches
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,8 +45,8 @@ MARKS = 7.0
 AT_END: dict[str, Any] = {'edgecolor': '#222222', 'linewidth': 1.4, 'facecolor': (0, 0, 0, 0.06)}
 AT_START: dict[str, Any] = {
     'edgecolor': GREEN, 'linewidth': 1.4, 'facecolor': 'none', 'linestyle': (0, (4, 2))}
-#: More points than these on one line nobody can tell apart.
-MOST = 6000
+#: More points than these on one line make a page large.
+MOST = 5000
 
 
 def draw_drive_path(figure: Figure, path: DrivenPath, footprint: Footprint | None) -> None:
@@ -70,7 +71,7 @@ def draw_drive_path(figure: Figure, path: DrivenPath, footprint: Footprint | Non
     _frame(axes, left, bottom, width, height)
     grain = max(width, height) * GRAIN
     for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
-        points = thinned(points, grain, MOST)
+        points = straightened(points, grain, MOST)
         axes.plot([x for x, _ in points], [y for _, y in points], **look, label=name, gid=name)
     _draw_robots(axes, footprint, end, max(width, height) * TICK)
     figure.legend(
@@ -79,10 +80,12 @@ def draw_drive_path(figure: Figure, path: DrivenPath, footprint: Footprint | Non
 
 
 def _lines(path: DrivenPath) -> dict[str, list[Point]]:
-    planned: list[Stretch] = []
+    planned = [(ORIGIN.x, ORIGIN.y)]
     for start in path.starts:
-        planned += _moved(start)
-    lines = {'planned': line(planned, 0.001)}
+        planned.append((start.pose.x, start.pose.y))
+        for part in _moved(start):
+            planned += part.points()
+    lines = {'planned': planned}
     if path.sent:
         lines['sent'] = [(pose.x, pose.y) for pose in (*_flat(path), path.reckoning.end)]
     if path.odometry:

@@ -31,7 +31,8 @@ from kachaka_simple_control.report.looks import (
     PLANNED,
     SENT,
 )
-from kachaka_simple_control.report.staircase import Corner, staircase, thinned
+from kachaka_simple_control.report.staircase import Corner, staircase
+from kachaka_simple_control.report.thinning import bands
 from kachaka_simple_control.report.velocity_picture import (
     ANGULAR,
     draw_limits,
@@ -52,8 +53,10 @@ WIDTH = 5.4
 LEFT, RIGHT = 0.78, 0.14
 ROW, BETWEEN, TOP, BOTTOM = 1.45, 0.2, 0.1, 0.52
 KEY = 0.28
-#: Corners of a line that stay as they are, and columns that more of them are thinned out to.
-CORNERS, COLUMNS = 1500, 400
+#: Lines of what is held until the next message.
+HELD = ('planned', 'sent')
+#: With more corners than these a line is drawn as a band, in so many stretches of time.
+CORNERS, STRETCHES = 6000, 180
 
 
 def draw_drive_velocities(figure: Figure, path: DrivenPath, limits: Sequence[Limits]) -> None:
@@ -72,8 +75,8 @@ def draw_drive_velocities(figure: Figure, path: DrivenPath, limits: Sequence[Lim
         scale = room(kind, values or [0.0], limits, end)
         _frame(axes, path, scale)
         for (name, corners), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
-            _draw(axes, corners, end, {**look, 'label': name, 'gid': name},
-                  'default' if name == 'odometry' else 'steps-post')
+            draw = _draw_band if is_dense(path) else _draw_line
+            draw(axes, corners, end, {**look, 'label': name, 'gid': name})
         if limits:
             draw_limits(axes, kind, limits[0])
     _finish(above, below, end)
@@ -104,7 +107,8 @@ def draw_drive_errors(figure: Figure, path: DrivenPath) -> None:
             LINEAR, min(values) - 0.08 * span * (min(values) < 0.0), max(values) + 0.08 * span,
             end))
         axes.set_ylabel(label)
-        _draw(axes, corners, end, {**look, 'linewidth': 1.4, 'gid': name}, 'default')
+        draw = _draw_band if is_dense(path) else _draw_line
+        draw(axes, corners, end, {**look, 'linewidth': 1.4, 'gid': name})
     _finish(above, below, end)
 
 
@@ -122,7 +126,7 @@ def _velocities(path: DrivenPath, kind: Kind) -> dict[str, list[Corner]]:
     if path.odometry:
         lines['odometry'] = [(seen.time, value_of(seen.answer.velocity))
                              for seen in path.odometry]
-    return {name: thinned(corners, CORNERS, COLUMNS) for name, corners in lines.items()}
+    return lines
 
 
 def _rows(figure: Figure, key: float) -> tuple[Axes, Axes]:
@@ -149,12 +153,39 @@ def _frame(axes: Axes, path: DrivenPath, scale: Scale) -> None:
                     linewidth=0.5, alpha=0.5, zorder=1.0, gid='boundaries')
 
 
-def _draw(
-        axes: Axes, corners: Sequence[Corner], end: float, look: dict[str, Any],
-        drawstyle: str) -> None:
+def is_dense(path: DrivenPath) -> bool:
+    """
+    Return whether so much was sent or seen that lines would be a wall of colour.
+
+    :param path: the drive
+    :returns: whether bands are drawn instead
+    """
+    return max(len(path.sent), len(path.odometry)) > CORNERS
+
+
+def _draw_line(
+        axes: Axes, corners: Sequence[Corner], end: float, look: dict[str, Any]) -> None:
     unit = _unit(end)[1]
+    # What is told is held until the next; what is seen changes from one sample to the next.
+    held = look['gid'] in HELD
     axes.plot([time / unit for time, _ in corners], [value for _, value in corners],
-              drawstyle=drawstyle, **look)
+              drawstyle='steps-post' if held else 'default', **look)
+
+
+def _draw_band(
+        axes: Axes, corners: Sequence[Corner], end: float, look: dict[str, Any]) -> None:
+    unit = _unit(end)[1]
+    found = bands(corners, end, STRETCHES)
+    times = [(band.begin + 0.5 * end / STRETCHES) / unit for band in found]
+    lows, highs = [band.lowest for band in found], [band.highest for band in found]
+    if look['gid'] == 'planned':
+        axes.fill_between(times, lows, highs, color=look['color'], alpha=0.35, linewidth=0.0,
+                          label=look['label'], gid=look['gid'])
+        return
+    axes.plot(times, highs, **look)
+    axes.plot(times, lows, **{**look, 'label': None})
+    if look['gid'] not in HELD and look['gid'] != 'odometry':
+        axes.fill_between(times, lows, highs, color=look['color'], alpha=0.3, linewidth=0.0)
 
 
 def _finish(above: Axes, below: Axes, end: float) -> None:

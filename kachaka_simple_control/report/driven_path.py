@@ -19,6 +19,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
 from kachaka_simple_control.report.events import Answered, Sent
@@ -45,8 +46,7 @@ class Start:
     time: float | None
 
 
-@dataclass(frozen=True)
-class Odometry:
+class Odometry(NamedTuple):
     """
     What odometry saw, in the frame of the drive.
 

@@ -15,14 +15,15 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
-import math
+from typing import NamedTuple
 
 from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Pose
 from kachaka_simple_control.motion.plan import Plan, Segment, Stage
 from kachaka_simple_control.report.frames import apart, composed
-from kachaka_simple_control.report.timing import due_times
+from kachaka_simple_control.report.preview import ticks
 
 #: By how much a turn of the lesson's loop is longer than its period [s].  Measured by the
 #: benchmarks, docs/why.md: at 10 Hz a second is held for about 0.8 % too long, in ten turns.
@@ -32,7 +33,7 @@ EXTRA = 0.0008
 @dataclass(frozen=True)
 class Naive:
     """
-    What a loop would have made of some plans that publishes, and then waits a period.
+    What a loop would have made of some plans that publishes, waits, and begins again.
 
     :param longer: by how much it would have taken longer [s]
     :param missing: how many messages fewer it would have sent
@@ -50,8 +51,9 @@ def naive(plans: Sequence[Plan]) -> Naive:
     """
     Let the lesson's loop walk some plans, one after the other.
 
-    Each turn publishes what is due and takes a period and a little more; a step is over with the
-    turn in which its time is up, and the next begins then.
+    Each turn publishes what is due, waits for as long as that is to be held, a period at most, and
+    takes a little longer than that; a step is over with the turn in which its time is up, and the
+    next begins then.
 
     :param plans: the plans
     :returns: what it would have made of them, for a robot that does exactly as it is told
@@ -61,36 +63,45 @@ def naive(plans: Sequence[Plan]) -> Naive:
     turns = 0
     for plan in plans:
         wanted = composed(wanted, plan.pose)
-        walk = _Walk(plan, pose)
+        ways: dict[str, _Way] = {}
+        index = 0
         for stage in plan.stages:
-            walk.drive(stage)
-        pose, took, turns = walk.pose, took + walk.took, turns + walk.turns
+            count = _count(plan.segments, index, stage)
+            if stage.path not in ways:
+                ways[stage.path] = _way(stage, plan.segments[index:index + count], plan.period)
+            index += count
+            way = ways[stage.path]
+            pose, took, turns = composed(pose, way.end), took + way.took, turns + way.turns
     distance, angle = apart(wanted, pose)
-    return Naive(
-        took - sum(plan.duration for plan in plans),
-        sum(len(due_times(plan, math.inf)) for plan in plans) - turns, distance, angle)
+    due = sum(ticks(segment, plan.period) for plan in plans for segment in plan.segments)
+    return Naive(took - sum(plan.duration for plan in plans), due - turns, distance, angle)
 
 
-class _Walk:
-    """The loop's way through one plan."""
+class _Way(NamedTuple):
+    """The loop's way through a step; the same each time that the step is repeated."""
 
-    def __init__(self, plan: Plan, start: Pose) -> None:
-        self.pose, self.took, self.turns = start, 0.0, 0
-        self._segments: tuple[Segment, ...] = plan.segments
-        self._turn = plan.period + EXTRA
-        self._index = 0
+    end: Pose
+    took: float
+    turns: int
 
-    def drive(self, stage: Stage) -> None:
-        count = math.ceil((stage.end - stage.start) / self._turn)
-        for number in range(count):
-            velocity = self._due(stage.start + number * self._turn).velocity
-            if not velocity.is_zero:
-                self.pose = integrate(self.pose, velocity, self._turn)
-        self.turns += count
-        self.took += count * self._turn
 
-    def _due(self, time: float) -> Segment:
-        last = len(self._segments) - 1
-        while self._index < last and self._segments[self._index].end <= time:
-            self._index += 1
-        return self._segments[self._index]
+def _count(segments: Sequence[Segment], first: int, stage: Stage) -> int:
+    return bisect_left(segments, stage.end, first, key=_start) - first
+
+
+def _way(stage: Stage, segments: Sequence[Segment], period: float) -> _Way:
+    pose, time, turns, index = ORIGIN, stage.start, 0, 0
+    while segments and time < stage.end:
+        while index + 1 < len(segments) and segments[index].end <= time:
+            index += 1
+        segment = segments[index]
+        turn = min(period, segment.end - segment.start) + EXTRA
+        if not segment.velocity.is_zero:
+            pose = integrate(pose, segment.velocity, turn)
+        time += turn
+        turns += 1
+    return _Way(pose, time - stage.start, turns)
+
+
+def _start(segment: Segment) -> float:
+    return segment.start

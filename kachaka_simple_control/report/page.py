@@ -109,7 +109,7 @@ def _what(summary: Summary) -> str:
 def _verdict(summary: Summary, name: str) -> str:
     verdict = summary.verdict
     began = moment(summary)
-    when = '' if began is None else f', {began.astimezone():%Y-%m-%d %H:%M:%S UTC%z}'
+    when = '' if began is None else f', {began.astimezone().isoformat(" ", "seconds")}'
     sign = ('<svg viewBox="0 0 24 24" aria-hidden="true" fill="none" stroke="var(--mark)" '
             f'stroke-width="4">{SIGNS[verdict.ending]}</svg>')
     return (
@@ -154,8 +154,8 @@ def _stop(summary: Summary) -> tuple[str, str, str]:
 
 def _ticks(summary: Summary) -> tuple[str, str, str]:
     timing = summary.timing
-    return ('Late messages', f'{timing.late + timing.lost} of {timing.due}',
-            f'{timing.lost} of them lost')
+    return ('Late or lost', str(timing.late + timing.lost),
+            f'of {counted(timing.due, "message")} due; {timing.lost} lost')
 
 
 def _picture(pictures: Mapping[str, str], name: str) -> str:
@@ -181,9 +181,10 @@ def _silence(summary: Summary) -> str:
         return '<p class="note">Nothing was sent; the picture shows the plan.</p>'
     if seen is None:
         return '<p class="note">No odometry arrived.</p>'
-    if seen.time < path.duration - 1.0:
-        return (f'<p class="note">Odometry fell silent at {number(seen.time, 2)} s; the drive '
-                f'went on until {number(path.duration, 2)} s.</p>')
+    last = path.sent[-1].time - path.began
+    if seen.time < last - 0.5:
+        return (f'<p class="note">Odometry fell silent at {number(seen.time, 2)} s; the last '
+                f'message was sent at {number(last, 2)} s.</p>')
     return ''
 
 
@@ -215,16 +216,16 @@ def _timing(summary: Summary, pictures: Mapping[str, str]) -> str:
 
 
 def _naive(naive: Naive) -> str:
-    fewer = f'{counted(abs(naive.missing), "message")} ' + (
-        'fewer' if naive.missing >= 0 else 'more')
+    fewer = 'as many messages' if not naive.missing else (
+        f'{counted(abs(naive.missing), "message")} {"fewer" if naive.missing > 0 else "more"}')
     return (
         '<strong>What the lesson’s loop would have lost.</strong> For what was planned it would '
         f'have taken {number(naive.longer, 3)} s longer, sent {fewer}, and brought a robot that '
         f'does exactly as it is told {number(1e3 * naive.distance, 1)} mm and '
         f'{degrees(naive.angle)} from the planned end. <span class="note">This is worked out, not '
-        'measured here: the loop publishes what is due, waits a period and begins again until the '
-        f'step’s time is up, and each turn takes {amount(1e3 * EXTRA)} ms longer than the period, '
-        'as the benchmarks measured it at 10 Hz (docs/why.md). What it loses before a robot '
+        'measured here: the loop publishes what is due, waits for as long as that is to be held (a '
+        'period at most), and begins again until the step’s time is up; each turn takes '
+        f'{amount(1e3 * EXTRA)} ms longer than it should, as the benchmarks measured it at 10 Hz (docs/why.md). What it loses before a robot '
         'listens is not counted.</span>')
 
 

@@ -82,17 +82,16 @@ def words(meanings: Sequence[tuple[str, str]]) -> str:
         for word, meaning in meanings) + '</dl>'
 
 
-def both(distance: float, angle: float, digits: int = 4, unit: str = 'm') -> str:
+def both(distance: float, angle: float, digits: int = 4) -> str:
     """
     Return a distance above an angle.
 
-    :param distance: in the unit
+    :param distance: in metres or parts of them
     :param angle: [rad]
     :param digits: behind the point of the distance
-    :param unit: of the distance
     :returns: the inside of a cell
     """
-    return f'{number(distance, digits)} {unit}<small>{degrees(angle)}</small>'
+    return f'{number(distance, digits)}<small>{degrees(angle)}</small>'
 
 
 def degrees(angle: float, digits: int = 2) -> str:

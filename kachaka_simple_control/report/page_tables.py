@@ -15,6 +15,8 @@
 
 from __future__ import annotations
 
+import math
+
 from kachaka_simple_control.motion.kinematics import Pose
 from kachaka_simple_control.report.page_parts import both, degrees, head, NOTHING, number, text
 from kachaka_simple_control.report.page_parts import numbers
@@ -26,9 +28,9 @@ from kachaka_simple_control.report.summary import Miss, Summary
 #: So many steps at each end of a long drive are shown.
 SHOWN = 150
 
-STEPS = (('', '#'), ('step', ''), ('requested', ' '), ('sent', ' '), ('odometry', ' '),
-         ('error', ' '))
-MOTIONS = (('', '#'), ('motion', ''), ('began', '[s]'), ('takes', '[s]'), ('how it ended', ''))
+STEPS = (('#', ' '), ('step', ''), ('requested', '[m, °]'), ('sent', '[m, °]'),
+         ('odometry', '[m, °]'), ('error', '[mm, °]'))
+MOTIONS = (('#', ' '), ('motion', ''), ('began', '[s]'), ('takes', '[s]'), ('how it ended', ''))
 
 
 def end_table(summary: Summary) -> str:
@@ -40,7 +42,9 @@ def end_table(summary: Summary) -> str:
     """
     path, seen = summary.path, summary.end
     sent = path.reckoning.end if path.sent else None
-    rows = [_pose('planned', path.planned_end), _pose('sent', sent), _pose('odometry', seen)]
+    turns = path.planned_end.theta - math.remainder(path.planned_end.theta, math.tau)
+    rows = [_pose(name, pose, turns) for name, pose in (
+        ('planned', path.planned_end), ('sent', sent), ('odometry', seen))]
     rows += [_miss('odometry from planned', summary.miss_of_plan),
              _miss('odometry from sent', summary.miss_of_sent)]
     names = (('', ''), ('x', '[m]'), ('y', '[m]'), ('heading', '[°]'))
@@ -48,9 +52,10 @@ def end_table(summary: Summary) -> str:
             f'{head(names)}<tbody>{"".join(rows)}</tbody></table>')
 
 
-def _pose(name: str, pose: Pose | None) -> str:
+def _pose(name: str, pose: Pose | None, turns: float) -> str:
+    # Where it looks, not how often it turned: within half a turn of the plan's heading.
     cells = [NOTHING] * 3 if pose is None else [
-        number(pose.x, 4), number(pose.y, 4), degrees(pose.theta)[:-1]]
+        number(pose.x, 4), number(pose.y, 4), degrees(pose.theta - turns)[:-1]]
     return f'<tr><th scope="row">{name}</th>{numbers(cells)}</tr>'
 
 
@@ -99,7 +104,7 @@ def _step(place: int, step: StepDriven, origin: float, with_motion: bool) -> str
     cells = [both(step.requested.distance, step.requested.angle),
              both(step.sent.distance, step.sent.angle),
              NOTHING if seen is None else both(seen.distance, seen.angle),
-             NOTHING if error is None else both(1e3 * error.distance, error.angle, 1, 'mm')]
+             NOTHING if error is None else both(1e3 * error.distance, error.angle, 1)]
     return (f'<tr{"" if movement.is_whole else " class=cut"}><td class="n">{place}</td>'
             f'<th scope="row">{text(step_in_words(movement.step))}<small>{note}</small></th>'
             f'{numbers(cells)}</tr>')

@@ -18,7 +18,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 
-from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Pose, Velocity, ZERO
+from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Pose, Velocity
 from kachaka_simple_control.report.events import Sent
 
 
@@ -46,9 +46,14 @@ class Reckoning:
                 self._hear(sent)
 
     def _hear(self, sent: Sent) -> None:
-        pose = self.at(sent.time)
-        if self._velocities and self._velocities[-1] == sent.velocity == ZERO:
-            return
+        if not self.times:
+            pose = ORIGIN
+        elif self._velocities[-1].is_zero:
+            if sent.velocity.is_zero:
+                return
+            pose = self.poses[-1]
+        else:
+            pose = self._after(len(self.times) - 1, sent.time)
         self.times.append(sent.time)
         self.poses.append(pose)
         self._velocities.append(sent.velocity)
@@ -65,6 +70,9 @@ class Reckoning:
             bisect_right(self.times, time) - 1)
         if index < 0:
             return ORIGIN
+        return self._after(index, time)
+
+    def _after(self, index: int, time: float) -> Pose:
         velocity = self._velocities[index]
         if velocity.is_zero:
             return self.poses[index]

@@ -40,29 +40,17 @@ def staircase(plan: Plan, component: str) -> list[Corner]:
     changes = groupby(plan.segments, key=lambda segment: value_of(segment.velocity))
     corners = [(next(segments).start, value + 0.0) for value, segments in changes]
     corners.append((plan.duration, 0.0))
-    return thinned(corners, MAX_CORNERS)
+    return corners if len(corners) <= MAX_CORNERS else _thinned(corners)
 
 
-def thinned(
-        corners: list[Corner], most: int, columns: int = COLUMNS) -> list[Corner]:
-    """
-    Return a line that looks the same, with fewer corners if it has many.
-
-    What is drawn in a column of the picture reaches from its lowest value to its highest, and
-    joins its neighbours with the first and the last: the picture stays the same.
-
-    :param corners: times [s] and values, in order
-    :param most: with so many corners it stays as it is
-    :param columns: of how many columns the picture is
-    :returns: its corners, at most four in a column
-    """
-    if len(corners) <= most:
-        return corners
-    start = corners[0][0]
-    width = (corners[-1][0] - start) / columns or 1.0
-    kept: list[Corner] = []
-    for _, column in groupby(corners, key=lambda corner: int((corner[0] - start) / width)):
+def _thinned(corners: list[Corner]) -> list[Corner]:
+    # What is drawn in a column of the picture reaches from its lowest value to its highest, and
+    # joins its neighbours with the first and the last: the picture stays the same.
+    width = corners[-1][0] / COLUMNS
+    thinned: list[Corner] = []
+    for _, column in groupby(corners, key=lambda corner: int(corner[0] / width)):
         found = list(column)
         height = itemgetter(1)
-        kept += sorted({found[0], min(found, key=height), max(found, key=height), found[-1]})
-    return kept
+        thinned += sorted({
+            found[0], min(found, key=height), max(found, key=height), found[-1]})
+    return thinned

@@ -125,25 +125,13 @@ def line(paths: Iterable[Stretch], grain: float) -> list[Point]:
     for path in paths:
         points += [] if points else [(path.start.x, path.start.y)]
         points += path.points()
-    return thinned(points or [(ORIGIN.x, ORIGIN.y)], grain)
-
-
-def thinned(points: list[Point], grain: float, most: int = MAX_POINTS) -> list[Point]:
-    """
-    Return a line that looks the same, with fewer points if it has many.
-
-    :param points: its points [m], at least one
-    :param grain: the smallest thing that can be seen [m]
-    :param most: how many points there may be at most
-    :returns: its points; where it was thinned out, with gaps of NaN
-    """
     if len(points) <= MANY_POINTS:
-        return points
-    kept = _unlike(points, grain)
-    while len(kept) > most:
+        return points or [(ORIGIN.x, ORIGIN.y)]
+    thinned = _unlike(points, grain)
+    while len(thinned) > MAX_POINTS:
         grain *= 2.0
-        kept = _unlike(points, grain)
-    return kept
+        thinned = _unlike(points, grain)
+    return thinned
 
 
 def _unlike(points: Sequence[Point], grain: float) -> list[Point]:

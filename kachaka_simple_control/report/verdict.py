@@ -126,8 +126,8 @@ def _progress(record: Record) -> str:
         left = f' {counted(more, "motion")} more did not begin.' if more else ''
         if len(whole) == 1:
             return f'Its motion was driven to its end, {_all_of(steps)}.{left}'
-        return (f'All {len(whole)} motions that began were driven to their end, '
-                f'{_all_of(steps)}.{left}')
+        return (f'{len(whole)} motions were driven to their end, '
+                f'{counted(steps, "step")} in all.{left}')
     return _how_far(cut, len(whole), len(begun))
 
 
