@@ -47,6 +47,9 @@ AT_START: dict[str, Any] = {
     'edgecolor': GREEN, 'linewidth': 1.4, 'facecolor': 'none', 'linestyle': (0, (4, 2))}
 #: More points than these on one line make a page large.
 MOST = 5000
+#: From so many points on, dashes on dashes would be a wall; lines are thin and solid.
+MANY = 1000
+THIN: dict[str, Any] = {'linewidth': 0.6, 'linestyle': '-'}
 
 
 def draw_drive_path(figure: Figure, path: DrivenPath, footprint: Footprint | None) -> None:
@@ -71,8 +74,10 @@ def draw_drive_path(figure: Figure, path: DrivenPath, footprint: Footprint | Non
     _frame(axes, left, bottom, width, height)
     grain = max(width, height) * GRAIN
     for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
-        points = straightened(points, grain, MOST)
-        axes.plot([x for x, _ in points], [y for _, y in points], **look, label=name, gid=name)
+        kept = straightened(points, grain, MOST)
+        thin = THIN if name == 'odometry' and len(kept) > MANY else {}
+        axes.plot([x for x, _ in kept], [y for _, y in kept], **{**look, **thin}, label=name,
+                  gid=name)
     _draw_robots(axes, footprint, end, max(width, height) * TICK)
     figure.legend(
         loc='lower left', bbox_to_anchor=(LEFT / WIDTH, 0.02 / whole), ncol=3, frameon=False,

@@ -114,7 +114,7 @@ def in_page(svg: str, name: str) -> str:
     Make an SVG file a part of a page.
 
     :param svg: the text of the file, from matplotlib
-    :param name: put before each of its ids, so that they differ from those of other pictures
+    :param name: put before each id that it refers to, so that pictures do not share any
     :returns: the element alone, as wide as there is room, without addresses and a style for all
     """
     svg = svg[svg.index('<svg'):]
@@ -123,5 +123,8 @@ def in_page(svg: str, name: str) -> str:
     svg = re.sub(r' xmlns(:\w+)?="[^"]*"', '', svg)
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r'\1', svg, count=1)
     svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r'\1', svg, count=1)
-    svg = re.sub(r'(\bid="|href="#|url\(#)', rf'\g<1>{name}-', svg)
+    referred = set(re.findall(r'(?:href="|url\()#([^")]*)', svg))
+    svg = re.sub(r' id="([^"]*)"', lambda found: (
+        f' id="{name}-{found[1]}"' if found[1] in referred else ''), svg)
+    svg = re.sub(r'(href="#|url\(#)', rf'\g<1>{name}-', svg)
     return re.sub(r'\n+\s*', '\n', svg)

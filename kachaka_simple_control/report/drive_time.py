@@ -68,7 +68,7 @@ def draw_drive_velocities(figure: Figure, path: DrivenPath, limits: Sequence[Lim
     :param limits: what it was to keep to; the first is shown
     """
     above, below = _rows(figure, KEY)
-    end = _end(path)
+    end = end_of(path)
     for axes, kind in ((above, LINEAR), (below, ANGULAR)):
         lines = _velocities(path, kind)
         values = [value for corners in lines.values() for _, value in corners]
@@ -94,7 +94,7 @@ def draw_drive_errors(figure: Figure, path: DrivenPath) -> None:
     :param path: the drive, with odometry
     """
     above, below = _rows(figure, 0.0)
-    end = _end(path)
+    end = end_of(path)
     parts: tuple[tuple[Axes, str, str, Callable[[Odometry], float], dict[str, Any]], ...] = (
         (above, 'distance [mm]', 'distance', lambda seen: 1e3 * seen.distance, {'color': BLUE}),
         (below, 'heading [°]', 'heading', lambda seen: math.degrees(seen.angle),
@@ -197,5 +197,11 @@ def _unit(end: float) -> tuple[str, float]:
     return ('min', 60.0) if end > LONG else ('s', 1.0)
 
 
-def _end(path: DrivenPath) -> float:
+def end_of(path: DrivenPath) -> float:
+    """
+    Return how long the axis of time is.
+
+    :param path: the drive
+    :returns: its length [s]
+    """
     return max(path.duration, path.odometry[-1].time if path.odometry else 0.0) or 1.0

@@ -77,7 +77,8 @@ def style() -> Iterator[None]:
     :raises UsageError: if matplotlib is absent
     """
     try:
-        from matplotlib import rc_context, style as styles
+        from matplotlib import rc_context
+        from matplotlib import style as styles
     except ModuleNotFoundError as error:
         if error.name != 'matplotlib':
             raise

@@ -20,8 +20,9 @@ from dataclasses import asdict
 from importlib.resources import files
 import math
 
+from kachaka_simple_control.report import page_texts as texts
 from kachaka_simple_control.report.drive_pictures import ERRORS, PATH, PERIODS, VELOCITIES
-from kachaka_simple_control.report.naive import EXTRA, Naive
+from kachaka_simple_control.report.drive_time import end_of, is_dense, STRETCHES
 from kachaka_simple_control.report.page_parts import degrees, named, number, text, words
 from kachaka_simple_control.report.page_tables import (
     end_table,
@@ -44,35 +45,6 @@ SIGNS = {
     Ending.KILLED: '<path d="M6 6l12 12M18 6L6 18"/>',
     Ending.NEVER_BEGAN: '<path d="M5 12h14"/>',
 }
-CAPTIONS = {
-    PATH: 'The path to scale: as planned, as sent (a robot that does exactly as it is told), and '
-          'as odometry saw it, with the robot where it stood at t = 0 and in the end.',
-    VELOCITIES: 'Velocities as planned, as sent and as odometry told them; limits are dashed, '
-                'faint lines are where steps end.',
-    ERRORS: 'How far odometry saw the robot from where the messages should have brought it: '
-            'distance, and heading (positive to the left).',
-    PERIODS: 'How much longer than due the interval between two messages was; counts on a '
-             'logarithmic scale.',
-}
-MEANINGS = (
-    ('planned', 'What the motion comes to under the limits, for a robot that does as it is told. '
-                'Each motion begins where the one before was to end; after one that was cut '
-                'short, where the messages had brought the robot.'),
-    ('sent', 'What the messages come to, at the times at which they were published, for a robot '
-             'that keeps each velocity until the next, but not longer than its hold.'),
-    ('odometry', 'What the robot told. Its frame is laid so that its last pose before t = 0, or '
-                 'its first one after that, is where the messages had brought the robot by then. '
-                 'It arrives a little late, and so lags behind what was sent while the robot '
-                 'moves.'),
-    ('t = 0', 'When the first velocity of the first motion was published, on the steady clock.'),
-    ('error of a step', 'Odometry less requested; of a step that was cut short, odometry less '
-                        'sent. Where two steps meet without a rest between them, what belongs to '
-                        'which is blurred by the delay of odometry.'),
-    ('due, late, lost', 'A message is due when the velocity changes, and each period in between. '
-                        'It is late if it came a quarter of a period or more from its time, and '
-                        'lost if none came within half a period. The benchmarks count alike.'),
-    ('stop', 'How long after the stop began odometry saw the robot still.'),
-)
 
 
 def page(summary: Summary, pictures: Mapping[str, str], no_pictures: str | None,
@@ -90,7 +62,7 @@ def page(summary: Summary, pictures: Mapping[str, str], no_pictures: str | None,
     name = verdict.ending.value.replace(' ', '-')
     style = files(__package__).joinpath('page.css').read_text(encoding='utf-8')
     parts = [_verdict(summary, name), _path(summary, pictures, no_pictures),
-             _over_time(pictures), _steps(summary), _timing(summary, pictures),
+             _over_time(summary, pictures), _steps(summary), _timing(summary, pictures),
              _settings(summary), _words()]
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -158,27 +130,28 @@ def _ticks(summary: Summary) -> tuple[str, str, str]:
             f'of {counted(timing.due, "message")} due; {timing.lost} lost')
 
 
-def _picture(pictures: Mapping[str, str], name: str) -> str:
+def _picture(pictures: Mapping[str, str], name: str, caption: str) -> str:
     if name not in pictures:
         return ''
-    svg = pictures[name].replace(
-        '<svg', f'<svg role="img" aria-label="{text(CAPTIONS[name])}"', 1)
-    return f'<figure id="{name}">{svg}<figcaption>{CAPTIONS[name]}</figcaption></figure>'
+    svg = pictures[name].replace('<svg', f'<svg role="img" aria-label="{text(caption)}"', 1)
+    return f'<figure id="{name}">{svg}<figcaption>{text(caption)}</figcaption></figure>'
 
 
 def _path(summary: Summary, pictures: Mapping[str, str], no_pictures: str | None) -> str:
     if not summary.record.motions:
         return ''
     missing = '' if no_pictures is None else f'<p class="note">{text(no_pictures)}</p>'
-    return ('<section><h2>Where it went</h2>'
-            f'<div class="pair">{_picture(pictures, PATH)}<div>{missing}{end_table(summary)}'
-            f'{_silence(summary)}</div></div></section>\n')
+    head = 'Where it went' if summary.path.sent else 'Where it was to go'
+    caption = texts.PATH_SENT if summary.path.sent else texts.PATH_PLANNED
+    return (f'<section><h2>{head}</h2>'
+            f'<div class="pair">{_picture(pictures, PATH, caption)}<div>{missing}'
+            f'{end_table(summary)}{_silence(summary)}</div></div></section>\n')
 
 
 def _silence(summary: Summary) -> str:
     path, seen = summary.path, summary.last_seen
     if not path.sent:
-        return '<p class="note">Nothing was sent; the picture shows the plan.</p>'
+        return '<p class="note">Nothing was sent; this is the plan.</p>'
     if seen is None:
         return '<p class="note">No odometry arrived.</p>'
     last = path.sent[-1].time - path.began
@@ -188,22 +161,26 @@ def _silence(summary: Summary) -> str:
     return ''
 
 
-def _over_time(pictures: Mapping[str, str]) -> str:
-    drawn = [_picture(pictures, name) for name in (VELOCITIES, ERRORS) if name in pictures]
-    if not drawn:
+def _over_time(summary: Summary, pictures: Mapping[str, str]) -> str:
+    if VELOCITIES not in pictures:
         return ''
+    velocities = texts.VELOCITIES_SENT if summary.path.sent else texts.VELOCITIES_PLANNED
+    band = '' if not is_dense(summary.path) else (
+        f' {texts.LOWEST} {amount(round(end_of(summary.path) / STRETCHES, 1))} s.')
+    drawn = [_picture(pictures, VELOCITIES, velocities + band),
+             _picture(pictures, ERRORS, texts.ERRORS_SEEN + band)]
     return f'<section><h2>Over time</h2><div class="pair">{"".join(drawn)}</div></section>\n'
 
 
 def _steps(summary: Summary) -> str:
     if not summary.steps:
         return ''
+    motions = summary.record.motions
+    names = {motion.planned.motion.name for motion in motions}
     several = ''
-    if len(summary.record.motions) > 1 and len(
-            {motion.planned.motion.name for motion in summary.record.motions}) > 1 or any(
-            not motion.is_whole for motion in summary.record.motions[:-1]):
-        several = (f'<details><summary>{counted(len(summary.record.motions), "motion")}'
-                   f'</summary>{motions_table(summary)}</details>')
+    if len(motions) > 1 and (len(names) > 1 or not all(motion.is_whole for motion in motions)):
+        several = (f'<details><summary>{counted(len(motions), "motion")}</summary>'
+                   f'{motions_table(summary)}</details>')
     return (f'<section><h2>Step by step</h2>{steps_table(summary)}{several}</section>\n')
 
 
@@ -211,22 +188,9 @@ def _timing(summary: Summary, pictures: Mapping[str, str]) -> str:
     if not summary.timing.due:
         return ''
     return ('<section><h2>Timing</h2><div class="pair">'
-            f'{_picture(pictures, PERIODS)}<div>{timing_table(summary)}</div></div>'
-            f'<p>{_naive(summary.naive)}</p></section>\n')
-
-
-def _naive(naive: Naive) -> str:
-    fewer = 'as many messages' if not naive.missing else (
-        f'{counted(abs(naive.missing), "message")} {"fewer" if naive.missing > 0 else "more"}')
-    return (
-        '<strong>What the lesson’s loop would have lost.</strong> For what was planned it would '
-        f'have taken {number(naive.longer, 3)} s longer, sent {fewer}, and brought a robot that '
-        f'does exactly as it is told {number(1e3 * naive.distance, 1)} mm and '
-        f'{degrees(naive.angle)} from the planned end. <span class="note">This is worked out, not '
-        'measured here: the loop publishes what is due, waits for as long as that is to be held (a '
-        'period at most), and begins again until the step’s time is up; each turn takes '
-        f'{amount(1e3 * EXTRA)} ms longer than it should, as the benchmarks measured it at 10 Hz (docs/why.md). What it loses before a robot '
-        'listens is not counted.</span>')
+            f'{_picture(pictures, PERIODS, texts.PERIODS_SENT)}'
+            f'<div>{timing_table(summary)}</div></div>'
+            f'<p>{texts.loop_in_words(summary.naive)}</p></section>\n')
 
 
 def _settings(summary: Summary) -> str:
@@ -239,7 +203,7 @@ def _settings(summary: Summary) -> str:
         'robot': opened.robot, 'velocities go to': opened.velocity_topic,
         'sent as': opened.message_type,
         'odometry comes from': opened.odometry_topic or 'nowhere',
-        'hold [s]': amount(opened.hold), **limits}
+        'hold [s]': amount(opened.hold) if math.isfinite(opened.hold) else 'none', **limits}
     return (
         '<details><summary>Settings and versions</summary>'
         f'{named(robot, "The robot; limits in m, rad and s")}'
@@ -248,7 +212,7 @@ def _settings(summary: Summary) -> str:
 
 
 def _words() -> str:
-    return f'<details><summary>What the words mean</summary>{words(MEANINGS)}</details>\n'
+    return f'<details><summary>What the words mean</summary>{words(texts.MEANINGS)}</details>\n'
 
 
 def _files(recording: str | None) -> str:

@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from html import escape
 import math
 
@@ -70,16 +70,16 @@ def named(values: Mapping[str, object], caption: str) -> str:
     return f'<table class="plain"><caption>{text(caption)}</caption><tbody>{rows}</tbody></table>'
 
 
-def words(meanings: Sequence[tuple[str, str]]) -> str:
+def words(meanings: Mapping[str, str]) -> str:
     """
     Return a list of what words mean.
 
-    :param meanings: words, and what they mean
+    :param meanings: what they mean, by word
     :returns: the element
     """
     return '<dl class="words">' + ''.join(
         f'<div><dt>{text(word)}</dt><dd>{text(meaning)}</dd></div>'
-        for word, meaning in meanings) + '</dl>'
+        for word, meaning in meanings.items()) + '</dl>'
 
 
 def both(distance: float, angle: float, digits: int = 4) -> str:

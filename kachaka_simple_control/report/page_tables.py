@@ -18,8 +18,15 @@ from __future__ import annotations
 import math
 
 from kachaka_simple_control.motion.kinematics import Pose
-from kachaka_simple_control.report.page_parts import both, degrees, head, NOTHING, number, text
-from kachaka_simple_control.report.page_parts import numbers
+from kachaka_simple_control.report.page_parts import (
+    both,
+    degrees,
+    head,
+    NOTHING,
+    number,
+    numbers,
+    text,
+)
 from kachaka_simple_control.report.preview import amount, counted
 from kachaka_simple_control.report.quantiles import Quantiles
 from kachaka_simple_control.report.step_errors import step_in_words, StepDriven

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
+import math
 
 from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Pose, Velocity
 from kachaka_simple_control.report.events import Sent
@@ -81,5 +82,11 @@ class Reckoning:
 
     @property
     def end(self) -> Pose:
-        """Return where it stands in the end: at the latest a hold after the last message."""
-        return self.at(self.times[-1] + self._hold) if self.times else ORIGIN
+        """
+        Return where it stands in the end: at the latest a hold after the last message.
+
+        Without a hold nobody knows; then it is where the last message reached it.
+        """
+        if not self.times:
+            return ORIGIN
+        return self.at(self.times[-1] + (self._hold if math.isfinite(self._hold) else 0.0))

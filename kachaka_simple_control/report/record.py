@@ -104,7 +104,7 @@ class DrivenMotion:
     @property
     def movements(self) -> list[Movement]:
         """Return its steps as far as they were begun, in order."""
-        if not self.has_begun:
+        if not self.has_begun or not self.sent:
             return []
         last = self._last()
         until = self.sent[last].time
@@ -130,7 +130,7 @@ class DrivenMotion:
         if self.is_whole:
             return min(end, self._first(self.plan.duration))
         # All zeros at the end but the first are left to the stop.
-        while end and self.sent[end - 1].velocity.is_zero and self.sent[end - 1].time > self.began:
+        while end > 0 and self.sent[end - 1].velocity.is_zero and self.sent[end - 1].time > self.began:
             end -= 1
         return end
 

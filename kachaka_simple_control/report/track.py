@@ -119,7 +119,8 @@ def line(paths: Iterable[Stretch], grain: float) -> list[Point]:
 
     :param paths: the paths, one after the other
     :param grain: the smallest thing that can be seen [m]
-    :returns: its points, beginning where the first path does; where it was thinned out, with gaps of NaN
+    :returns: its points, beginning where the first path does; where it was thinned out, with gaps
+        of NaN
     """
     points: list[Point] = []
     for path in paths:

@@ -69,15 +69,13 @@ def verdict(record: Record) -> Verdict:
             Ending.STOPPED, f'Stopped by {name}',
             f'{name} ended the program. {_earlier(record, name)}{_progress(record)}')
     reason = _reason(record) or closed.error
+    if not any(motion.has_begun for motion in record.motions):
+        return Verdict(
+            Ending.NEVER_BEGAN, 'Never began',
+            _sentence(reason or 'The program ended without driving'))
     if reason is not None:
-        begun = any(motion.has_begun for motion in record.motions)
-        if not begun:
-            return Verdict(Ending.NEVER_BEGAN, 'Never began', _sentence(reason))
         return Verdict(
             Ending.FAULTED, 'Faulted', f'{_sentence(reason)} {_progress(record)}')
-    if not record.motions:
-        return Verdict(
-            Ending.NEVER_BEGAN, 'Nothing driven', 'The program ended without a motion.')
     if not all(motion.is_whole for motion in record.motions):
         return Verdict(
             Ending.FAULTED, 'Not finished', f'Nobody told why. {_progress(record)}')
