@@ -29,6 +29,8 @@ from kachaka_simple_control.report.record import DrivenMotion, Record
 
 #: So long after the last message odometry still belongs to the drive [s].
 AFTER = 1.0
+#: Odometry with figures beyond this is broken, and left away [m, rad, m/s, rad/s].
+FAR = 1e6
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ class DrivenPath:
         #: all motions, one after the other
         self.starts = self._starts(record.motions)
         #: odometry from t = 0 on
-        self.odometry = self._seen([answer for answer in record.odometry if _is_finite(answer)])
+        self.odometry = self._seen([answer for answer in record.odometry if _is_plausible(answer)])
 
     @property
     def planned_end(self) -> Pose:
@@ -146,10 +148,10 @@ def _from(messages: Sequence[Sent], began: float) -> list[Sent]:
     return [sent for sent in messages if sent.time >= began - 1e-6]
 
 
-def _is_finite(answer: Answered) -> bool:
+def _is_plausible(answer: Answered) -> bool:
     pose, velocity = answer.pose, answer.velocity
-    return math.isfinite(
-        answer.time + pose.x + pose.y + pose.theta + velocity.linear_x + velocity.angular_z)
+    return math.isfinite(answer.time) and all(abs(value) < FAR for value in (
+        pose.x, pose.y, pose.theta, velocity.linear_x, velocity.angular_z))
 
 
 def _time(answer: Answered) -> float:

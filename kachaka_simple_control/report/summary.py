@@ -71,7 +71,7 @@ class Summary:
     def steps(self) -> list[StepDriven]:
         """The steps that were begun."""
         pairs = [(movement, motion.planned.motion.name) for motion in self.record.motions
-                 for movement in motion.movements]
+                 for movement in motion.movements if movement.sent]
         opened = self.record.opened
         odometry = [seen.answer for seen in self.path.odometry]
         return steps_driven([one for one, _ in pairs], [name for _, name in pairs], odometry,
