@@ -394,6 +394,25 @@ def test_what_comes_from_outside_is_escaped(tmp_path):
     assert json.loads((tmp_path / 'run.json').read_text())['title'] == EVIL
 
 
+def headings(record):
+    """Return the headings in the table of where a drive ended [degrees]."""
+    text = page(Summary(record), {}, None, None)
+    rows = re.findall(r'"row">(?:planned|sent|odometry)</th>(?:<td class="n">([^<]*)</td>)'
+                      r'(?:<td class="n">([^<]*)</td>)(?:<td class="n">([^<]*)</td>)', text)
+    return [float(heading) for _, _, heading in rows]
+
+
+def test_headings_tell_where_it_looks_and_not_how_often_it_turned():
+    assert headings(done()) == [0.0, pytest.approx(0.0, abs=0.1), pytest.approx(4.3, abs=0.1)]
+    assert headings(stopped()) == [0.0, pytest.approx(90.0, abs=0.1), pytest.approx(91.1, abs=0.1)]
+    half = Motion('half', [Turn(3.14)])
+    rehearsal = Rehearsal(20.0)
+    rehearsal.drive(half)
+    planned, sent, odometry = headings(rehearsal.close())
+    assert planned == pytest.approx(179.9, abs=0.1)
+    assert odometry == pytest.approx(182.1, abs=0.2)
+
+
 def test_of_very_many_steps_the_first_and_the_last_are_shown(tmp_path):
     rehearsal = Rehearsal(10.0, odometry_period=0.2)
     rehearsal.drive(Motion('many', [Move(0.1, 0.0, 0.1), Turn(0.0)] * 200))

@@ -42,9 +42,11 @@ FLATTEST, TALLEST = 0.42, 1.15
 #: About so many numbers stand at the longer axis.
 MARKS = 7.0
 #: The robot where it stands in the end, and where it stood.
-AT_END: dict[str, Any] = {'edgecolor': '#222222', 'linewidth': 1.4, 'facecolor': (0, 0, 0, 0.06)}
+AT_END: dict[str, Any] = {
+    'edgecolor': '#222222', 'linewidth': 1.4, 'facecolor': (0, 0, 0, 0.06), 'zorder': 2.0}
 AT_START: dict[str, Any] = {
-    'edgecolor': GREEN, 'linewidth': 1.4, 'facecolor': 'none', 'linestyle': (0, (4, 2))}
+    'edgecolor': GREEN, 'linewidth': 1.6, 'facecolor': 'none', 'linestyle': (0, (4, 2)),
+    'zorder': 2.2}
 #: More points than these on one line make a page large.
 MOST = 5000
 #: From so many points on, dashes on dashes would be a wall; lines are thin and solid.
@@ -153,7 +155,7 @@ def _draw_robots(
         tip = (reach, 0.0)
         if footprint is not None:
             axes.add_collection(PolyCollection(
-                [outline(footprint, pose)], **look, label=f'robot {name}', zorder=2.0))
+                [outline(footprint, pose)], **look, label=f'robot {name}'))
             front = nose(footprint, ORIGIN)
             tip = front if front[0] > 0.0 else tip
         x, y = place(tip, pose)

@@ -49,9 +49,12 @@ def end_table(summary: Summary) -> str:
     """
     path, seen = summary.path, summary.end
     sent = path.reckoning.end if path.sent else None
-    turns = path.planned_end.theta - math.remainder(path.planned_end.theta, math.tau)
-    rows = [_pose(name, pose, turns) for name, pose in (
-        ('planned', path.planned_end), ('sent', sent), ('odometry', seen))]
+    rows = []
+    looks = 0.0
+    for name, pose in (('planned', path.planned_end), ('sent', sent), ('odometry', seen)):
+        # Where it looks, not how often it turned: within half a turn of the line above.
+        looks += 0.0 if pose is None else math.remainder(pose.theta - looks, math.tau)
+        rows.append(_pose(name, pose, looks))
     rows += [_miss('odometry from planned', summary.miss_of_plan),
              _miss('odometry from sent', summary.miss_of_sent)]
     names = (('', ''), ('x', '[m]'), ('y', '[m]'), ('heading', '[°]'))
@@ -59,10 +62,9 @@ def end_table(summary: Summary) -> str:
             f'{head(names)}<tbody>{"".join(rows)}</tbody></table>')
 
 
-def _pose(name: str, pose: Pose | None, turns: float) -> str:
-    # Where it looks, not how often it turned: within half a turn of the plan's heading.
+def _pose(name: str, pose: Pose | None, looks: float) -> str:
     cells = [NOTHING] * 3 if pose is None else [
-        number(pose.x, 4), number(pose.y, 4), degrees(pose.theta - turns)[:-1]]
+        number(pose.x, 4), number(pose.y, 4), degrees(looks)[:-1]]
     return f'<tr><th scope="row">{name}</th>{numbers(cells)}</tr>'
 
 
