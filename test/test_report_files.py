@@ -14,6 +14,7 @@
 """The files of a report: what they say, for every ending, and that they are always there."""
 
 from dataclasses import replace
+from itertools import pairwise
 import json
 import math
 import re
@@ -61,7 +62,8 @@ def drawn():
     (lesson, Ending.DONE, 'Done', '7 motions were driven to their end, 7 steps in all.'),
     (stopped, Ending.STOPPED, 'Stopped by SIGINT',
      'The motion ended in step 3 of 8, 5.03 s after its t = 0, of 17.58 s.'),
-    (faulted, Ending.FAULTED, 'Faulted', HELD_UP[1:] + '. The motion ended in step 3 of 8, 6.40 s'),
+    (faulted, Ending.FAULTED, 'Faulted',
+     HELD_UP[1:] + '. The motion ended in step 3 of 8, 6.40 s'),
     (killed, Ending.KILLED, 'Killed', 'The motion ended in step 3 of 8, 4.99 s'),
     (never_began, Ending.NEVER_BEGAN, 'Never began', NOBODY[1:] + '.'),
     (Record, Ending.KILLED, 'Killed', 'No motion had begun.'),
@@ -259,7 +261,7 @@ def test_a_straightened_path_passes_all_its_points(points, grain):
     assert kept[0] == points[0]
     assert kept[-1] == points[-1]
     for point in points:
-        away = min((beside(point, one, two) for one, two in zip(kept, kept[1:])),
+        away = min((beside(point, one, two) for one, two in pairwise(kept)),
                    default=math.dist(point, kept[0]))
         assert away <= 2.0 * grain + 1e-9
 
@@ -408,7 +410,7 @@ def test_headings_tell_where_it_looks_and_not_how_often_it_turned():
     half = Motion('half', [Turn(3.14)])
     rehearsal = Rehearsal(20.0)
     rehearsal.drive(half)
-    planned, sent, odometry = headings(rehearsal.close())
+    planned, _, odometry = headings(rehearsal.close())
     assert planned == pytest.approx(179.9, abs=0.1)
     assert odometry == pytest.approx(182.1, abs=0.2)
 
@@ -443,7 +445,8 @@ VELOCITIES = st.builds(Velocity, st.floats(-0.3, 0.3), st.floats(-1.5, 1.5)) | s
 ODD = st.floats() | st.floats(-2.0, 2.0)
 EVENTS = st.one_of(
     st.builds(Planned, st.sampled_from([SECOND, LESSON, EMPTY]), st.just(LIMITS), st.just(10.0)),
-    st.builds(Began, TIMES), st.builds(Sent, TIMES, VELOCITIES), st.builds(Sent, TIMES, VELOCITIES),
+    st.builds(Began, TIMES),
+    st.builds(Sent, TIMES, VELOCITIES), st.builds(Sent, TIMES, VELOCITIES),
     st.builds(Answered, TIMES, st.builds(Pose, ODD, ODD, ODD), st.builds(Velocity, ODD, ODD)),
     st.builds(Ended, TIMES, st.none() | st.text()),
     st.builds(Closed, TIMES, st.none() | ODD, st.none() | st.integers(-1, 99),

@@ -124,13 +124,16 @@ class DrivenMotion:
     def _first(self, elapsed: float) -> int:
         return bisect_left(self.sent, self.began + elapsed - ROUNDING, key=_time)
 
+    def _is_zero_after_start(self, sent: Sent) -> bool:
+        return sent.velocity.is_zero and sent.time > self.began
+
     def _last(self) -> int:
         """Return which message ended it."""
         end = len(self.sent) - 1
         if self.is_whole:
             return min(end, self._first(self.plan.duration))
         # All zeros at the end but the first are left to the stop.
-        while end > 0 and self.sent[end - 1].velocity.is_zero and self.sent[end - 1].time > self.began:
+        while end > 0 and self._is_zero_after_start(self.sent[end - 1]):
             end -= 1
         return end
 
