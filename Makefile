@@ -71,10 +71,11 @@ docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to
 setup:  ## make the environment, if what it is made from has changed
 	$(SET_UP) $(VENV)
 
-# Of Debian and of Ubuntu, where the package of that name may bring it as a snap.
+# Debian names it one way, Ubuntu the other.
 browser:  ## install Chromium (Debian and Ubuntu, as root), which some tests read reports with
 	$(AS_ROOT) apt-get update
-	$(AS_ROOT) apt-get install --yes --no-install-recommends chromium chromium-driver
+	$(AS_ROOT) apt-get install --yes --no-install-recommends chromium chromium-driver || \
+	    $(AS_ROOT) apt-get install --yes chromium-browser chromium-chromedriver
 
 lock:  ## write requirements/*.txt anew, with the newest releases
 	$(PYTHON) -m venv --clear .venv-lock

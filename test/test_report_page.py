@@ -24,7 +24,9 @@ from kachaka_simple_control.report.report import write_report
 from kachaka_simple_control.report.summary import Summary
 import pytest
 
-CHROMIUM, DRIVER = Path('/usr/bin/chromium'), Path('/usr/bin/chromedriver')
+CHROMIUM = next((path for path in (Path('/usr/bin/chromium'), Path('/usr/bin/chromium-browser'))
+                 if path.exists()), None)
+DRIVER = Path('/usr/bin/chromedriver')
 ARGUMENTS = (
     '--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
     '--disable-background-networking', '--disable-component-update', '--disable-sync')
@@ -84,7 +86,7 @@ def browser(tmp_path_factory):
     """Yield a browser that has never seen anything."""
     pytest.importorskip('selenium', reason='needs selenium')
     pytest.importorskip('matplotlib', reason='pictures need matplotlib')
-    if not (CHROMIUM.exists() and DRIVER.exists()):
+    if CHROMIUM is None or not DRIVER.exists():
         pytest.skip('needs chromium and chromedriver in /usr/bin: make browser')
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
