@@ -12,8 +12,11 @@ DOCS ?= html
 VENV := .venv$(addprefix -,$(filter-out jazzy,$(DISTRO)))
 SET_UP := @$(PYTHON) tools/set_up.py $(addprefix --distro=,$(DISTRO))
 
+AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
+
 .DEFAULT_GOAL := help
-.PHONY: help run test test-all check bench stop-matrix lossy-link colcon docs setup lock clean
+.PHONY: help run test test-all check bench stop-matrix lossy-link colcon docs setup browser lock \
+    clean
 
 help:  ## print this list
 	@echo 'make TARGET [PYTHON=python3.12] [DISTRO=kilted]'
@@ -67,6 +70,12 @@ docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to
 
 setup:  ## make the environment, if what it is made from has changed
 	$(SET_UP) $(VENV)
+
+# Debian names it one way, Ubuntu the other.
+browser:  ## install Chromium (Debian and Ubuntu, as root), which some tests read reports with
+	$(AS_ROOT) apt-get update
+	$(AS_ROOT) apt-get install --yes --no-install-recommends chromium chromium-driver || \
+	    $(AS_ROOT) apt-get install --yes chromium-browser chromium-chromedriver
 
 lock:  ## write requirements/*.txt anew, with the newest releases
 	$(PYTHON) -m venv --clear .venv-lock

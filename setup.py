@@ -28,7 +28,8 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.10',
     packages=find_packages(include=[package_name, package_name + '.*']),
-    package_data={package_name: ['py.typed', 'motions/*', 'robots/*', 'ros/*.xml']},
+    package_data={package_name: [
+        'py.typed', 'motions/*', 'report/*.css', 'robots/*', 'ros/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),

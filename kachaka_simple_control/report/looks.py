@@ -15,16 +15,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 import math
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
+
+from kachaka_simple_control.errors import UsageError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 # Colours of Okabe and Ito, which the colour-blind can tell apart.
 BLUE, ORANGE, GREEN = '#0072B2', '#D55E00', '#009E73'
+SKY = '#56B4E9'
 GREY, FAINT = '#666666', '#dddddd'
 
+# Three lines that often lie on each other: told apart by width, colour and dashes alike.
+PLANNED: dict[str, Any] = {
+    'color': SKY, 'linewidth': 5.0, 'alpha': 0.6, 'zorder': 3.0, 'solid_capstyle': 'round'}
+SENT: dict[str, Any] = {'color': '#003f63', 'linewidth': 1.5, 'zorder': 3.5}
+ODOMETRY: dict[str, Any] = {
+    'color': ORANGE, 'linewidth': 1.5, 'linestyle': (0, (3, 1.6)), 'zorder': 4.0}
+
+#: Stands on the style that comes with matplotlib, whatever the user's own settings are.
+SETTINGS: Any = {'font.size': 9.0, 'svg.hashsalt': 'kachaka_simple_control'}
 #: How far beside the axis its label stands [inch]: there is room for six characters between.
 LABEL = 0.56
 
@@ -52,3 +66,24 @@ def nice(step: float) -> float:
     power = 10.0 ** math.floor(math.log10(step))
     return next(power * factor for factor in (1.0, 2.0, 5.0, 10.0)
                 if power * factor >= step * (1.0 - 1e-9))
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """
+    Draw in the style that comes with matplotlib, whatever the user's own settings are.
+
+    :returns: a context manager
+    :raises UsageError: if matplotlib is absent
+    """
+    try:
+        from matplotlib import rc_context
+        from matplotlib import style as styles
+    except ModuleNotFoundError as error:
+        if error.name != 'matplotlib':
+            raise
+        raise UsageError(
+            'a plot needs matplotlib: pip install matplotlib, or sudo apt install '
+            'python3-matplotlib') from None
+    with styles.context('default'), rc_context(SETTINGS):
+        yield

@@ -59,17 +59,18 @@ def requested(step: Step) -> Displacement:
     return Displacement(0.0, 0.0)
 
 
-def sent(messages: Sequence[Sent]) -> Displacement:
+def sent(messages: Sequence[Sent], hold: float = math.inf) -> Displacement:
     """
     Return what a receiver is told that holds each velocity until the next message.
 
     :param messages: what was sent, in order; the last one only ends the one before
+    :param hold: how long the receiver keeps a velocity at most [s]
     :returns: the sum of velocity times interval
     """
-    pairs = list(pairwise(messages))
+    held = [(one.velocity, min(two.time - one.time, hold)) for one, two in pairwise(messages)]
     return Displacement(
-        math.fsum(one.velocity.linear_x * (two.time - one.time) for one, two in pairs),
-        math.fsum(one.velocity.angular_z * (two.time - one.time) for one, two in pairs))
+        math.fsum(velocity.linear_x * interval for velocity, interval in held),
+        math.fsum(velocity.angular_z * interval for velocity, interval in held))
 
 
 def driven(odometry: Sequence[Answered], begin: float, end: float) -> Displacement | None:

@@ -15,18 +15,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 import io
 import math
 import os
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 import warnings
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.report.columns import one_line
-from kachaka_simple_control.report.looks import framed
+from kachaka_simple_control.report.looks import framed, style
 from kachaka_simple_control.report.path_picture import draw_key, draw_path, extent
 from kachaka_simple_control.report.preview import amount, counted, fixed, Preview
 from kachaka_simple_control.report.velocity_picture import ANGULAR, draw_velocity, LINEAR, scale
@@ -41,8 +40,6 @@ METADATA: dict[str, dict[str, None]] = {
     '.svg': {'Date': None, 'Creator': None},
     '.pdf': {'CreationDate': None, 'Creator': None, 'Producer': None},
 }
-#: Stands on the style that comes with matplotlib, whatever the user's own settings are.
-SETTINGS: Any = {'font.size': 9.0, 'svg.hashsalt': 'kachaka_simple_control'}
 #: Pixels an inch, where there are pixels.
 RESOLUTION = 110
 #: A taller picture is more than people look at, and png has its limits.
@@ -72,7 +69,7 @@ def save_plot(file: str | os.PathLike[str], previews: Sequence[Preview]) -> None
     figure = draw(previews)
     data = io.BytesIO()
     suffix = path.suffix.lower()
-    with _style(), warnings.catch_warnings():
+    with style(), warnings.catch_warnings():
         # A letter that the font lacks becomes a box; the name is still in the table.
         warnings.filterwarnings('ignore', message='Glyph')
         figure.savefig(data, format=suffix[1:], metadata=METADATA[suffix])
@@ -113,7 +110,7 @@ def draw(previews: Sequence[Preview]) -> Figure:
     """
     if not 1 <= len(previews) <= MOST:
         raise UsageError(f'a plot shows 1 to {MOST} motions, not {len(previews)}; name fewer')
-    with _style():
+    with style():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
@@ -174,17 +171,3 @@ def _figures(preview: Preview) -> str:
 def _plain(text: str) -> str:
     # Between two dollars matplotlib reads a formula.
     return text.replace('$', r'\$')
-
-
-@contextmanager
-def _style() -> Iterator[None]:
-    try:
-        from matplotlib import rc_context, style
-    except ModuleNotFoundError as error:
-        if error.name != 'matplotlib':
-            raise
-        raise UsageError(
-            'a plot needs matplotlib: pip install matplotlib, or sudo apt install '
-            'python3-matplotlib') from None
-    with style.context('default'), rc_context(SETTINGS):
-        yield

@@ -53,10 +53,17 @@ class Preview:
     @property
     def messages(self) -> int:
         """Return how many velocities are sent if none comes late; the stop comes on top."""
-        return sum(_ticks(segment, self.plan.period) for segment in self.plan.segments)
+        return sum(ticks(segment, self.plan.period) for segment in self.plan.segments)
 
 
-def _ticks(segment: Segment, period: float) -> int:
+def ticks(segment: Segment, period: float) -> int:
+    """
+    Return how many velocities are sent in a segment if none comes late.
+
+    :param segment: a stretch of time with one velocity
+    :param period: how often it is repeated [s]
+    :returns: how many
+    """
     return max(1, math.ceil((segment.end - segment.start) / period - SLIVER))
 
 

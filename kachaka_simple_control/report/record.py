@@ -104,7 +104,7 @@ class DrivenMotion:
     @property
     def movements(self) -> list[Movement]:
         """Return its steps as far as they were begun, in order."""
-        if not self.has_begun:
+        if not self.has_begun or not self.sent:
             return []
         last = self._last()
         until = self.sent[last].time
@@ -124,13 +124,16 @@ class DrivenMotion:
     def _first(self, elapsed: float) -> int:
         return bisect_left(self.sent, self.began + elapsed - ROUNDING, key=_time)
 
+    def _is_zero_after_start(self, sent: Sent) -> bool:
+        return sent.velocity.is_zero and sent.time > self.began
+
     def _last(self) -> int:
         """Return which message ended it."""
         end = len(self.sent) - 1
         if self.is_whole:
             return min(end, self._first(self.plan.duration))
         # All zeros at the end but the first are left to the stop.
-        while end and self.sent[end - 1].velocity.is_zero and self.sent[end - 1].time > self.began:
+        while end > 0 and self._is_zero_after_start(self.sent[end - 1]):
             end -= 1
         return end
 

@@ -17,10 +17,9 @@ from __future__ import annotations
 
 import math
 
-from kachaka_simple_control.motion.steps import Move
 from kachaka_simple_control.report.metrics import boundaries, Displacement, driven, requested, sent
-from kachaka_simple_control.report.preview import in_words
 from kachaka_simple_control.report.record import Movement, Record
+from kachaka_simple_control.report.step_errors import step_in_words
 
 HEAD = ('movement', 'requested', 'sent', 'odometry')
 
@@ -46,13 +45,9 @@ def table(record: Record, still_after: float | None) -> str:
 
 
 def _row(movement: Movement, seen: Displacement | None) -> tuple[str, ...]:
-    step = movement.step
-    words = in_words(step)
-    if isinstance(step, Move):
-        words = f'{words.removeprefix("move ")} for {step.duration:g} s'
     return (
-        words,
-        _amount(requested(step)),
+        step_in_words(movement.step),
+        _amount(requested(movement.step)),
         _amount(sent(movement.sent)),
         'none' if seen is None else _amount(seen))
 

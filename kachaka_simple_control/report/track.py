@@ -119,13 +119,15 @@ def line(paths: Iterable[Stretch], grain: float) -> list[Point]:
 
     :param paths: the paths, one after the other
     :param grain: the smallest thing that can be seen [m]
-    :returns: its points, beginning at the origin; where it was thinned out, with gaps of NaN
+    :returns: its points, beginning where the first path does; where it was thinned out, with gaps
+        of NaN
     """
-    points = [(ORIGIN.x, ORIGIN.y)]
+    points: list[Point] = []
     for path in paths:
+        points += [] if points else [(path.start.x, path.start.y)]
         points += path.points()
     if len(points) <= MANY_POINTS:
-        return points
+        return points or [(ORIGIN.x, ORIGIN.y)]
     thinned = _unlike(points, grain)
     while len(thinned) > MAX_POINTS:
         grain *= 2.0

@@ -96,16 +96,30 @@ def scale(previews: Sequence[Preview], kind: Kind) -> Scale:
     """
     values = [value for preview in previews
               for _, value in staircase(preview.plan, kind.component)]
+    duration = max(preview.plan.duration for preview in previews)
+    return room(kind, values, [preview.limits for preview in previews], duration)
+
+
+def room(
+        kind: Kind, values: Sequence[float], limits: Sequence[Limits], duration: float) -> Scale:
+    """
+    Return a scale with room for some values, and for the limits that are near.
+
+    :param kind: which velocity
+    :param values: what is shown [its unit]
+    :param limits: all limits
+    :param duration: the longest time [s]
+    :returns: the scale
+    """
     lowest, highest = min(values), max(values)
     largest = max(highest, -lowest)
-    for preview in previews:
-        below, above = kind.limits(preview.limits)
+    for below, above in map(kind.limits, limits):
         far = FAR * largest if largest else math.inf
         if lowest < 0.0 and -below <= far:
             lowest = min(lowest, below)
         if above <= far and (highest > 0.0 or not largest):
             highest = max(highest, above)
-    return _free(kind, lowest, highest, max(preview.plan.duration for preview in previews))
+    return _free(kind, lowest, highest, duration)
 
 
 def _free(kind: Kind, lowest: float, highest: float, duration: float) -> Scale:
@@ -139,13 +153,20 @@ def draw_velocity(axes: Axes, preview: Preview, scale_: Scale, with_time: bool) 
     axes.step([0.0, *(time / seconds for time, _ in corners)],
               [0.0, *(value for _, value in corners)], where='post', color=kind.colour,
               linewidth=1.2, alpha=1.0 if len(corners) <= DENSE else 0.5, zorder=1.5, gid='sent')
-    _draw_limits(axes, kind, preview.limits)
+    draw_limits(axes, kind, preview.limits)
     axes.tick_params(labelbottom=with_time)
     if with_time:
         axes.set_xlabel(f'time [{unit}]')
 
 
-def _draw_limits(axes: Axes, kind: Kind, limits: Limits) -> None:
+def draw_limits(axes: Axes, kind: Kind, limits: Limits) -> None:
+    """
+    Draw limits as dashed lines, and say how large they are.
+
+    :param axes: where; what it shows from bottom to top is set
+    :param kind: which velocity
+    :param limits: the limits
+    """
     bottom, top = axes.get_ylim()
     below, above = kind.limits(limits)
     near = [(limit, side, lift) for limit, side, lift in (

@@ -1,0 +1,163 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Records of drives in simulated time: the real plan, the simulated robot, and no clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+import math
+import random
+
+from kachaka_simple_control.execution.player import Player
+from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Motion
+from kachaka_simple_control.report.events import (
+    Answered,
+    Began,
+    Closed,
+    Ended,
+    Event,
+    Opened,
+    Planned,
+    Sent,
+)
+from kachaka_simple_control.report.record import Record
+from kachaka_simple_control.robot.fidelity import Fidelity
+from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.robot.simulated import SimulatedKachaka
+
+#: A robot that drives a little wrong, always in the same way.
+IMPERFECT = Fidelity(lag=0.05, linear_gain=0.985, angular_gain=1.012)
+#: On 2026-11-21.
+EPOCH = 1_795_219_200.0
+STOP = [0.0] * 10 + [0.04 * number for number in range(1, 11)]
+
+
+class Rehearsal:
+    """
+    A program that drives in simulated time, and the record that hears it.
+
+    :param rate: how often a velocity is sent [Hz]
+    :param lateness: how late a message is, given its number [s]; by default a fraction of a ms
+    :param fidelity: of the robot
+    :param odometry_period: between two poses [s]; None if none arrives
+    """
+
+    def __init__(
+            self, rate: float = 10.0, lateness: Callable[[int], float] | None = None,
+            fidelity: Fidelity = IMPERFECT, odometry_period: float | None = 0.02,
+            title: str = 'rehearsal') -> None:
+        """Open the record; the robot stands somewhere and looks somewhere."""
+        self.record, self.events, self.now = Record(), [], 5000.0
+        self._rate, self._late = rate, lateness or jitter()
+        self._robot = SimulatedKachaka(self.now, fidelity)
+        self._robot.set_manual_control(True, self.now)
+        self._odometry = math.inf if odometry_period is None else self.now
+        self._period = odometry_period
+        self._count = 0
+        self._is_stopped = True
+        self.limits = KACHAKA.limits
+        self.tell(Opened(
+            title, KACHAKA.name, self.limits, KACHAKA.hold, EPOCH,
+            '/kachaka/manual_control/cmd_vel', '/kachaka/odometry/odometry',
+            footprint=KACHAKA.footprint,
+            settings={'robot': 'kachaka', 'rate': rate, 'guardian': True},
+            versions={'kachaka_simple_control': '0.1.0', 'ROS': 'jazzy'}))
+
+    def tell(self, event: Event) -> None:
+        """Let the record hear an event."""
+        self.events.append(event)
+        self.record.hear(event)
+
+    def drive(self, motion: Motion, until: float = math.inf, reason: str | None = None,
+              lost: tuple[float, float] | None = None) -> None:
+        """
+        Drive a motion.
+
+        :param until: when it ends before its end [s after t = 0]
+        :param reason: why; None if nobody tells
+        :param lost: from when to when nothing is sent [s after t = 0]
+        """
+        planned = plan(motion, self.limits, self._rate)
+        self.tell(Planned(motion, self.limits, self._rate))
+        for _ in range(0 if self._count else 10):
+            self._send(self.now + 0.05, ZERO)
+        start = self.now + 0.0005
+        began = False
+        for due, velocity in self._ticks(planned, until):
+            if lost is not None and lost[0] <= due < lost[1]:
+                continue
+            late = 0.0 if not began else self._late(self._count)
+            if not began:
+                self._pass(start)
+                self.tell(Began(start))
+                began = True
+            self._send(start + due + late, velocity)
+        if until <= planned.duration and reason is None:
+            return
+        if until <= planned.duration:
+            self.stop(start + until)
+        else:
+            self._send(start + planned.duration + self._late(self._count), ZERO)
+            self._is_stopped = False
+        self.tell(Ended(self.now, reason))
+
+    def stop(self, time: float) -> None:
+        """Send a whole stop."""
+        self._is_stopped = True
+        for after in STOP:
+            self._send(max(self.now, time + after + 0.0002), ZERO)
+
+    def close(self, still_after: float | None = 0.12, signal: int | None = None,
+              error: str | None = None, rest: float = 0.4) -> Record:
+        """Stop unless that was done, let the robot come to rest, and tell the end."""
+        if not self._is_stopped:
+            self.stop(self.now + 1.0 / self._rate)
+        self._pass(self.now + rest)
+        self.tell(Closed(self.now, still_after, signal, error))
+        return self.record
+
+    @staticmethod
+    def _ticks(planned: object, until: float) -> Iterator[tuple[float, Velocity]]:
+        player, time = Player(planned), 0.0
+        while time < until and (due := player.due(time)) is not None:
+            yield time, due.velocity
+            time = due.deadline
+
+    def _send(self, time: float, velocity: Velocity) -> None:
+        self._pass(time)
+        self._count += 1
+        limits = KACHAKA.limits
+        self._robot.set_manual_control(True, self.now)
+        self._robot.set_robot_velocity(
+            velocity.linear_x / limits.max_linear_velocity,
+            velocity.angular_z / limits.max_angular_velocity, self.now)
+        self.tell(Sent(self.now, velocity))
+
+    def _pass(self, time: float) -> None:
+        while self._odometry <= time:
+            pose, velocity = self._robot.odometry(self._odometry)
+            wrapped = type(pose)(pose.x, pose.y, math.remainder(pose.theta, math.tau))
+            self.tell(Answered(self._odometry + 0.003, wrapped, velocity))
+            self._odometry += self._period
+        self.now = max(self.now, time)
+
+
+def jitter(scale: float = 0.0002, seed: int = 7) -> Callable[[int], float]:
+    """Return how late messages are: always a little, seldom much, each time the same."""
+    generator = random.Random(seed)
+    return lambda number: min(0.009, generator.expovariate(1.0 / scale))
+
+
