@@ -45,8 +45,8 @@ def report_folder(name: str) -> Iterator[None]:
 
 def _make(folder: Path) -> list[Path]:
     """Make a folder and those it is in; return what was made, the innermost first."""
-    missing = [place for place in (folder, *folder.parents) if not place.exists()]
     try:
+        missing = [place for place in (folder, *folder.parents) if not place.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         held = next(folder.iterdir(), None)
         if held is None:

@@ -83,6 +83,7 @@ class Recording:
         self._record = record
         self._pending: list[Message] = []
         self._span: list[int] = []
+        self._is_finished = False
         self._file = BagFile(path, _end())
         # Of a file, the writer wants no more than this one has.
         self._writer = Writer(cast('Any', self._file), chunk_size=CHUNK)
@@ -138,6 +139,7 @@ class Recording:
         self._writer.add_metadata('rosbag2', {'serialized_metadata': self._information()})
         self._writer.finish()
         self._file.close()
+        self._is_finished = True
 
     def leave(self) -> None:
         """Let the file be as it is on the disk."""
@@ -145,10 +147,12 @@ class Recording:
 
     def describe(self) -> None:
         """
-        Make the folder a bag, as far as there is a file in it.
+        Make the folder a bag, if there is more in the file than its beginning.
 
         :raises OSError: if that fails
         """
+        if not self._span and not self._is_finished:
+            return
         self._path.with_name('metadata.yaml').write_text(
             folder_information(self._information()), encoding='utf-8')
 
