@@ -316,6 +316,10 @@ def test_a_full_disk_ends_the_recording_and_leaves_what_was_there(limit, monkeyp
         assert len(read(drive.file)) == stored
     if stored:
         assert len(read_with_rosbags(tmp_path)) == stored
+    # Without messages, a file has no topics that a bag could name.
+    assert (tmp_path / 'metadata.yaml').exists() == bool(stored)
+    assert str(drive.file) not in [
+        str(link.readlink()) for link in Path('/proc/self/fd').glob('*') if link.is_symlink()]
 
 
 def test_a_disk_without_any_room_leaves_no_file(monkeypatch, tmp_path):
