@@ -341,6 +341,20 @@ def test_a_full_disk_at_the_very_end_costs_the_index_alone(monkeypatch, tmp_path
         assert velocities(read(drive.file), TWIST) == drive.expected()
 
 
+def test_a_full_disk_after_the_recording_leaves_no_half_of_a_description(monkeypatch, tmp_path):
+    def write_text(self, text, encoding):
+        self.write_bytes(text[:100].encode(encoding))
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, 'write_text', write_text)
+    drive = Drive(tmp_path)
+    drive.send(10.0, 10)
+    assert drive.bag.finish() == 'metadata.yaml is left out: No space left on device'
+    assert list(tmp_path.iterdir()) == [drive.file]
+    for read in READERS:
+        assert velocities(read(drive.file), TWIST) == drive.expected()
+
+
 def test_a_failure_of_another_kind_ends_the_recording_too(monkeypatch, tmp_path):
     drive = Drive(tmp_path)
     drive.send(10.0, 10)

@@ -180,17 +180,18 @@ def test_a_full_disk_ends_the_recording_and_the_robot_is_stopped(listener, tmp_p
     line[line.index('--report') + 1] = str(disk / 'report')
     with small_disk(disk):
         with program(line, tmp_path) as started:
-            started.wait_for_text('Robot control node has started')
-            # 12 KiB are left: room for a part of the drive.
-            with contextlib.suppress(OSError), (disk / 'other').open('wb') as other:
-                other.write(bytes(1 << 20))
-            os.truncate(disk / 'other', (disk / 'other').stat().st_size - 3 * 4096)
+            listener.wait_for(lambda heard: True)
+            assert (disk / 'report' / 'run.mcap').stat().st_size > 0
+            # What is left is the rest of the page that the recording has begun.
+            with contextlib.suppress(OSError), (disk / 'other').open('wb', 0) as other:
+                while True:
+                    other.write(bytes(1024))
             assert started.end() == 0
         assert 'report: run.mcap ends early: No space left on device' in started.text
         one, other = (len(read(disk / 'report' / 'run.mcap')) for read in READERS)
     assert one == other > 0
     assert not listener.heard[-1].moves
-    assert sum(heard.moves for heard in listener.heard) == 125
+    assert sum(heard.moves for heard in listener.heard) > 100, 'the drive went on'
 
 
 @contextlib.contextmanager

@@ -87,7 +87,10 @@ class Bag:
         if self._recording is None:
             return self.failure or f'{NAME} is left out: nothing was told'
         self._try(self._recording.finish)
-        self._try(self._recording.describe, even_so=True)
+        try:
+            self._recording.describe()
+        except OSError as error:
+            self.failure = self.failure or f'metadata.yaml is left out: {_reason(error)}'
         return self.failure
 
     def _begin(self, opened: Opened) -> None:
@@ -98,8 +101,8 @@ class Bag:
             raise ImportError(NEEDS)
         self._recording = Recording(self._path, opened, self._record)
 
-    def _try(self, action: Callable[[], None], even_so: bool = False) -> None:
-        if self.failure is not None and not even_so:
+    def _try(self, action: Callable[[], None]) -> None:
+        if self.failure is not None:
             return
         try:
             action()
@@ -107,8 +110,6 @@ class Bag:
             self._end(error)
 
     def _end(self, error: Exception) -> None:
-        if self.failure is not None:
-            return
         reason = _reason(error)
         if self._recording is None:
             self.failure = f'{NAME} is left out: {reason}'

@@ -153,8 +153,12 @@ class Recording:
         """
         if not self._span and not self._is_finished:
             return
-        self._path.with_name('metadata.yaml').write_text(
-            folder_information(self._information()), encoding='utf-8')
+        file = self._path.with_name('metadata.yaml')
+        try:
+            file.write_text(folder_information(self._information()), encoding='utf-8')
+        except OSError:
+            file.unlink(missing_ok=True)
+            raise
 
     def _add_topic(self, kind: str, topic: Topic) -> None:
         schema = self._writer.register_schema(
