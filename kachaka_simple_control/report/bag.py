@@ -95,10 +95,10 @@ class Bag:
 
     def _begin(self, opened: Opened) -> None:
         # Here, for a report can be made without it.
-        from kachaka_simple_control.report.bag_recording import Recording
         from mcap.writer import Writer
         if not hasattr(Writer, 'flush'):
             raise ImportError(NEEDS)
+        from kachaka_simple_control.report.bag_recording import Recording
         self._recording = Recording(self._path, opened, self._record)
 
     def _try(self, action: Callable[[], None]) -> None:
