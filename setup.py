@@ -42,7 +42,7 @@ setup(
         # A drive shown in a terminal; without it, in plain lines.
         'live': ['rich>=11.2'],
         # The recording beside a report; without it, the report alone.
-        'recording': ['mcap-ros2-support'],
+        'recording': ['mcap>=1.5'],
         'test': ['pytest', 'hypothesis'],
         # What the SDK of the robot needs; itself it is installed with --no-deps, for its pins name
         # one old grpcio that not every Python has, and a numpy that a sourced ROS may not have.

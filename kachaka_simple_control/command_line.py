@@ -93,6 +93,8 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     options = Options(motions=tuple(said.pop('motions')), ros_arguments=tuple(ros), **said)
     if len(options.motions) > 1 and not options.looks_only:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
+    if options.report is not None and options.looks_only:
+        parser.error('--report is about a drive; --list, --plan and --plot drive nothing')
     return options
 
 

@@ -16,13 +16,16 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.audience.listeners import Listeners, listeners, REPORTER
 from kachaka_simple_control.audience.showing import DisplayTeller, worth_showing
+from kachaka_simple_control.audience.report_folder import report_folder
 from kachaka_simple_control.command_line import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
+from kachaka_simple_control.report.bag import lacking
 from kachaka_simple_control.report.table import table
 from kachaka_simple_control.robot.robot_profile import KACHAKA, profile_of
 from kachaka_simple_control.ros.isolation import stay_on_this_machine
@@ -45,6 +48,8 @@ def drive(options: Options) -> None:
     motion_file = _motion_file(options)
     # Started last, a bridge ends last: after its robot was stopped and given back.
     with contextlib.ExitStack() as helpers:
+        if options.report is not None:
+            helpers.enter_context(report_folder(options.report))
         if options.brings_robot:
             stay_on_this_machine()
         start_ros(options.ros_arguments)
@@ -87,6 +92,8 @@ def _start_listeners(told: Listeners, options: Options, is_lesson: bool) -> None
     if not options.quiet and worth_showing(is_lesson):
         told.join(DisplayTeller())
     if options.report is not None:
+        if (missing := lacking()) is not None:
+            print(f'report: {missing}', file=sys.stderr)
         told.start(REPORTER, options.report)
 
 
@@ -122,7 +129,8 @@ def _motion_file(options: Options) -> MotionFile | None:
 
 
 def _parameters(options: Options, motion_file: MotionFile | None) -> dict[str, object]:
-    summary = options.brings_robot or None
+    # A report needs what the table needs: odometry.
+    summary = options.brings_robot or options.report is not None or None
     said = [{'robot': options.robot, 'rate': options.rate, 'summary': summary}]
     if motion_file is not None:
         said.insert(0, {'robot': motion_file.robot, 'rate': motion_file.rate})

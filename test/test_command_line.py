@@ -40,7 +40,9 @@ def test_who_only_looks_moves_nothing(arguments):
 
 
 @pytest.mark.parametrize('arguments', [
-    ['--fast'], ['--rate', 'fast'], ['square', 'circle'], ['--plot']])
+    ['--fast'], ['--rate', 'fast'], ['square', 'circle'], ['--plot'],
+    ['--report'], ['--report', 'runs', '--plan'], ['--report', 'runs', '--list'],
+    ['--report', 'runs', '--plot', 'square.png']])
 def test_bad_usage_is_one_sentence_and_exit_code_2(arguments, capsys):
     with pytest.raises(SystemExit) as caught:
         parse(arguments)

@@ -31,8 +31,9 @@ PACKAGE = ROOT / NAME
 HEADER = ROOT.joinpath('setup.py').read_text().split('"""')[0]
 # What some ROS package of another name brings along.
 BROUGHT = {'rpyutils': 'rclpy'}
-# What speaks to a Kachaka alone, and is an extra of setup.py; rosdep does not know the SDK.
-EXTRA = {'grpc', 'kachaka_api'}
+# Extras of setup.py: what speaks to a Kachaka alone, whose SDK rosdep does not know, and what
+# writes recordings.
+EXTRA = {'grpc', 'kachaka_api', 'mcap'}
 # With a gap in each, so that this file passes its own test.
 ADDRESSES = re.compile('|'.join([
     r'p[y]pi\.org', r'p[y]thonhosted\.org', r'f[i]le://', r'--(extra-)?i[n]dex-url[ =]\S*:',

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import contextlib
+import sys
 import time
 
 from kachaka_simple_control.audience.audience import Audience
@@ -76,6 +77,14 @@ class Listeners:
         patience = PATIENCE if WATCH.signum is None else PATIENCE_WHEN_STOPPED
         for teller in self._tellers:
             teller.close(patience)
+            if teller.deaf_because is not None:
+                _say(f'what was shown or reported ends early: {teller.deaf_because}')
+
+
+def _say(text: str) -> None:
+    # Somebody may have closed the terminal.
+    with contextlib.suppress(OSError):
+        print(f'kachaka_simple_control: {text}', file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager

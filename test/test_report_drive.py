@@ -1,0 +1,231 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A drive with a report: what was sent is what its recording holds, however it ended."""
+
+import contextlib
+import os
+from pathlib import Path
+import signal
+import time
+
+from kachaka_simple_control.report.bag_schemas import FIELDS
+from program import COMMAND, program
+import pytest
+from recordings import read_with_mcap, read_with_rosbags, READERS
+
+pytestmark = pytest.mark.ros
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('mcap', reason='needs what writes recordings')
+
+TOPIC = '/kachaka/manual_control/cmd_vel'
+ODOMETRY = '/kachaka/odometry/odometry'
+MOTION = """\
+name: hook
+rate: 50
+steps:
+  - move: {linear_x: 0.1, angular_z: 0.0, duration: DURATION}
+  - move: {linear_x: 0.05, angular_z: 0.4, duration: 0.5}
+"""
+#: So many zeros are sent to a robot just met, and some more.
+PRIMING = 30
+
+
+def command(folder, duration, *options):
+    """Return a command that drives a short way, and leaves a report in a folder."""
+    motion = folder / 'hook.yaml'
+    motion.write_text(MOTION.replace('DURATION', str(duration)))
+    return [*COMMAND, str(motion), '--report', str(folder / 'report'), *options]
+
+
+def recorded(folder):
+    """Return the velocities that both readers find, in order, and assert that they agree."""
+    file = folder / 'report' / 'run.mcap'
+    one, other = ([
+        (found.stamp, found.message.linear.x, found.message.angular.z)
+        for found in read(file) if found.topic == TOPIC] for read in READERS)
+    assert one == other
+    return one
+
+
+def assert_same(sent, heard):
+    """Assert that what is recorded is what a robot heard, and when."""
+    assert [velocity[1:] for velocity in sent] == [(one.linear_x, one.angular_z) for one in heard]
+    for velocity, one in zip(sent, heard):
+        assert velocity[0] / 1e9 == pytest.approx(one.time, abs=0.1)
+
+
+def from_motion_on(velocities, moves):
+    """Return velocities from the first that moves on: zeros before it are the guardian's, too."""
+    return velocities[[*map(moves, velocities)].index(True):]
+
+
+def is_motion(velocity):
+    """Tell whether a recorded velocity asks for motion."""
+    return velocity[1:] != (0.0, 0.0)
+
+
+def wait_for_end(folder, started):
+    """Return when the reporter, which outlives its program, has said its last word."""
+    end = time.monotonic() + 20.0
+    while 'report: ' not in started.text.rpartition('run.mcap')[2]:
+        assert time.monotonic() < end, started.text
+        time.sleep(0.05)
+
+
+def wait_for_file(file):
+    """Return when there is something in a file."""
+    end = time.monotonic() + 20.0
+    while not file.exists() or not file.stat().st_size:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_as_many_velocities_are_recorded_as_a_robot_heard(listener, tmp_path):
+    """Without a guardian, which sends zeros of its own to a robot just met."""
+    options = ['--ros-args', '-p', 'guardian:=false']
+    with program(command(tmp_path, 0.5, *options), tmp_path) as started:
+        assert started.end() == 0
+    sent = recorded(tmp_path)
+    # A robot may be met later than its publisher meets it: zeros alone may be lost by that.
+    unheard = len(sent) - len(listener.heard)
+    assert 0 <= unheard <= PRIMING
+    assert not any(map(is_motion, sent[:unheard]))
+    assert_same(sent[unheard:], listener.heard)
+    assert sum(map(is_motion, sent)) == 50
+    assert [velocity[1:] for velocity in sent[-10:]] == [(0.0, 0.0)] * 10
+
+
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM', 'SIGHUP'])
+def test_a_signal_in_mid_motion_is_recorded_to_the_last_zero(listener, tmp_path, name):
+    signum = signal.Signals[name]
+    with program(command(tmp_path, 8.0), tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        time.sleep(0.5)
+        started.send(signum)
+        assert started.end(5.0) == 128 + signum
+        wait_for_end(tmp_path, started)
+    assert 'Traceback' not in started.text
+    sent = recorded(tmp_path)
+    assert_same(from_motion_on(sent, is_motion),
+                from_motion_on(listener.heard, lambda heard: heard.moves))
+    assert 15 < sum(map(is_motion, sent)) < 100
+    assert [velocity[1:] for velocity in sent[-10:]] == [(0.0, 0.0)] * 10
+
+
+@pytest.mark.parametrize('name', ['SIGKILL', 'SIGQUIT'])
+def test_a_program_that_is_killed_leaves_all_that_it_sent(listener, tmp_path, name):
+    """The zeros after it are its guardian's: the robot hears them, and they are not recorded."""
+    with program(command(tmp_path, 8.0), tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        time.sleep(0.5)
+        started.send(signal.Signals[name])
+        started.end(5.0)
+        wait_for_end(tmp_path, started)
+        sent = recorded(tmp_path)
+        last = max(place for place, velocity in enumerate(listener.heard) if velocity.moves)
+        assert sent[-1][1:] == (0.1, 0.0)
+        # Killed between sending and telling, it takes one velocity with it.
+        heard = sum(heard.moves for heard in listener.heard)
+        assert 0 <= heard - sum(map(is_motion, sent)) <= 1
+        listener.wait_for(lambda heard: not heard.moves, after=last)
+
+
+def test_a_simulated_drive_is_recorded_with_its_odometry(tmp_path):
+    pytest.importorskip('nav_msgs', reason='needs odometry')
+    with program(command(tmp_path, 0.5, '--sim'), tmp_path) as started:
+        assert started.end() == 0
+    folder = tmp_path / 'report'
+    for found in (read_with_mcap(folder / 'run.mcap'), read_with_rosbags(folder)):
+        poses = [one for one in found if one.topic == ODOMETRY]
+        assert len(poses) > 20
+        assert poses[-1].message.pose.pose.position.x == pytest.approx(0.075, abs=0.02)
+        (path,) = [one for one in found if one.topic == '/kachaka_simple_control/planned_path']
+        assert path.message.poses[-1].pose.position.x == pytest.approx(0.075, abs=0.005)
+
+
+@pytest.mark.parametrize('options', [
+    ['--rate', '2'], ['--ros-args', '-p', 'robot_timeout:=0'], ['--robot', 'nobody']])
+def test_bad_usage_leaves_no_folder(options, tmp_path):
+    with program(command(tmp_path, 0.5, *options), tmp_path) as started:
+        assert started.end() == 2
+    assert not (tmp_path / 'report').exists()
+
+
+def test_a_folder_that_holds_something_is_refused_before_anything_begins(tmp_path):
+    (tmp_path / 'report').mkdir()
+    (tmp_path / 'report' / 'notes.txt').touch()
+    with program(command(tmp_path, 0.5, '--sim'), tmp_path) as started:
+        assert started.end() == 2
+    assert started.text == (
+        f'kachaka_simple_control: --report {tmp_path}/report is not empty, it holds notes.txt: '
+        'name a folder that is new or empty\n')
+
+
+def test_a_robot_that_nobody_finds_is_reported_too(tmp_path):
+    options = ['--ros-args', '-p', 'robot_timeout:=0.5', '-p', 'robot_namespace:=/nobody']
+    with program(command(tmp_path, 0.5, *options), tmp_path) as started:
+        assert started.end() == 3
+    for read in READERS:
+        assert read(tmp_path / 'report' / 'run.mcap') == []
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='needs root for a disk of its own')
+def test_a_full_disk_ends_the_recording_and_the_robot_is_stopped(listener, tmp_path):
+    disk = tmp_path / 'disk'
+    disk.mkdir()
+    line = command(tmp_path, 2.0)
+    line[line.index('--report') + 1] = str(disk / 'report')
+    with small_disk(disk):
+        with program(line, tmp_path) as started:
+            wait_for_file(disk / 'report' / 'run.mcap')
+            # What is left is the rest of the page that the recording has begun.
+            with contextlib.suppress(OSError), (disk / 'other').open('wb', 0) as other:
+                while True:
+                    other.write(bytes(1024))
+            assert started.end() == 0
+        assert 'report: run.mcap ends early: No space left on device' in started.text
+        one, other = (len(read(disk / 'report' / 'run.mcap')) for read in READERS)
+    assert one == other > 0
+    assert not listener.heard[-1].moves
+    assert sum(heard.moves for heard in listener.heard) > 100, 'the drive went on'
+
+
+@contextlib.contextmanager
+def small_disk(folder: Path):
+    """Have a disk of little room."""
+    if os.system(f'mount -t tmpfs -o size=96k none {folder} 2>/dev/null'):
+        pytest.skip('needs a disk of its own')
+    try:
+        yield
+    finally:
+        os.system(f'umount {folder}')
+
+
+@pytest.mark.parametrize('name', sorted(FIELDS))
+def test_definitions_have_the_fields_of_the_messages_here(name):
+    import importlib
+    package, _, kind = name.partition('/')
+    module = pytest.importorskip(f'{package}.msg')
+    assert importlib.import_module(f'{package}.msg') is module
+    fields = getattr(module, kind).get_fields_and_field_types()
+    theirs = [f'{spelled(type_)} {field}' for field, type_ in fields.items()]
+    assert list(FIELDS[name]) == theirs
+
+
+def spelled(field_type: str) -> str:
+    """Return a type as a definition spells it."""
+    base, _, rest = field_type.partition('<')
+    if base == 'sequence':
+        return f'{rest[:-1]}[]'
+    return {'double': 'float64', 'double[36]': 'float64[36]'}.get(field_type, field_type)
