@@ -39,6 +39,7 @@ def begun():
     tally.hear(Sent(START - 0.1, ZERO))  # to a robot just met
     tally.hear(Sent(START, ZERO))
     tally.hear(Began(START))
+    tally.count()
     return tally
 
 
@@ -46,6 +47,7 @@ def send(tally, *times):
     """Send velocities at these times after t = 0."""
     for time in times:
         tally.hear(Sent(START + time, ZERO))
+    tally.count()
     return tally.late, tally.skipped
 
 
@@ -89,6 +91,7 @@ def test_a_motion_that_has_not_begun_is_in_no_step():
     tally = Tally()
     tally.expect(plan(MOTION, LIMITS, 10.0))
     tally.hear(Planned(MOTION, LIMITS, 10.0))
+    tally.count()
     assert tally.is_on
     assert not tally.has_begun
     assert tally.step(START) == (0, 3)
@@ -97,8 +100,10 @@ def test_a_motion_that_has_not_begun_is_in_no_step():
 def test_an_end_is_told_with_its_reason():
     tally = begun()
     tally.hear(Ended(START + 0.2, 'the robot left'))
+    tally.count()
     assert (tally.is_on, tally.failure) == (False, 'the robot left')
     tally.hear(Planned(MOTION, LIMITS, 10.0))
+    tally.count()
     assert (tally.is_on, tally.failure) == (True, None)
 
 
@@ -115,4 +120,5 @@ def test_lateness_is_counted_tick_by_tick(delays):
         tally.hear(Sent(now, ZERO))
         if place == len(TICKS) - 1:
             break
+    tally.count()
     assert (tally.late, tally.skipped) == (late, skipped)

@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 from geometry_msgs.msg import TwistStamped
-from kachaka_simple_control.report.events import Sent
+from kachaka_simple_control.report.events import Event, Sent
 from kachaka_simple_control.ros.shown_topics import shown_topic
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.node import Node
@@ -50,16 +50,16 @@ class Echo:
         self._message = TwistStamped()
         self._message.header.frame_id = frame
 
-    def hear(self, sent: Sent) -> None:
+    def hear(self, event: Event) -> None:
         """
         Publish what was sent.
 
-        :param sent: the velocity, which has left just now
+        :param event: what happened; a velocity that is told of has left just now
         """
-        if not self._publisher.get_subscription_count():
+        if not isinstance(event, Sent) or not self._publisher.get_subscription_count():
             return
         message = self._message
         message.header.stamp = self._clock.now().to_msg()
-        message.twist.linear.x = sent.velocity.linear_x
-        message.twist.angular.z = sent.velocity.angular_z
+        message.twist.linear.x = event.velocity.linear_x
+        message.twist.angular.z = event.velocity.angular_z
         self._publisher.publish(message)

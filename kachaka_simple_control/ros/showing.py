@@ -17,11 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import time
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
-from kachaka_simple_control.audience.audience import Audience
+from kachaka_simple_control.audience.audience import Audience, Hearer
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.report.events import Answered, Began, Event, Sent
+from kachaka_simple_control.report.events import Answered, Began, Event
 from kachaka_simple_control.robot.robot_profile import RobotProfile
 from kachaka_simple_control.ros.condition import Condition, condition
 from kachaka_simple_control.ros.echo import Echo, TOPIC
@@ -30,6 +30,9 @@ from kachaka_simple_control.ros.tally import Tally
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.ros.diagnostics import Diagnostics
 
 #: How often a diagnosis is made [s].
 PERIOD = 1.0
@@ -56,10 +59,12 @@ class Showing:
         self._node = node
         self._tally = Tally()
         self._lookout: Lookout | None = None
-        self._plans: list[Show] = [self._safe('steps', self._tally.expect)]
+        self._plans: list[Show] = []
         self._frames: list[Show] = []
-        self._events: dict[type, list[Show]] = {
-            Sent: [self._safe(TOPIC, Echo(node, velocities, profile.frame).hear)]}
+        self._events: dict[type, list[Show]] = {}
+        #: told everything, at any time: quick, and careful on their own
+        self._hearers: list[Hearer] = [
+            self._safe(TOPIC, Echo(node, velocities, profile.frame).hear)]
         self._show_paths(velocities)
         self._show_diagnostics(velocities, profile.name)
 
@@ -71,8 +76,8 @@ class Showing:
         :param lookout: looks at the session with the robot
         """
         self._lookout = lookout
-        audience.join(self._safe('late ticks', self._tally.hear))
-        audience.join(self._hear)
+        for hearer in (*self._hearers, self._hear):
+            audience.join(hearer)
 
     def expect(self, plan: Plan) -> None:
         """
@@ -93,12 +98,10 @@ class Showing:
             show(frame)
 
     def _hear(self, event: Event) -> None:
-        if self._is_open():
-            for show in self._events.get(type(event), ()):
+        shows = self._events.get(type(event))
+        if shows and self._lookout is not None and not self._lookout.is_closed:
+            for show in shows:
                 show(event)
-
-    def _is_open(self) -> bool:
-        return self._lookout is not None and not self._lookout.is_closed
 
     def _show_paths(self, velocities: VelocityPublisher) -> None:
         # Imported here: a drive needs no nav_msgs, it only shows less of itself.
@@ -120,10 +123,16 @@ class Showing:
         except ImportError:
             return
         diagnostics = Diagnostics(self._node, velocities, robot, self._condition)
+        self._plans.append(self._tally.expect)
+        self._hearers.append(self._tally.hear)
         # A timer would otherwise follow /clock, which may stand still while the robot drives.
         self._timer = self._node.create_timer(
-            PERIOD, self._safe('/diagnostics', lambda _: diagnostics.publish()),
+            PERIOD, self._safe('/diagnostics', lambda _: self._diagnose(diagnostics)),
             clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _diagnose(self, diagnostics: Diagnostics) -> None:
+        self._tally.count()
+        diagnostics.publish()
 
     def _condition(self) -> Condition | None:
         if self._lookout is None or self._lookout.is_closed:

@@ -16,7 +16,9 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
+import time
 
 from kachaka_simple_control.execution.player import Due, Player
 from kachaka_simple_control.motion.plan import Plan, Stage
@@ -24,10 +26,18 @@ from kachaka_simple_control.report.events import Began, Ended, Event, Planned, S
 
 #: A velocity is late that leaves this part of a period after its time.
 LATE = 0.25
+#: How much is kept for a count that does not come; an hour of 20 Hz.
+MOST = 100_000
+#: How much is counted at once.
+AT_ONCE = 100
 
 
 class Tally:
-    """Counts what happens; to be told of it takes some microseconds."""
+    """
+    Counts what happens.
+
+    To be told of it takes no time; the counting is done later, in the thread that asks for it.
+    """
 
     def __init__(self) -> None:
         """Have seen no motion yet."""
@@ -41,6 +51,10 @@ class Tally:
         self.failure: str | None = None
         #: whether a motion was planned and is not over
         self.is_on = False
+        #: takes what happens, from any thread
+        self.hear: Callable[[Event], None]
+        self._unread: deque[Event | Plan] = deque(maxlen=MOST)
+        self.hear = self.expect = self._unread.append
         self._stages: Sequence[Stage] = ()
         self._began: float | None = None
         self._period = 0.0
@@ -52,22 +66,19 @@ class Tally:
         """Whether the newest motion has sent its first velocity."""
         return self._began is not None
 
-    def expect(self, plan: Plan) -> None:
-        """
-        Take note of a plan that is driven next.
+    def count(self) -> None:
+        """Count what happened since; in one thread at a time."""
+        counted = 0
+        while self._unread:
+            self._take(self._unread.popleft())
+            counted += 1
+            if counted % AT_ONCE == 0:
+                time.sleep(0.0)  # lets go of the interpreter: the robot's thread may wait for it
 
-        :param plan: the plan
-        """
-        self._stages, self._period = plan.stages, plan.period
-        self._player, self._began, self._due = Player(plan), None, None
-
-    def hear(self, event: Event) -> None:
-        """
-        Take note of what happened.
-
-        :param event: what it was
-        """
+    def _take(self, event: Event | Plan) -> None:
         match event:
+            case Plan():
+                self._expect(event)
             case Sent():
                 if self._due is not None:
                     self._count(event.time)
@@ -78,6 +89,10 @@ class Tally:
                 self.motion, self.is_on, self.failure = event.motion.name, True, None
             case Ended():
                 self.is_on, self.failure, self._due = False, event.reason, None
+
+    def _expect(self, plan: Plan) -> None:
+        self._stages, self._period = plan.stages, plan.period
+        self._player, self._began, self._due = Player(plan), None, None
 
     def step(self, now: float) -> tuple[int, int]:
         """
@@ -96,11 +111,11 @@ class Tally:
         assert self._began is not None
         assert self._player is not None
         elapsed = now - self._began
-        time, self._due = self._next()
+        due, self._due = self._next()
         while self._due is not None and self._due.deadline <= elapsed:
             self.skipped += 1
-            time, self._due = self._next()
-        if elapsed - time >= LATE * self._period:
+            due, self._due = self._next()
+        if elapsed - due >= LATE * self._period:
             self.late += 1
 
     def _next(self) -> tuple[float, Due | None]:
