@@ -172,6 +172,7 @@ class KachakaSimpleControl(Node):
     def destroy_node(self) -> None:
         """Stop the robot, give it back, and destroy the node."""
         self._session.close()
+        self._showing.close()
         WATCH.forget(self)
         atexit.unregister(self._session.close)
         super().destroy_node()

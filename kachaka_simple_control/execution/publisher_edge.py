@@ -195,10 +195,9 @@ class PublisherEdge:
         self._sending.raise_up()
         try:
             self._transmit(velocity)
-            # Who hears of it may hand DDS a message, too.
-            self.on_sent(now, velocity)
         finally:
             self._sending.lower()
+        self.on_sent(now, velocity)
         return now
 
     def _check(self, run: Run) -> None:

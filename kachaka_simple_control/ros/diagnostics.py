@@ -18,11 +18,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from kachaka_simple_control.ros.aside import Aside
 from kachaka_simple_control.ros.condition import Condition
 from kachaka_simple_control.ros.shown_topics import shown_topic
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 
 TOPIC = '/diagnostics'
 DEPTH = 10
@@ -32,19 +34,21 @@ class Diagnostics:
     """Publishes a diagnosis whenever it is asked to, if anybody subscribes."""
 
     def __init__(
-            self, node: Node, velocities: VelocityPublisher, robot: str,
+            self, node: Node, velocities: VelocityPublisher, aside: Aside, robot: str,
             condition: Callable[[], Condition | None]) -> None:
         """
         Publish nothing yet.
 
         :param node: whose condition it is
         :param velocities: the publisher that moves the robot
+        :param aside: publishes without holding anybody up
         :param robot: what people call the robot
         :param condition: makes the diagnosis; None when there is none to make
         :raises UsageError: if the topic is remapped to where it would move the robot
         """
         self._publisher = shown_topic(
             node, velocities, DiagnosticArray, TOPIC, QoSProfile(depth=DEPTH))
+        self._aside = aside
         self._clock = node.get_clock()
         self._name = f'{node.get_fully_qualified_name().lstrip("/")}: drive'
         self._robot = f'{robot} on {velocities.topic_name}'
@@ -64,4 +68,4 @@ class Diagnostics:
             level=bytes([condition.level]), name=self._name, message=condition.message,
             hardware_id=self._robot,
             values=[KeyValue(key=key, value=value) for key, value in condition.values.items()])]
-        self._publisher.publish(message)
+        self._aside.publish(self._publisher, lambda: bytes(serialize_message(message)))

@@ -19,6 +19,7 @@ from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.report.events import Answered, Began
 from kachaka_simple_control.report.trail import planned_way, Trail
+from kachaka_simple_control.ros.aside import Aside
 from kachaka_simple_control.ros.path_bytes import PathBytes
 from kachaka_simple_control.ros.shown_topics import shown_topic
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
@@ -38,17 +39,19 @@ PERIOD = 0.5
 class PlannedPath:
     """Publishes where the newest plan goes, before the robot moves; kept for who comes later."""
 
-    def __init__(self, node: Node, velocities: VelocityPublisher) -> None:
+    def __init__(self, node: Node, velocities: VelocityPublisher, aside: Aside) -> None:
         """
         Publish nothing yet.
 
         :param node: whose topic it is
         :param velocities: the publisher that moves the robot
+        :param aside: publishes without holding anybody up
         :raises UsageError: if the topic is remapped to where it would move the robot
         """
         self._publisher = shown_topic(
             node, velocities, Path, PLANNED,
             QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self._aside = aside
         self._clock = node.get_clock()
         self._bytes = PathBytes(FRAME)
         self._pose: Pose | None = None
@@ -94,21 +97,24 @@ class PlannedPath:
 
     def _publish(self, plan: Plan, start: Pose) -> None:
         poses = [self._bytes.pose(pose) for pose in planned_way(plan, start, MAX_POSES)]
-        self._publisher.publish(self._bytes.path(poses, self._clock.now().nanoseconds))
+        path = self._bytes.path(poses, self._clock.now().nanoseconds)
+        self._aside.publish(self._publisher, lambda: path)
 
 
 class DrivenPath:
     """Publishes where odometry saw the robot, from its first pose on, to whoever subscribes."""
 
-    def __init__(self, node: Node, velocities: VelocityPublisher) -> None:
+    def __init__(self, node: Node, velocities: VelocityPublisher, aside: Aside) -> None:
         """
         Publish nothing yet.
 
         :param node: whose topic it is
         :param velocities: the publisher that moves the robot
+        :param aside: publishes without holding anybody up
         :raises UsageError: if the topic is remapped to where it would move the robot
         """
         self._publisher = shown_topic(node, velocities, Path, DRIVEN, QoSProfile(depth=1))
+        self._aside = aside
         self._clock = node.get_clock()
         self._published = float('-inf')
         self.in_frame(FRAME)
@@ -133,5 +139,5 @@ class DrivenPath:
         if (answered.time - self._published >= PERIOD
                 and self._publisher.get_subscription_count()):
             self._published = answered.time
-            self._publisher.publish(
-                self._bytes.path(self._trail.kept, self._clock.now().nanoseconds))
+            path = self._bytes.path(self._trail.kept, self._clock.now().nanoseconds)
+            self._aside.publish(self._publisher, lambda: path)

@@ -23,6 +23,7 @@ from kachaka_simple_control.audience.audience import Audience, Hearer
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.report.events import Answered, Began, Event
 from kachaka_simple_control.robot.robot_profile import RobotProfile
+from kachaka_simple_control.ros.aside import Aside
 from kachaka_simple_control.ros.condition import Condition, condition
 from kachaka_simple_control.ros.echo import Echo, TOPIC
 from kachaka_simple_control.ros.standing import Lookout
@@ -30,6 +31,7 @@ from kachaka_simple_control.ros.tally import Tally
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 
 if TYPE_CHECKING:
     from kachaka_simple_control.ros.diagnostics import Diagnostics
@@ -59,12 +61,15 @@ class Showing:
         self._node = node
         self._tally = Tally()
         self._lookout: Lookout | None = None
+        self._aside = Aside(lambda: self._is_open)
+        self._aside.on_error = self._could_not
+        self._failed: set[str] = set()
         self._plans: list[Show] = []
         self._frames: list[Show] = []
         self._events: dict[type, list[Show]] = {}
         #: told everything, at any time: quick, and careful on their own
         self._hearers: list[Hearer] = [
-            self._safe(TOPIC, Echo(node, velocities, profile.frame).hear)]
+            self._safe(TOPIC, Echo(node, velocities, self._aside, profile.frame).hear)]
         self._show_paths(velocities)
         self._show_diagnostics(velocities, profile.name)
 
@@ -97,9 +102,17 @@ class Showing:
         for show in self._frames:
             show(frame)
 
+    def close(self) -> None:
+        """Publish nothing more."""
+        self._aside.close()
+
+    @property
+    def _is_open(self) -> bool:
+        return self._lookout is not None and not self._lookout.is_closed
+
     def _hear(self, event: Event) -> None:
         shows = self._events.get(type(event))
-        if shows and self._lookout is not None and not self._lookout.is_closed:
+        if shows and self._is_open:
             for show in shows:
                 show(event)
 
@@ -109,7 +122,8 @@ class Showing:
             from kachaka_simple_control.ros.paths import DRIVEN, DrivenPath, PLANNED, PlannedPath
         except ImportError:
             return
-        planned, driven = PlannedPath(self._node, velocities), DrivenPath(self._node, velocities)
+        planned = PlannedPath(self._node, velocities, self._aside)
+        driven = DrivenPath(self._node, velocities, self._aside)
         self._plans.append(self._safe(PLANNED, planned.expect))
         self._frames += [
             self._safe(PLANNED, planned.in_frame), self._safe(DRIVEN, driven.in_frame)]
@@ -122,7 +136,8 @@ class Showing:
             from kachaka_simple_control.ros.diagnostics import Diagnostics
         except ImportError:
             return
-        diagnostics = Diagnostics(self._node, velocities, robot, self._condition)
+        diagnostics = Diagnostics(
+            self._node, velocities, self._aside, robot, self._condition)
         self._plans.append(self._tally.expect)
         self._hearers.append(self._tally.hear)
         # A timer would otherwise follow /clock, which may stand still while the robot drives.
@@ -155,3 +170,10 @@ class Showing:
                 self._node.get_logger().warning(
                     f'{name} is shown no more: {type(error).__name__}: {error}')
         return guarded
+
+    def _could_not(self, publisher: Publisher, error: Exception) -> None:
+        name = str(publisher.topic_name)
+        if self._is_open and name not in self._failed:
+            self._failed.add(name)
+            self._node.get_logger().warning(
+                f'{name} could not be shown: {type(error).__name__}: {error}')
