@@ -282,7 +282,7 @@ def test_what_cannot_be_shown_in_time_is_left_away(make):
     for number in range(1000):
         aside.publish(None, lambda number=number: number)
     assert time.monotonic() - began < 0.5
-    assert wait_until(lambda: aside._waiting.empty())
+    assert wait_until(aside._waiting.empty)
     assert len(made) <= 220
 
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import math
-from typing import Generic, TypeVar
+from typing import Any
 
 from kachaka_simple_control.motion.kinematics import advance, ORIGIN, Pose
 from kachaka_simple_control.motion.plan import Plan
@@ -29,17 +29,15 @@ TURN = math.radians(4.0)
 #: From here on rounds in place or on a circle are left out [rad]; nobody sees them.
 ROUNDS = 2.0 * math.tau
 
-T = TypeVar('T')
 
-
-class Trail(Generic[T]):
+class Trail:
     """
     The way of a robot, in poses that are some way apart; pure, and never longer than it may be.
 
     When it is full, every second pose goes and the others are twice as far apart from then on.
     """
 
-    def __init__(self, most: int, keep: Callable[[Pose], T]) -> None:
+    def __init__(self, most: int, keep: Callable[[Pose], Any]) -> None:
         """
         Begin nowhere.
 
@@ -51,7 +49,7 @@ class Trail(Generic[T]):
         self._last: Pose | None = None
         self._spacing, self._turn = SPACING, TURN
         #: what is kept, in order
-        self.kept: list[T] = []
+        self.kept: list[Any] = []
 
     def add(self, pose: Pose) -> bool:
         """

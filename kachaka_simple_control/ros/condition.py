@@ -25,7 +25,7 @@ from kachaka_simple_control.ros.tally import Tally
 OLD = 1.0
 
 
-class Level(IntEnum):
+class Severity(IntEnum):
     """The levels of ``diagnostic_msgs/msg/DiagnosticStatus``."""
 
     OK = 0
@@ -42,7 +42,7 @@ class Condition(NamedTuple):
     :param values: what there is to know, by name
     """
 
-    level: Level
+    level: Severity
     message: str
     values: dict[str, str]
 
@@ -83,13 +83,13 @@ def _state(tally: Tally, standing: Standing) -> str:
     return 'at rest' if tally.failure is None else 'stopped early'
 
 
-def _worst(tally: Tally, standing: Standing, state: str) -> tuple[Level, str]:
+def _worst(tally: Tally, standing: Standing, state: str) -> tuple[Severity, str]:
     if standing.halted_by is not None:
-        return Level.ERROR, f'halted for good: {standing.halted_by}'
+        return Severity.ERROR, f'halted for good: {standing.halted_by}'
     if standing.guardian.startswith('stopped'):
-        return Level.ERROR, f'the guardian {standing.guardian}'
+        return Severity.ERROR, f'the guardian {standing.guardian}'
     if tally.failure is not None:
-        return Level.WARN, f'the last motion was over before its end: {tally.failure}'
+        return Severity.WARN, f'the last motion was over before its end: {tally.failure}'
     doubts = [
         ('nobody takes our velocities', not standing.listeners),
         (f'others publish velocities, too: {", ".join(standing.others)}', standing.others),
@@ -98,5 +98,5 @@ def _worst(tally: Tally, standing: Standing, state: str) -> tuple[Level, str]:
     ]
     for doubt, is_so in doubts:
         if is_so:
-            return Level.WARN, doubt
-    return Level.OK, state
+            return Severity.WARN, doubt
+    return Severity.OK, state
