@@ -28,10 +28,13 @@ pytest.importorskip('diagnostic_msgs', reason='needs diagnostic_msgs')
 from program import program  # noqa: E402, I100
 from watcher import places, Watcher  # noqa: E402, I100
 
+#: With time before and after, for the watcher may be found late.
 MOTION = """
 name: {name}
 steps:
+  - wait: 3 s
   - forward: {distance} m
+  - wait: 3 s
 """
 #: Namespace of the robot, namespace of the node, name of the node, how far it goes [m].
 PAIRS = (('/left/robot', '/lab', 'one', 0.1), ('/right', '/', 'two', -0.05))
