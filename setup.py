@@ -33,6 +33,9 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/config', ['config/kachaka.rviz']),
+        ('share/' + package_name + '/launch', [
+            'launch/lesson.launch.py', 'launch/real.launch.py', 'launch/simulation.launch.py']),
     ],
     install_requires=['setuptools'],
     extras_require={

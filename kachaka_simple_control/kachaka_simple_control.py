@@ -45,6 +45,7 @@ from kachaka_simple_control.ros.odometry import listen_to_odometry
 from kachaka_simple_control.ros.opening import opened
 from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.settings import declare, declare_robot
+from kachaka_simple_control.ros.showing import Showing
 from kachaka_simple_control.ros.spinner import wake_main_thread
 from kachaka_simple_control.ros.velocity_message import VelocityMessage
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
@@ -79,16 +80,18 @@ class KachakaSimpleControl(Node):
             self.profile.message_type, self.profile.frame,
             lambda: self.get_clock().now().to_msg())
         self.publisher = VelocityPublisher(self, names.velocity, message)
+        self._showing = Showing(self, self.publisher, self.profile)
+        if self.settings.summary or self.settings.odometry_timeout:
+            listen_to_odometry(self, names, self._on_odometry, self._showing.in_frame)
         self._session = Session(self, self.publisher, self.profile, names, self.settings)
         #: who is told what happens
         self.audience = Audience()
         self.record = Record()
         if self.settings.summary:
             self.audience.join(self.record.hear)
+        self._showing.follow(self.audience, self._session.lookout)
         self._session.edge.on_sent = self._on_sent
         self._session.edge.on_began = self._on_began
-        if self.settings.summary or self.settings.odometry_timeout:
-            listen_to_odometry(self, names, self._on_odometry)
         self.create_service(Trigger, '~/stop', self._on_stop)
         self._wake = self.create_guard_condition(lambda: None)
         self._leave_nothing_moving()
@@ -171,6 +174,7 @@ class KachakaSimpleControl(Node):
     def destroy_node(self) -> None:
         """Stop the robot, give it back, and destroy the node."""
         self._session.close()
+        self._showing.close()
         WATCH.forget(self)
         atexit.unregister(self._session.close)
         super().destroy_node()
@@ -201,6 +205,7 @@ class KachakaSimpleControl(Node):
     def _drive(self, motion: Motion, limits: Limits | None) -> Plan:
         limits = limits or self.profile.limits
         planned = plan(motion, limits, self.settings.rate)
+        self._showing.expect(planned)
         self.audience.tell(Planned(motion, limits, self.settings.rate))
         try:
             self._session.drive(planned)

@@ -26,9 +26,11 @@ import pytest
 
 COMMON = {
     'builtin_interfaces.msg': {'Time'},
+    'diagnostic_msgs.msg': {'DiagnosticArray', 'DiagnosticStatus', 'KeyValue'},
     'geometry_msgs.msg': {'Quaternion', 'Twist', 'TwistStamped'},
-    'nav_msgs.msg': {'Odometry'},
-    'rcl_interfaces.msg': {'FloatingPointRange', 'ParameterDescriptor'},
+    'nav_msgs.msg': {'Odometry', 'Path'},
+    'rcl_interfaces.msg': {
+        'FloatingPointRange', 'ParameterDescriptor', 'SetParametersResult'},
     'rclpy': {'init', 'ok', 'shutdown', 'signals', 'spin', 'try_shutdown'},
     'rclpy.callback_groups': {'MutuallyExclusiveCallbackGroup'},
     'rclpy.clock': {'Clock', 'ClockType'},
@@ -39,7 +41,11 @@ COMMON = {
     'rclpy.node': {'Node'},
     'rclpy.parameter': {'Parameter'},
     'rclpy.publisher': {'Publisher'},
-    'rclpy.qos': {'qos_profile_sensor_data'},
+    'rclpy.qos': {
+        'DurabilityPolicy', 'HistoryPolicy', 'qos_profile_sensor_data', 'QoSProfile',
+        'ReliabilityPolicy'},
+    'rclpy.qos_overriding_options': {'InvalidQosOverridesError', 'QoSOverridingOptions'},
+    'rclpy.serialization': {'serialize_message'},
     'rclpy.signals': {'SignalHandlerOptions', 'uninstall_signal_handlers'},
     'rclpy.subscription': {'Subscription'},
     'rclpy.utilities': {'get_rmw_implementation_identifier', 'remove_ros_args'},

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 import time
 from typing import Any
 
@@ -56,15 +57,21 @@ class ServiceAnswer:
 class ManualControl:
     """Manual control of one robot; without a service it is always on."""
 
-    def __init__(self, node: Node, service: str | None, check: Callable[[], None]) -> None:
+    def __init__(
+            self, node: Node, service: str | None, check: Callable[[], None],
+            timeout: float = math.inf) -> None:
         """
         Ask for nothing yet.
 
         :param node: the node that asks
         :param service: the name of the service; None for a robot that needs none
         :param check: called while waiting; what it raises ends the wait
+        :param timeout: how long one enabling lasts [s]
         """
         self._service = service
+        self._timeout = timeout
+        #: when it was asked for last [s on the steady clock]; None if it was given back since
+        self._asked: float | None = None
         self._client = node.create_client(SetBool, service) if service else None
         self._check = check
         #: whether it was ever asked for
@@ -105,7 +112,22 @@ class ManualControl:
         """
         assert self._client is not None
         self.was_asked = True
+        self._asked = time.monotonic() if enabled else None
         return ServiceAnswer(self._client.call_async(SetBool.Request(data=enabled)))
+
+    def state(self, now: float) -> str:
+        """
+        Return how it stands, as far as this side knows.
+
+        :param now: the time [s on the steady clock]
+        :returns: it, in a few words
+        """
+        if not self.is_needed:
+            return 'not needed'
+        if self._asked is None:
+            return 'off'
+        age = now - self._asked
+        return f'asked for {age:.0f} s ago' if age < self._timeout else 'off, for it timed out'
 
     def give_back(self, timeout: float) -> bool:
         """

@@ -16,19 +16,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 import time
 from typing import Any
 
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
 from kachaka_simple_control.ros.messages import pose, velocity
 from kachaka_simple_control.ros.names import RobotNames
+from kachaka_simple_control.ros.shown_topics import with_quality
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 
 def listen_to_odometry(
         node: Node, names: RobotNames,
-        on_odometry: Callable[[float, Pose, Velocity], None]) -> None:
+        on_odometry: Callable[[float, Pose, Velocity], None],
+        on_frame: Callable[[str], None]) -> None:
     """
     Call a function for each pose and velocity that odometry tells.
 
@@ -38,8 +41,11 @@ def listen_to_odometry(
     :param names: the robot's names
     :param on_odometry: called with the time of arrival [s on the steady clock], the pose and the
         velocity
+    :param on_frame: called with the frame that poses are in, before the first pose in it
+    :raises UsageError: if a parameter asks for a quality of service that cannot be had
     """
-    if names.odometry is None:
+    topic = names.odometry
+    if topic is None:
         return
     # Imported here: a drive needs no nav_msgs, it only knows less of how it went.
     try:
@@ -47,8 +53,16 @@ def listen_to_odometry(
     except ImportError:
         return
 
+    frame = None
+
     def hear(message: Any) -> None:
+        nonlocal frame
+        if message.header.frame_id != frame:
+            frame = message.header.frame_id
+            on_frame(frame)
         on_odometry(time.monotonic(), pose(message), velocity(message.twist.twist))
 
     # Best effort, as the robot publishes it: a reliable subscription would hear nothing.
-    node.create_subscription(Odometry, names.odometry, hear, qos_profile_sensor_data)
+    with_quality(lambda options: node.create_subscription(
+        Odometry, topic, hear, copy(qos_profile_sensor_data),
+        qos_overriding_options=options))

@@ -61,7 +61,12 @@ class RobotLink:
     @property
     def is_listening(self) -> bool:
         """Whether anybody takes our velocities."""
-        return int(self._publisher.get_subscription_count()) > 0
+        return self.listeners > 0
+
+    @property
+    def listeners(self) -> int:
+        """Return how many take our velocities."""
+        return int(self._publisher.get_subscription_count())
 
     def wait(self, timeout: float, check: Callable[[], None]) -> None:
         """

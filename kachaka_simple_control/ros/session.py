@@ -33,6 +33,7 @@ from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.robot_link import RobotLink
 from kachaka_simple_control.ros.settings import Settings
 from kachaka_simple_control.ros.spinner import BackgroundSpinner
+from kachaka_simple_control.ros.standing import Lookout
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.ros.waiting import wait_until
 from rclpy.node import Node
@@ -71,7 +72,8 @@ class Session:
         self._guardian = guard(node, publisher, profile, settings)
         self.edge = PublisherEdge(
             publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending)
-        self._manual_control = ManualControl(node, names.manual_control, self._require_not_halted)
+        self._manual_control = ManualControl(
+            node, names.manual_control, self._require_not_halted, profile.manual_control_timeout)
         self._link = RobotLink(
             node, names, publisher, self._manual_control, self._guardian,
             settings.allow_other_publishers)
@@ -87,6 +89,10 @@ class Session:
         self._halted_by: ControlError | None = None
         self._is_met = False
         self._is_given_back = False
+        #: how it stands with the robot, for those who show it
+        self.lookout = Lookout(
+            self.edge, self._link, self._guardian, self.odometry, self._manual_control,
+            lambda: self._halted_by)
 
     def drive(self, plan: Plan) -> None:
         """

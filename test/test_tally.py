@@ -1,0 +1,124 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Late and skipped velocities are counted as they are defined, and steps as they pass."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.motion.kinematics import ZERO
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.report.events import Began, Ended, Planned, Sent
+from kachaka_simple_control.ros.tally import Tally
+
+LIMITS = Limits(0.3, 1.5)
+MOTION = Motion('three', (Move(0.1, 0.0, 0.35), Move(0.0, 0.5, 0.3), Move(0.1, 0.0, 0.1)))
+#: When its velocities are due at 10 Hz: a step's last tick may be short.
+TICKS = [0.0, 0.1, 0.2, 0.3, 0.35, 0.45, 0.55, 0.65, 0.75]
+START = 0.0
+
+
+def begun():
+    """Return a tally of a motion that has just begun."""
+    tally = Tally()
+    tally.expect(plan(MOTION, LIMITS, 10.0))
+    tally.hear(Planned(MOTION, LIMITS, 10.0))
+    tally.hear(Sent(START - 0.1, ZERO))  # to a robot just met
+    tally.hear(Sent(START, ZERO))
+    tally.hear(Began(START))
+    tally.count()
+    return tally
+
+
+def send(tally, *times):
+    """Send velocities at these times after t = 0."""
+    for time in times:
+        tally.hear(Sent(START + time, ZERO))
+    tally.count()
+    return tally.late, tally.skipped
+
+
+def test_what_comes_in_time_is_neither_late_nor_skipped():
+    assert send(begun(), *(tick + 0.02 for tick in TICKS[1:])) == (0, 0)
+
+
+def test_a_little_early_by_rounding_is_in_time():
+    assert send(begun(), *(tick - 1e-9 for tick in TICKS[1:])) == (0, 0)
+
+
+def test_a_quarter_of_a_period_is_late():
+    assert send(begun(), 0.1249) == (0, 0)
+    assert send(begun(), 0.1251, 0.2, 0.33, 0.35) == (2, 0)
+
+
+def test_a_velocity_whose_time_passed_was_skipped():
+    # Due at 0.1 and 0.2 and never sent; the one of 0.3 comes in time.
+    assert send(begun(), 0.301) == (0, 2)
+    # That of 0.3 comes late, the short one of 0.35 in time.
+    assert send(begun(), 0.33, 0.36) == (1, 2)
+
+
+def test_the_last_zero_may_be_late_and_the_stop_after_it_may_not():
+    tally = begun()
+    assert send(tally, *TICKS[1:-1], 0.78) == (1, 0)
+    assert send(tally, 0.79, 0.8, 1.3) == (1, 0)
+    tally.hear(Ended(START + 1.4))
+    assert send(tally, 1.5) == (1, 0)
+
+
+def test_steps_are_told_by_number():
+    tally = Tally()
+    assert tally.step(START) == (0, 0)
+    tally = begun()
+    told = [tally.step(START + time) for time in (0.0, 0.34, 0.36, 0.64, 0.66, 0.8, 99.0)]
+    assert told == [(1, 3), (1, 3), (2, 3), (2, 3), (3, 3), (3, 3), (3, 3)]
+
+
+def test_a_motion_that_has_not_begun_is_in_no_step():
+    tally = Tally()
+    tally.expect(plan(MOTION, LIMITS, 10.0))
+    tally.hear(Planned(MOTION, LIMITS, 10.0))
+    tally.count()
+    assert tally.is_on
+    assert not tally.has_begun
+    assert tally.step(START) == (0, 3)
+
+
+def test_an_end_is_told_with_its_reason():
+    tally = begun()
+    tally.hear(Ended(START + 0.2, 'the robot left'))
+    tally.count()
+    assert (tally.is_on, tally.failure) == (False, 'the robot left')
+    tally.hear(Planned(MOTION, LIMITS, 10.0))
+    tally.count()
+    assert (tally.is_on, tally.failure) == (True, None)
+
+
+@given(st.lists(st.integers(0, 250), min_size=8, max_size=8))
+def test_lateness_is_counted_tick_by_tick(delays):
+    """However late the thread wakes after each deadline."""
+    tally, place, skipped, late = begun(), 0, 0, 0
+    for delay in delays:
+        now = TICKS[place + 1] + (delay + 0.5) / 1e3  # never on a boundary
+        reached = max(number for number, tick in enumerate(TICKS) if tick <= now)
+        skipped += reached - place - 1
+        late += now - TICKS[reached] >= 0.025
+        place = reached
+        tally.hear(Sent(now, ZERO))
+        if place == len(TICKS) - 1:
+            break
+    tally.count()
+    assert (tally.late, tally.skipped) == (late, skipped)

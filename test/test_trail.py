@@ -1,0 +1,119 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Ways as few poses: they begin and end where they should, and are never too long."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Arc, Motion, Move, Repeat, Turn
+from kachaka_simple_control.report.trail import planned_way, SPACING, Trail, TURN
+from kachaka_simple_control.robot.robot_profile import KACHAKA
+import pytest
+from strategies import MOTIONS, UNHURRIED
+
+POSES = st.builds(
+    Pose, st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-10.0, 10.0))
+
+
+def way(*steps, **more):
+    """Return the way of a motion."""
+    return planned_way(plan(Motion('way', steps), KACHAKA.limits, 10.0), **more)
+
+
+@UNHURRIED
+@given(MOTIONS, POSES, st.integers(2, 50))
+def test_a_planned_way_begins_and_ends_where_the_robot_does(motion, start, most):
+    drawn = plan(motion, KACHAKA.limits, 10.0)
+    poses = planned_way(drawn, start, most)
+    exact = drawn.path(start)
+    assert len(poses) <= most
+    assert poses[0] == start
+    for one, other in ((poses[-1].x, exact[-1].x), (poses[-1].y, exact[-1].y)):
+        assert one == pytest.approx(other, abs=1e-6)
+    if len(poses) > 1:
+        assert math.cos(poses[-1].theta - exact[-1].theta) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_straight_line_is_two_poses():
+    assert len(way(Move(0.1, 0.0, 5.0))) == 2
+
+
+def test_a_circle_is_round():
+    poses = way(Arc(radius=0.5, angle=math.tau))
+    assert len(poses) == 91
+    assert all(math.hypot(pose.x, pose.y - 0.5) == pytest.approx(0.5) for pose in poses)
+
+
+def test_a_turn_shows_where_the_robot_looks():
+    poses = way(Turn(angle=math.pi / 2.0))
+    assert {(pose.x, pose.y) for pose in poses} == {(0.0, 0.0)}
+    assert max(b.theta - a.theta for a, b in pairwise(poses)) <= TURN + 1e-9
+
+
+@pytest.mark.parametrize('times', [30, 300, 3000])
+def test_a_long_way_has_as_many_poses_as_it_may(times):
+    side = (Move(0.2, 0.0, 1.0), Move(0.0, 1.0, 1.0))
+    poses = way(Repeat(times, side), most=200)
+    assert 60 <= len(poses) <= 200
+    # Evenly from all: the end is as near as the beginning.
+    assert poses[-1].theta == pytest.approx(times)
+    assert poses[len(poses) // 2].theta == pytest.approx(times / 2.0, abs=0.05 * times + 1.0)
+
+
+@given(st.lists(POSES, max_size=200), st.integers(2, 20))
+def test_a_trail_is_never_too_long_and_keeps_its_beginning(poses, most):
+    trail = Trail(most, lambda pose: pose)
+    for pose in poses:
+        trail.add(pose)
+        assert len(trail.kept) <= most
+    assert trail.kept[:1] == poses[:1]
+    rest = iter(poses)
+    assert all(pose in rest for pose in trail.kept)  # in order
+
+
+def test_a_trail_leaves_out_what_cannot_be_seen_and_keeps_what_can():
+    trail = Trail(100, lambda pose: pose)
+    assert trail.add(ORIGIN)
+    assert not trail.add(Pose(SPACING / 2.0, 0.0, TURN / 2.0))
+    assert not trail.add(Pose(0.0, 0.0, math.tau))  # a heading may be wrapped
+    assert trail.add(Pose(SPACING * 1.01, 0.0, 0.0))
+    assert trail.add(Pose(SPACING * 1.01, 0.0, -TURN * 1.01))
+    assert not trail.add(Pose(math.nan, 0.0, 0.0))
+    assert not trail.add(Pose(5.0, 0.0, math.inf))
+    assert len(trail.kept) == 3
+
+
+def test_a_full_trail_is_thinned_from_end_to_end():
+    trail = Trail(100, lambda pose: pose.x)
+    for number in range(10_000):
+        trail.add(Pose(0.011 * number))
+    gaps = [b - a for a, b in pairwise(trail.kept)]
+    assert 50 <= len(trail.kept) <= 100
+    assert trail.kept[0] == 0.0
+    assert trail.kept[-1] > 109.0
+    assert max(gaps) <= 2.5 * min(gaps)
+
+
+def test_what_is_kept_is_made_once():
+    made = []
+    trail = Trail(4, lambda pose: made.append(pose.x) or pose.x)
+    for number in range(50):
+        trail.add(Pose(float(number)))
+    assert len(made) == len(set(made))
