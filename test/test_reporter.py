@@ -13,7 +13,6 @@
 # limitations under the License.
 """The reporter hears all, holds nobody up, and leaves what it heard, whatever ends whom."""
 
-import importlib.util
 import os
 from pathlib import Path
 import re
@@ -21,7 +20,6 @@ import signal
 import subprocess
 import sys
 import time
-import types
 
 from kachaka_simple_control.audience import reporter
 from kachaka_simple_control.audience.audience import Audience
@@ -53,7 +51,6 @@ OPENED = Opened('test', 'kachaka', LIMITS, 0.3, 1.7e9, '/cmd_vel', '/odom')
 PLANNED = Planned(Motion('ahead', (Move(0.1, 0.0, 5.0),)), LIMITS, 10.0)
 BEGINNING = (OPENED, PLANNED, Sent(10.0, Velocity(0.1)), Began(10.0))
 PATIENCE = 30.0
-HAS_PAGE = importlib.util.find_spec('kachaka_simple_control.report.report') is not None
 
 
 def reporter_of(folder, *before):
@@ -91,11 +88,9 @@ def test_all_that_was_told_is_recorded(tmp_path, capfd):
     code = teller.close(PATIENCE)
     assert teller.deaf_because is None
     assert_recorded(tmp_path, events)
-    if HAS_PAGE:
-        assert code == 0
-        assert capfd.readouterr().err == f'report: {tmp_path}/report.html\n'
-        assert {'report.html', 'path.png', 'run.json'} <= {
-            file.name for file in tmp_path.iterdir()}
+    assert code == 0
+    assert capfd.readouterr().err == f'report: {tmp_path}/report.html\n'
+    assert {'report.html', 'path.png', 'run.json'} <= {file.name for file in tmp_path.iterdir()}
 
 
 TELL = """
@@ -119,8 +114,7 @@ def test_it_lives_on_when_the_program_is_killed(tmp_path):
         capture_output=True, text=True, check=False)
     assert ended.returncode == -signal.SIGKILL, ended.stderr
     assert_recorded(tmp_path, [*BEGINNING, *drive(200, 10.1)])
-    if HAS_PAGE:
-        assert ended.stderr == f'report: {tmp_path}/report.html\n'
+    assert ended.stderr == f'report: {tmp_path}/report.html\n'
 
 
 def test_killed_itself_it_leaves_all_but_the_last_second(tmp_path):
@@ -244,8 +238,7 @@ def test_a_report_that_fails_is_said_in_a_line(error, text, monkeypatch, tmp_pat
     def write_report(record, folder, recording):
         raise error
 
-    page = types.SimpleNamespace(write_report=write_report)
-    monkeypatch.setitem(sys.modules, 'kachaka_simple_control.report.report', page)
+    monkeypatch.setattr(reporter, 'write_report', write_report)
     record = Record()
     record.hear(OPENED)
     assert reporter.report(record, tmp_path, None) == text
@@ -253,8 +246,7 @@ def test_a_report_that_fails_is_said_in_a_line(error, text, monkeypatch, tmp_pat
 
 def test_the_report_is_told_what_became_of_the_recording(monkeypatch, tmp_path):
     calls = []
-    page = types.SimpleNamespace(write_report=lambda *arguments: calls.append(arguments))
-    monkeypatch.setitem(sys.modules, 'kachaka_simple_control.report.report', page)
+    monkeypatch.setattr(reporter, 'write_report', lambda *arguments: calls.append(arguments))
     record = Record()
     record.hear(OPENED)
     assert reporter.report(record, tmp_path, 'run.mcap ends early') is None

@@ -45,7 +45,7 @@ def tool(tmp_path):
     shutil.copytree(TOOLS, tmp_path / 'tools', ignore=shutil.ignore_patterns('__pycache__'))
     locks = tmp_path / 'requirements'
     locks.mkdir()
-    for name in ('build', 'development', 'colcon', 'kachaka', *environment.DISTROS):
+    for name in ('build', 'development', 'colcon', 'kachaka', 'recording', *environment.DISTROS):
         locks.joinpath(f'{name}.txt').write_text('')
     for name in ('setup.py', 'setup.cfg'):
         tmp_path.joinpath(name).write_text('')
@@ -136,7 +136,7 @@ def test_a_sourced_ros_is_used_whatever_the_machine(sourced, monkeypatch, tmp_pa
         monkeypatch.setenv(name, value)
     found = environment.recipe(tmp_path, None, 'development')
     assert (found.distro, found.sourced) == ('humble', True)
-    assert [path.stem for path in found.locks()] == ['build', 'development', 'kachaka']
+    assert [path.stem for path in found.locks()] == ['build', 'development', 'kachaka', 'recording']
 
 
 def test_another_distro_than_the_sourced_one_is_refused(tool, sourced):
@@ -158,7 +158,8 @@ def test_the_name_of_a_distro_alone_is_no_ros(monkeypatch, tmp_path):
     monkeypatch.setattr(environment.sys, 'executable', shutil.which('false'))
     found = environment.recipe(tmp_path, None, 'development')
     assert (found.distro, found.sourced) == ('jazzy', False)
-    assert [path.stem for path in found.locks()] == ['build', 'development', 'kachaka', 'jazzy']
+    assert [path.stem for path in found.locks()] == [
+        'build', 'development', 'kachaka', 'recording', 'jazzy']
 
 
 @pytest.fixture

@@ -253,12 +253,14 @@ def test_what_fails_to_show_is_told_once_and_ends_nothing(listener, watcher, mak
     assert {text.split()[0] for text in shown} == set(SHOWN)
 
 
-def test_dds_that_takes_its_time_for_what_is_shown_holds_nobody_up(listener, watcher, make):
+def test_dds_that_takes_its_time_for_what_is_shown_holds_nobody_up(
+        listener, watcher, make, monkeypatch):
     """As it was seen to, for a third of a second, while somebody joins the graph."""
     watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make(rate=20.0)
     aside, sent = node._showing._aside, []
-    aside._send = lambda *what: sent.append(what) or time.sleep(0.4) or 0
+    monkeypatch.setattr(
+        aside, '_publish', lambda *what: sent.append(what) or time.sleep(0.4))
     watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()
     node.move_robot(0.1, 0.0, 2.0)
     assert sent

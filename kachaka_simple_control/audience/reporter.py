@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import contextlib
-import importlib
 import os
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -36,6 +35,7 @@ from kachaka_simple_control.audience.stream import events
 from kachaka_simple_control.report.bag import Bag
 from kachaka_simple_control.report.events import Event
 from kachaka_simple_control.report.record import Record
+from kachaka_simple_control.report.report import write_report
 
 #: How often what happened is handed to the disk [s].
 PERIOD = 0.5
@@ -118,9 +118,7 @@ def report(record: Record, folder: Path, recording: str | None) -> str | None:
     if record.opened is None:
         return 'there is none: the program ended before anything began'
     try:
-        # MERGE: import write_report at the top instead; until the page is there, it is looked up.
-        page = importlib.import_module('kachaka_simple_control.report.report')
-        page.write_report(record, folder, recording)
+        write_report(record, folder, recording)
     except Exception as error:  # the recording is there, and there is nobody else to tell
         reason = error.strerror if isinstance(error, OSError) else repr(error)
         return f'there is none: {reason}'

@@ -12,21 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Publish in a thread of its own, and without Python.
+Publish in a thread of its own, so that whoever has something to show never waits for DDS.
 
-While somebody joins the graph, publishing was seen to take a third of a second, and rclpy keeps
-all threads of Python waiting meanwhile: the robot's, and the stop.  So what is only shown is
-handed to rcl through ctypes, which does not.
+While somebody joins the graph, publishing may take long.  What is
+only shown must not add to what the robot waits for.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-import ctypes
 from queue import SimpleQueue
 import threading
 
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.publisher import Publisher
 
 #: So many messages may wait for DDS; what comes then is left away.
@@ -36,14 +33,6 @@ PATIENCE = 1.0
 
 #: Makes a message, in the thread that publishes it.
 Make = Callable[[], bytes]
-
-
-class _Bytes(ctypes.Structure):
-    """What rcl takes: ``rcutils_uint8_array_t``; its allocator is not used for publishing."""
-
-    _fields_ = (
-        ('buffer', ctypes.c_char_p), ('length', ctypes.c_size_t), ('capacity', ctypes.c_size_t),
-        ('allocator', ctypes.c_void_p * 5))
 
 
 class Aside:
@@ -59,12 +48,6 @@ class Aside:
         self._waiting: SimpleQueue[tuple[Publisher, Make] | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
         self._starting = threading.Lock()
-        # Found among what rclpy itself has loaded, wherever that is.
-        library = ctypes.CDLL(rclpy_implementation.__file__)
-        self._forget_error = library.rcutils_reset_error
-        self._send = library.rcl_publish_serialized_message
-        self._send.argtypes = (ctypes.c_void_p, ctypes.POINTER(_Bytes), ctypes.c_void_p)
-        self._send.restype = ctypes.c_int
         #: what is told when something could not be made
         self.on_error: Callable[[Publisher, Exception], None] = _ignore
 
@@ -102,12 +85,8 @@ class Aside:
 
     def _publish(self, publisher: Publisher, make: Make) -> None:
         data = make()
-        if not self._is_open():
-            return
-        with publisher.handle:  # nobody destroys it meanwhile
-            message = _Bytes(data, len(data), len(data))
-            if self._send(publisher.handle.pointer, ctypes.byref(message), None):
-                self._forget_error()  # the context is gone: nobody is there to be shown anything
+        if self._is_open():
+            publisher.publish(data)
 
 
 def _ignore(publisher: Publisher, error: Exception) -> None:

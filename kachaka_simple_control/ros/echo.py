@@ -28,6 +28,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 
 TOPIC = '~/commanded_velocity'
+#: How often to look whether anybody subscribes [s]: asking takes longer than all the rest here.
+GLANCE = 0.2
 
 
 class Echo:
@@ -58,6 +60,8 @@ class Echo:
         # Made once: a message takes longer to make than to send.
         self._message = TwistStamped()
         self._message.header.frame_id = frame
+        self._is_watched = False
+        self._looked = float('-inf')
 
     def hear(self, event: Event) -> None:
         """
@@ -65,10 +69,14 @@ class Echo:
 
         :param event: what happened; a velocity that is told of has left just now
         """
-        if not isinstance(event, Sent) or not self._publisher.get_subscription_count():
+        if not isinstance(event, Sent):
             return
-        self._aside.publish(self._publisher, partial(
-            self._packed, event.velocity, self._clock.now().nanoseconds))
+        if event.time - self._looked >= GLANCE:
+            self._looked = event.time
+            self._is_watched = self._publisher.get_subscription_count() > 0
+        if self._is_watched:
+            self._aside.publish(self._publisher, partial(
+                self._packed, event.velocity, self._clock.now().nanoseconds))
 
     def _packed(self, velocity: Velocity, time: int) -> bytes:
         message = self._message
