@@ -205,14 +205,16 @@ class KachakaSimpleControl(Node):
     def _drive(self, motion: Motion, limits: Limits | None) -> Plan:
         limits = limits or self.profile.limits
         planned = plan(motion, limits, self.settings.rate)
-        self._showing.expect(planned)
-        self.audience.tell(Planned(motion, limits, self.settings.rate))
-        try:
-            self._session.drive(planned)
-        except BaseException as error:
-            self.audience.tell(Ended(time.monotonic(), _reason(error)))
-            raise
-        self.audience.tell(Ended(time.monotonic()))
+        with self._session.turn():
+            self._showing.expect(planned)
+            self.audience.tell(Planned(motion, limits, self.settings.rate))
+            try:
+                self._session.drive(planned)
+            except BaseException as error:
+                is_fault = not isinstance(error, (MotionRefusedError, KeyboardInterrupt))
+                self.audience.tell(Ended(time.monotonic(), _reason(error), is_fault))
+                raise
+            self.audience.tell(Ended(time.monotonic()))
         return planned
 
     def _on_sent(self, now: float, velocity: Velocity) -> None:

@@ -52,6 +52,13 @@ def faulted():
     return rehearsal.close(error=HELD_UP)
 
 
+def ended_on_request():
+    """Return a square that somebody ended by the node's service."""
+    rehearsal = Rehearsal(20.0, title='square')
+    rehearsal.drive(SQUARE, 5.03, 'the movement was ended by stop_robot()', is_fault=False)
+    return rehearsal.close()
+
+
 def killed():
     """Return a square of which nobody told the end."""
     rehearsal = Rehearsal(20.0, title='square')

@@ -82,12 +82,13 @@ class Rehearsal:
         self.record.hear(event)
 
     def drive(self, motion: Motion, until: float = math.inf, reason: str | None = None,
-              lost: tuple[float, float] | None = None) -> None:
+              is_fault: bool = True, lost: tuple[float, float] | None = None) -> None:
         """
         Drive a motion.
 
         :param until: when it ends before its end [s after t = 0]
         :param reason: why; None if nobody tells
+        :param is_fault: whether something went wrong
         :param lost: from when to when nothing is sent [s after t = 0]
         """
         planned = plan(motion, self.limits, self._rate)
@@ -112,7 +113,7 @@ class Rehearsal:
         else:
             self._send(start + planned.duration + self._late(self._count), ZERO)
             self._is_stopped = False
-        self.tell(Ended(self.now, reason))
+        self.tell(Ended(self.now, reason, is_fault))
 
     def stop(self, time: float) -> None:
         """Send a whole stop."""

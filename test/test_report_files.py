@@ -21,7 +21,18 @@ import re
 import sys
 import time
 
-from drives import done, faulted, HELD_UP, hour, killed, lesson, never_began, NOBODY, stopped
+from drives import (
+    done,
+    ended_on_request,
+    faulted,
+    HELD_UP,
+    hour,
+    killed,
+    lesson,
+    never_began,
+    NOBODY,
+    stopped,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.kinematics import ORIGIN, Pose, Velocity, ZERO
@@ -64,6 +75,8 @@ def drawn():
      'The motion ended in step 3 of 8, 5.03 s after its t = 0, of 17.58 s.'),
     (faulted, Ending.FAULTED, 'Faulted',
      HELD_UP[1:] + '. The motion ended in step 3 of 8, 6.40 s'),
+    (ended_on_request, Ending.STOPPED, 'Stopped on request',
+     'The movement was ended by stop_robot(). The motion ended in step 3 of 8, 5.03 s'),
     (killed, Ending.KILLED, 'Killed', 'The motion ended in step 3 of 8, 4.99 s'),
     (never_began, Ending.NEVER_BEGAN, 'Never began', NOBODY[1:] + '.'),
     (Record, Ending.KILLED, 'Killed', 'No motion had begun.'),

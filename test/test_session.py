@@ -19,6 +19,7 @@ import time
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
 from kachaka_simple_control.execution import renewal
 from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.report.record import Record
 import pytest
 
 pytestmark = pytest.mark.ros
@@ -117,12 +118,16 @@ def test_stopping_in_another_thread_ends_the_movement_there(listener, make):
 
 def test_two_movements_at_once_are_refused(listener, make):
     node = make()
+    record = Record()
+    node.audience.join(record.hear)
     thread = threading.Thread(target=node.move_robot, args=(0.1, 0.0, 1.0))
     thread.start()
     listener.wait_for(lambda heard: heard.moves)
     with pytest.raises(MotionRefusedError, match='running already'):
         node.move_robot(0.2, 0.0, 1.0)
     thread.join()
+    # What was refused never happened.
+    assert [motion.is_whole for motion in record.motions] == [True]
     assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 10)]
 
 

@@ -136,7 +136,8 @@ def test_a_sourced_ros_is_used_whatever_the_machine(sourced, monkeypatch, tmp_pa
         monkeypatch.setenv(name, value)
     found = environment.recipe(tmp_path, None, 'development')
     assert (found.distro, found.sourced) == ('humble', True)
-    assert [path.stem for path in found.locks()] == ['build', 'development', 'kachaka', 'recording']
+    assert [path.stem for path in found.locks()] == [
+        'build', 'development', 'kachaka', 'recording']
 
 
 def test_another_distro_than_the_sourced_one_is_refused(tool, sourced):

@@ -122,10 +122,12 @@ class Ended:
     :param time: when that was known [s on the steady clock]; if it was driven to its end, its
         last zero was sent just before
     :param reason: why it is over before its end; None if it was driven to its end
+    :param is_fault: whether something went wrong; False where its end was asked for
     """
 
     time: float
     reason: str | None = None
+    is_fault: bool = True
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,7 @@ class DrivenMotion:
     :param began: when its first own message was sent [s on the steady clock]; nan before
     :param ended: when it was over [s on the steady clock]; None as long as it is not
     :param reason: why it was over before its end; None if it was driven to its end
+    :param is_fault: whether something went wrong, if it was over before its end
     """
 
     planned: Planned
@@ -78,6 +79,7 @@ class DrivenMotion:
     began: float = math.nan
     ended: float | None = None
     reason: str | None = None
+    is_fault: bool = True
 
     @property
     def has_begun(self) -> bool:
@@ -180,7 +182,9 @@ class Record:
             case Began():
                 self.motions[-1].began = event.time
             case Ended():
-                self.motions[-1].ended, self.motions[-1].reason = event.time, event.reason
+                motion = self.motions[-1]
+                motion.ended, motion.reason = event.time, event.reason
+                motion.is_fault = event.is_fault
             case Opened():
                 self.opened = event
             case Closed():

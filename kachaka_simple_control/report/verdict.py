@@ -68,14 +68,17 @@ def verdict(record: Record) -> Verdict:
         return Verdict(
             Ending.STOPPED, f'Stopped by {name}',
             f'{name} ended the program. {_earlier(record, name)}{_progress(record)}')
-    reason = _reason(record) or closed.error
+    reason = _reason(record, faults=True) or closed.error
     if not any(motion.has_begun for motion in record.motions):
         return Verdict(
             Ending.NEVER_BEGAN, 'Never began',
-            _sentence(reason or 'The program ended without driving'))
+            _sentence(reason or _reason(record) or 'The program ended without driving'))
     if reason is not None:
         return Verdict(
             Ending.FAULTED, 'Faulted', f'{_sentence(reason)} {_progress(record)}')
+    if (asked := _reason(record)) is not None:
+        return Verdict(
+            Ending.STOPPED, 'Stopped on request', f'{_sentence(asked)} {_progress(record)}')
     if not all(motion.is_whole for motion in record.motions):
         return Verdict(
             Ending.FAULTED, 'Not finished', f'Nobody told why. {_progress(record)}')
@@ -95,8 +98,9 @@ def signal_name(number: int) -> str:
         return f'signal {number}'
 
 
-def _reason(record: Record) -> str | None:
-    return next((motion.reason for motion in record.motions if motion.reason is not None), None)
+def _reason(record: Record, faults: bool = False) -> str | None:
+    return next((motion.reason for motion in record.motions
+                 if motion.reason is not None and (motion.is_fault or not faults)), None)
 
 
 def _earlier(record: Record, name: str) -> str:

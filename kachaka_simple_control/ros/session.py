@@ -15,6 +15,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+import contextlib
 import threading
 import time
 
@@ -94,16 +96,29 @@ class Session:
             self.edge, self._link, self._guardian, self.odometry, self._manual_control,
             lambda: self._halted_by)
 
-    def drive(self, plan: Plan) -> None:
+    @contextlib.contextmanager
+    def turn(self) -> Iterator[None]:
         """
-        Drive a plan, and leave the robot at rest.
+        Have the robot to oneself for one drive.
 
-        :param plan: what to drive
-        :raises ControlError: if the robot cannot be taken or the run could not go on
+        :returns: a context manager, in which ``drive`` may be called
+        :raises MotionRefusedError: if it is somebody else's turn, or this is no thread to drive in
         """
         self._require_other_thread()
         if not self._driving.acquire(blocking=False):
             raise MotionRefusedError('a motion is running already; wait for its end, or stop it')
+        try:
+            yield
+        finally:
+            self._driving.release()
+
+    def drive(self, plan: Plan) -> None:
+        """
+        Drive a plan, and leave the robot at rest; to be called in one's turn.
+
+        :param plan: what to drive
+        :raises ControlError: if the robot cannot be taken or the run could not go on
+        """
         try:
             self._stopper.keep_quiet()
             self._take()
@@ -116,8 +131,6 @@ class Session:
             self.stop(_reason(error))
             self._require_no_intervention()
             raise
-        finally:
-            self._driving.release()
 
     def stop(self, reason: ControlError) -> bool:
         """
