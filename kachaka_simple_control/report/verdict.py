@@ -68,7 +68,24 @@ def verdict(record: Record) -> Verdict:
         return Verdict(
             Ending.STOPPED, f'Stopped by {name}',
             f'{name} ended the program. {_earlier(record, name)}{_progress(record)}')
-    reason = _reason(record, faults=True) or closed.error
+    return _by_motions(record, closed.error)
+
+
+def signal_name(number: int) -> str:
+    """
+    Return the name of a signal.
+
+    :param number: its number
+    :returns: SIGINT, say
+    """
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f'signal {number}'
+
+
+def _by_motions(record: Record, error: str | None) -> Verdict:
+    reason = _reason(record, faults=True) or error
     if not any(motion.has_begun for motion in record.motions):
         return Verdict(
             Ending.NEVER_BEGAN, 'Never began',
@@ -83,19 +100,6 @@ def verdict(record: Record) -> Verdict:
         return Verdict(
             Ending.FAULTED, 'Not finished', f'Nobody told why. {_progress(record)}')
     return Verdict(Ending.DONE, 'Done', _progress(record))
-
-
-def signal_name(number: int) -> str:
-    """
-    Return the name of a signal.
-
-    :param number: its number
-    :returns: SIGINT, say
-    """
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return f'signal {number}'
 
 
 def _reason(record: Record, faults: bool = False) -> str | None:
