@@ -14,6 +14,7 @@
 """A drive with a report: what was sent is what its recording holds, however it ended."""
 
 import contextlib
+import json
 import os
 from pathlib import Path
 import signal
@@ -58,6 +59,13 @@ def recorded(folder):
     return one
 
 
+def headline(folder):
+    """Return what the report says first, the same on its page and for programs."""
+    told = json.loads((folder / 'report' / 'run.json').read_text())['verdict']['headline']
+    assert f'{told}<' in (folder / 'report' / 'report.html').read_text()
+    return told
+
+
 def assert_same(sent, heard):
     """Assert that what is recorded is what a robot heard, and when."""
     assert [velocity[1:] for velocity in sent] == [(one.linear_x, one.angular_z) for one in heard]
@@ -96,6 +104,7 @@ def test_as_many_velocities_are_recorded_as_a_robot_heard(listener, tmp_path):
     options = ['--ros-args', '-p', 'guardian:=false']
     with program(command(tmp_path, 0.5, *options), tmp_path) as started:
         assert started.end() == 0
+    assert headline(tmp_path) == 'Done'
     sent = recorded(tmp_path)
     # A robot may be met later than its publisher meets it: zeros alone may be lost by that.
     unheard = len(sent) - len(listener.heard)
@@ -116,6 +125,7 @@ def test_a_signal_in_mid_motion_is_recorded_to_the_last_zero(listener, tmp_path,
         assert started.end(5.0) == 128 + signum
         wait_for_end(tmp_path, started)
     assert 'Traceback' not in started.text
+    assert headline(tmp_path) == f'Stopped by {name}'
     sent = recorded(tmp_path)
     assert_same(from_motion_on(sent, is_motion),
                 from_motion_on(listener.heard, lambda heard: heard.moves))
@@ -132,6 +142,7 @@ def test_a_program_that_is_killed_leaves_all_that_it_sent(listener, tmp_path, na
         started.send(signal.Signals[name])
         started.end(5.0)
         wait_for_end(tmp_path, started)
+        assert headline(tmp_path) == 'Killed'
         sent = recorded(tmp_path)
         last = max(place for place, velocity in enumerate(listener.heard) if velocity.moves)
         assert sent[-1][1:] == (0.1, 0.0)
@@ -176,6 +187,7 @@ def test_a_robot_that_nobody_finds_is_reported_too(tmp_path):
     options = ['--ros-args', '-p', 'robot_timeout:=0.5', '-p', 'robot_namespace:=/nobody']
     with program(command(tmp_path, 0.5, *options), tmp_path) as started:
         assert started.end() == 3
+    assert headline(tmp_path) == 'Never began'
     for read in READERS:
         assert read(tmp_path / 'report' / 'run.mcap') == []
 
