@@ -127,6 +127,22 @@ def test_end_is_soon_even_if_the_robot_never_answers(robot, client):
     assert time.monotonic() - begun < 2.0
 
 
+def test_what_came_while_a_call_was_frozen_is_not_sent(robot, client, told):
+    """The other thread that calls may find out later than the one that was in the call."""
+    frozen = threading.Event()
+    client.set_velocity = lambda linear, angular, deadline: (
+        client.calls.put((linear, angular)), linear and frozen.wait(deadline + 0.5), OK)[-1]
+    go(robot)
+    assert client.heard() == (0.5, 0.0)
+    time.sleep(1.0)
+    for _ in range(3):
+        go(robot, 0.4)
+        time.sleep(0.05)
+    told_by_then = [client.calls.get_nowait() for _ in range(client.calls.qsize())]
+    assert (0.4, 0.0) not in told_by_then
+    assert [text.partition(' for ')[0] for text in told] == ['the bridge was held up']
+
+
 def test_refusal_is_told_once_and_ends_the_run(robot, client, told):
     client.outcome = Outcome(code=5)
     for _ in range(3):

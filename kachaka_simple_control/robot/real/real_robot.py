@@ -156,10 +156,14 @@ class RealRobot:
         look = self._helm.next_look
         timeout = BEAT if look is None else max(0.0, min(look - now, BEAT))
         self._changed.wait(timeout)
+        self._look_back(now, timeout)
+
+    def _look_back(self, begun: float, allowed: float) -> None:
+        """Notice that something took longer than it can: this program was frozen."""
         woken = time.monotonic()
-        if woken - now > timeout + self._hold and not self._is_over:
+        if woken - begun > allowed + self._hold and not self._is_over:
             if self._helm.may_move:
-                text = f'the bridge was held up for {woken - now:.1f} s; the robot {GOES_ON}'
+                text = f'the bridge was held up for {woken - begun:.1f} s; the robot {GOES_ON}'
                 self._tell(Level.WARN, text)
             self._helm.held_up(woken)
 
@@ -181,6 +185,8 @@ class RealRobot:
         self._note(outcome, begun)
         if self._helm.is_barred and not was_barred and self.link.is_up:
             self._cut(order, outcome)
+        # What came while a call was frozen is as old as what came while nothing was done.
+        self._look_back(begun, order.deadline)
         self._changed.notify()
 
     def _perform(self, order: Order) -> Outcome:
