@@ -35,6 +35,8 @@ import threading
 import time
 from typing import Any
 
+from kachaka_simple_control.ros.isolation import stay_on_this_machine
+
 from benchmarks.meter import process_time
 from benchmarks.nanosleep import BILLION, sleep_until
 from benchmarks.quantiles import median, quantile
@@ -70,7 +72,7 @@ def measure(
         [s])
     """
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    stay_on_this_machine()
     entries = [{'who': who, 'rate': rate, 'latency': [], 'sent': 0, 'cpu': 0.0}
                for rate in rates for who in NAMES]
     with _robot() as robot, _floor(robot) as floor, _bridge(robot) as bridge:

@@ -28,6 +28,7 @@ import signal
 import sys
 import time
 
+from kachaka_simple_control.ros.isolation import stay_on_this_machine
 from real_support import commander, faulty_robot, real_bridge
 from ros_support import Probe, wait_until
 
@@ -168,7 +169,7 @@ def row(name, does, result):
 def main():
     """Print the table, and what the bridges said beside it."""
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    stay_on_this_machine()
     probe = Probe()
     print(line(*HEAD), line(*('---' for _ in HEAD)), sep='\n', flush=True)
     for number, (name, does) in enumerate(zip(SCENARIOS, DOES)):

@@ -43,9 +43,6 @@ for link in pathlib.Path('/proc/self/fd').iterdir():
 sockets = [line.split() for line in open('/proc/net/udp').readlines()[1:]]
 print(json.dumps([threads, [s[1] for s in sockets if 'socket:[%s]' % s[9] in mine]]))
 """
-#: Names of the variables that choose transports.
-NAMES = (isolation.RANGE, isolation.LOCALHOST_ONLY, isolation.TRANSPORTS,
-         *isolation.PROFILES.values())
 #: 127.0.0.1, and 239.255.0.1 where all announcements are heard; as the kernel writes them.
 LOOPBACK, ANNOUNCEMENTS = '0100007F', '0100FFEF'
 
@@ -59,7 +56,8 @@ def needs_fast_dds():
 
 def environment(**chosen):
     """Return an environment in which nothing but this is chosen."""
-    free = {name: value for name, value in child.environment().items() if name not in NAMES}
+    free = {name: value for name, value in child.environment().items()
+            if name not in isolation.CHOICES}
     return {**free, **chosen}
 
 
@@ -95,11 +93,12 @@ def test_what_people_chose_stands():
     assert 'shm' in threads
     for chosen in ({isolation.RANGE: 'SUBNET'}, {isolation.LOCALHOST_ONLY: '0'}):
         code = ('import os; from kachaka_simple_control.ros.isolation import *; '
-                f'stay_on_this_machine(); print({{n: os.environ.get(n) for n in {NAMES}}})')
+                'stay_on_this_machine(); '
+                f'print({{name: os.environ.get(name) for name in {isolation.CHOICES}}})')
         told = subprocess.run(
             [sys.executable, '-c', code], env=environment(**chosen), timeout=60,
             capture_output=True, check=True, text=True)
-        assert told.stdout.count('None') == len(NAMES) - 1
+        assert told.stdout.count('None') == len(isolation.CHOICES) - 1
 
 
 def test_tools_that_know_nothing_of_this_hear_who_stays_here():
@@ -132,7 +131,7 @@ def test_a_profile_of_ones_own_is_not_replaced():
     name = isolation.PROFILES[isolation._fast_dds()[0]]
     before = dict(os.environ)
     try:
-        for variable in NAMES:
+        for variable in isolation.CHOICES:
             os.environ.pop(variable, None)
         os.environ[name] = 'own.xml'
         isolation.avoid_shared_memory()

@@ -28,6 +28,8 @@ import tempfile
 import threading
 from typing import Any
 
+from kachaka_simple_control.ros.isolation import CHOICES
+
 from benchmarks.lossy_link.network import Network
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -152,6 +154,6 @@ def environment() -> dict[str, str]:
 
     :returns: ours, but for what would keep it from that
     """
-    kept = {name: value for name, value in os.environ.items() if name != 'ROS_LOCALHOST_ONLY'}
+    kept = {name: value for name, value in os.environ.items() if name not in CHOICES}
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
     return {**kept, **SETTINGS, 'PYTHONPATH': path}

@@ -27,6 +27,8 @@ TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 PROFILES = {2: 'FASTRTPS_DEFAULT_PROFILES_FILE', 3: 'FASTDDS_DEFAULT_PROFILES_FILE'}
 #: The Fast DDS of Humble, whose rclpy does not know the range.
 HUMBLE = (2, 6)
+#: Whatever people choose ways with.
+CHOICES = (RANGE, LOCALHOST_ONLY, TRANSPORTS, *PROFILES.values())
 LOOPBACK = Path(__file__).with_name('loopback.xml')
 
 
