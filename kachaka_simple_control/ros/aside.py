@@ -79,14 +79,13 @@ class Aside:
         while (waiting := self._waiting.get()) is not None:
             publisher, make = waiting
             try:
-                self._publish(publisher, make)
+                if self._is_open():
+                    self._publish(publisher, make)
             except Exception as error:  # whatever it is, the next message is another one
                 self.on_error(publisher, error)
 
     def _publish(self, publisher: Publisher, make: Make) -> None:
-        data = make()
-        if self._is_open():
-            publisher.publish(data)
+        publisher.publish(make())
 
 
 def _ignore(publisher: Publisher, error: Exception) -> None:
