@@ -153,6 +153,9 @@ class PublisherEdge:
             # Afterwards: what DDS takes while somebody joins the graph, 0.3 s at worst, is no sign
             # that this program was held up.
             run.last_sent = self._gap_clock()
+            # Frozen while DDS had the message, this program has been stopped by now: then nothing
+            # is to be waited for, and the stop follows at once.
+            self._check(run)
 
     def check(self, run: Run) -> None:
         """

@@ -25,6 +25,8 @@ from kachaka_simple_control.ros.robot_link import RobotLink
 
 #: How often other publishers are looked for [s].
 GLANCE = 0.2
+#: How often to look whether the robot is still there [s]: asking takes as long as half a message.
+LISTENER = 0.05
 
 
 class Attendant:
@@ -50,7 +52,7 @@ class Attendant:
         self._odometry_timeout = odometry_timeout
         self._needs_renewal = needs_renewal
         self._has_odometry = False
-        self._looked = float('-inf')
+        self._looked = self._listened = float('-inf')
 
     def met(self) -> None:
         """Take note that a robot has just been met: odometry it has now, it must keep."""
@@ -75,7 +77,9 @@ class Attendant:
         now = time.monotonic()
         self._guardian.beat()
         self._renewal.beat(now)
-        self._link.require_listener()
+        if now - self._listened >= LISTENER:
+            self._listened = now
+            self._link.require_listener()
         self._require_odometry(now)
         if now - self._looked >= GLANCE:
             self._looked = now
