@@ -28,7 +28,7 @@ from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, 
 from kachaka_simple_control.report.bag import lacking
 from kachaka_simple_control.report.table import table
 from kachaka_simple_control.robot.robot_profile import KACHAKA, profile_of
-from kachaka_simple_control.ros.isolation import stay_on_this_machine
+from kachaka_simple_control.ros.isolation import is_told_to_stay, stay_on_this_machine
 import rclpy
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -50,7 +50,7 @@ def drive(options: Options) -> None:
     with contextlib.ExitStack() as helpers:
         if options.report is not None:
             helpers.enter_context(report_folder(options.report))
-        if options.brings_robot:
+        if options.brings_robot or is_told_to_stay():
             stay_on_this_machine()
         start_ros(options.ros_arguments)
         robot_control = KachakaSimpleControl(parameter_overrides=[

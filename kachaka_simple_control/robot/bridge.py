@@ -30,7 +30,11 @@ from kachaka_simple_control.robot.real.address import Address, PORT
 from kachaka_simple_control.robot.real.reach import UnreachableError
 from kachaka_simple_control.robot.sim_command import MISSING
 from kachaka_simple_control.robot.simulated import SimulatedKachaka
-from kachaka_simple_control.ros.isolation import avoid_shared_memory
+from kachaka_simple_control.ros.isolation import (
+    avoid_shared_memory,
+    is_told_to_stay,
+    stay_on_this_machine,
+)
 
 if TYPE_CHECKING:
     from kachaka_simple_control.robot.bridge_node import BridgeNode
@@ -103,6 +107,8 @@ def _main(args: list[str], ending: Ending) -> None:
         namespace = '/' + options.namespace.strip('/')
         validate_namespace(namespace)
         make = _real(options, verdict) if options.address else _simulated(options, how)
+        if is_told_to_stay():
+            stay_on_this_machine()
         avoid_shared_memory()
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make(namespace)

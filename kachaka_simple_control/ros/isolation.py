@@ -20,6 +20,8 @@ from pathlib import Path
 import re
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+#: Other machines that are to be found nevertheless.
+PEERS = 'ROS_STATIC_PEERS'
 #: Humble's, in place of the range.
 LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'
 TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
@@ -28,7 +30,7 @@ PROFILES = {2: 'FASTRTPS_DEFAULT_PROFILES_FILE', 3: 'FASTDDS_DEFAULT_PROFILES_FI
 #: The Fast DDS of Humble, whose rclpy does not know the range.
 HUMBLE = (2, 6)
 #: Whatever people choose ways with.
-CHOICES = (RANGE, LOCALHOST_ONLY, TRANSPORTS, *PROFILES.values())
+CHOICES = (RANGE, PEERS, LOCALHOST_ONLY, TRANSPORTS, *PROFILES.values())
 LOOPBACK = Path(__file__).with_name('loopback.xml')
 
 
@@ -61,11 +63,20 @@ def stay_on_this_machine() -> None:
     version = _fast_dds()
     if version == HUMBLE or os.environ.get('ROS_DISTRO') == 'humble':
         os.environ[LOCALHOST_ONLY] = '1'
-    elif version is None or _is_chosen() or not LOOPBACK.is_file():
+    elif version is None or _is_chosen() or os.environ.get(PEERS) or not LOOPBACK.is_file():
         os.environ[RANGE] = 'LOCALHOST'
     else:
         os.environ[PROFILES[version[0]]] = str(LOOPBACK)
         os.environ[RANGE] = 'SUBNET'
+
+
+def is_told_to_stay() -> bool:
+    """
+    Tell whether ROS is asked to find nobody on other machines.
+
+    :returns: whether ``stay_on_this_machine`` does the same, and better
+    """
+    return os.environ.get(RANGE) == 'LOCALHOST'
 
 
 def _is_chosen() -> bool:
