@@ -101,8 +101,7 @@ class RobotLink:
         :raises RunFaultError: if it has left
         """
         if not self.is_listening:
-            raise RunFaultError(
-                f'the robot left: nobody subscribes to {self._publisher.topic_name} any more')
+            raise self._has_left()
 
     def require_same_robot(self) -> None:
         """
@@ -110,7 +109,10 @@ class RobotLink:
 
         :raises RunFaultError: if it is another; it has to be met first
         """
-        if not self._robot & self._listeners():
+        listeners = self._listeners()
+        if not listeners:
+            raise self._has_left()
+        if not self._robot & listeners:
             raise RunFaultError(
                 f'the robot left: who subscribes to {self._publisher.topic_name} now came later')
 
@@ -142,6 +144,10 @@ class RobotLink:
         odometry = participants(
             self._node.get_publishers_info_by_topic(self._odometry) if self._odometry else [])
         self._robot = listeners & set(odometry) or listeners
+
+    def _has_left(self) -> RunFaultError:
+        return RunFaultError(
+            f'the robot left: nobody subscribes to {self._publisher.topic_name} any more')
 
     def _listeners(self) -> set[bytes]:
         return set(participants(
