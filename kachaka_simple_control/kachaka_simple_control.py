@@ -72,6 +72,15 @@ class KachakaSimpleControl(Node):
         """
         avoid_shared_memory()
         super().__init__('kachaka_simple_control', **node_options)
+        try:
+            self._set_up()
+        except BaseException:
+            # Nobody else has it; its publisher would be taken for somebody who drives the robot.
+            super().destroy_node()
+            raise
+        self.get_logger().info('Robot control node has started')
+
+    def _set_up(self) -> None:
         self.profile = profile_of(declare_robot(self))
         self.settings = declare(self, self.profile)
         self.names = names = names_of(
@@ -95,7 +104,6 @@ class KachakaSimpleControl(Node):
         self.create_service(Trigger, '~/stop', self._on_stop)
         self._wake = self.create_guard_condition(lambda: None)
         self._leave_nothing_moving()
-        self.get_logger().info('Robot control node has started')
 
     def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
         """

@@ -344,3 +344,11 @@ def test_nothing_is_shown_after_the_node_was_closed(listener, watcher, make):
         executor.spin_once(timeout_sec=0.1)
     executor.remove_node(node)
     assert [len(one) for one in seen] == counts
+
+
+def test_a_node_that_was_refused_leaves_nothing_behind(make, watcher):
+    """Its publisher would be taken for somebody else who drives the robot."""
+    for _ in range(3):
+        with pytest.raises(UsageError):
+            make('-r', f'{SHOWN[0]}:={VELOCITY}')
+    assert wait_until(lambda: watcher.node.count_publishers(VELOCITY) == 0)
