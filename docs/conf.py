@@ -54,7 +54,7 @@ nitpick_ignore_regex = [
     (r'py:.*', r'(rclpy|geometry_msgs|nav_msgs|std_srvs|builtin_interfaces|rcl_interfaces)\..*'),
     (r'py:.*', r'(argparse|collections|concurrent|enum|numbers|signal|socket|subprocess)\..*'),
     (r'py:.*', r'(datetime|threading|types|typing|asyncio|os|pathlib)\..*'),
-    (r'py:.*', r'(diagnostic_msgs|kachaka_api|kachaka_api_pb2)\..*'),
+    (r'py:.*', r'(diagnostic_msgs|kachaka_api|kachaka_api_pb2|rich)\..*'),
     (r'py:.*', r'(kachaka_simple_control\.robot\.grpc_server\.\w+\.T|dict\[str)'),
     (r'py:class', r'(Axes|Figure|Point|kachaka_simple_control\.motion_file\.document\.Node)'),
     (r'py:.*', r'(Any|Callable|Enum|Exception|NoReturn|RuntimeError|ValueError|SystemExit)'),

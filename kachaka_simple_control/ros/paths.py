@@ -36,7 +36,7 @@ MAX_POSES = 2000
 PERIOD = 0.5
 
 
-class PlannedPath:
+class PlannedPathTopic:
     """Publishes where the newest plan goes, before the robot moves; kept for who comes later."""
 
     def __init__(self, node: Node, velocities: VelocityPublisher, aside: Aside) -> None:
@@ -101,7 +101,7 @@ class PlannedPath:
         self._aside.publish(self._publisher, lambda: path)
 
 
-class DrivenPath:
+class DrivenPathTopic:
     """Publishes where odometry saw the robot, from its first pose on, to whoever subscribes."""
 
     def __init__(self, node: Node, velocities: VelocityPublisher, aside: Aside) -> None:

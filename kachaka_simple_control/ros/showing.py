@@ -119,11 +119,16 @@ class Showing:
     def _show_paths(self, velocities: VelocityPublisher) -> None:
         # Imported here: a drive needs no nav_msgs, it only shows less of itself.
         try:
-            from kachaka_simple_control.ros.paths import DRIVEN, DrivenPath, PLANNED, PlannedPath
+            from kachaka_simple_control.ros.paths import (
+                DRIVEN,
+                DrivenPathTopic,
+                PLANNED,
+                PlannedPathTopic,
+            )
         except ImportError:
             return
-        planned = PlannedPath(self._node, velocities, self._aside)
-        driven = DrivenPath(self._node, velocities, self._aside)
+        planned = PlannedPathTopic(self._node, velocities, self._aside)
+        driven = DrivenPathTopic(self._node, velocities, self._aside)
         self._plans.append(self._safe(PLANNED, planned.expect))
         self._frames += [
             self._safe(PLANNED, planned.in_frame), self._safe(DRIVEN, driven.in_frame)]
