@@ -21,6 +21,7 @@ becomes of this program, the one that drives does not notice.
 from __future__ import annotations
 
 from collections.abc import Sequence
+import contextlib
 import os
 from pathlib import Path
 import signal
@@ -39,6 +40,14 @@ NICE = 10
 STDERR = 2
 #: How long a process that was killed may take to be gone [s].
 FAREWELL = 0.5
+
+
+def stay_behind() -> None:
+    """Take no time from others: a frame that comes late is no harm, and a velocity is."""
+    os.nice(NICE)
+    # Of a mere low priority Linux still lets somebody who wakes up wait for a moment.
+    with contextlib.suppress(AttributeError, OSError):
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 class Display:
@@ -151,7 +160,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     del args
     parent = os.getppid()
-    os.nice(NICE)
+    stay_behind()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         Display(screen_for(STDERR), parent).run()
