@@ -25,7 +25,7 @@ from kachaka_simple_control.audience.showing import DisplayTeller, worth_showing
 from kachaka_simple_control.command_line import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
-from kachaka_simple_control.report.bag import lacking
+from kachaka_simple_control.report.bag.bag import lacking
 from kachaka_simple_control.report.table import table
 from kachaka_simple_control.robot.robot_profile import KACHAKA, profile_of
 from kachaka_simple_control.ros.isolation import is_told_to_stay, stay_on_this_machine

@@ -20,7 +20,7 @@ from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.execution.playing import HIGHEST_RATE, lowest_rate
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion_file import find, library
-from kachaka_simple_control.report.plan_plot import check_plot_file, save_plot
+from kachaka_simple_control.report.pictures.plan_plot import check_plot_file, save_plot
 from kachaka_simple_control.report.plan_table import plan_table
 from kachaka_simple_control.report.preview import Preview
 from kachaka_simple_control.robot.robot_profile import KACHAKA, profile_of

@@ -20,7 +20,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.kinematics import Pose
-from kachaka_simple_control.ros.path_bytes import PathBytes
+from kachaka_simple_control.report.path_bytes import PathBytes
 import pytest
 
 pytest.importorskip('nav_msgs', reason='needs nav_msgs')

@@ -42,8 +42,8 @@ from kachaka_simple_control.motion.steps import Motion, Move, Turn
 from kachaka_simple_control.report.events import Answered, Began, Closed, Ended, Planned, Sent
 from kachaka_simple_control.report.frames import apart, composed, seen_from
 from kachaka_simple_control.report.naive import EXTRA, naive
-from kachaka_simple_control.report.page import page
-from kachaka_simple_control.report.period_picture import histogram
+from kachaka_simple_control.report.page.page import page
+from kachaka_simple_control.report.pictures.period_picture import histogram
 from kachaka_simple_control.report.quantiles import Quantiles, quantiles
 from kachaka_simple_control.report.reckoning import Reckoning
 from kachaka_simple_control.report.record import Record
@@ -376,7 +376,7 @@ def test_without_matplotlib_the_page_says_so(tmp_path, monkeypatch):
 def test_a_picture_that_fails_does_not_cost_the_page(tmp_path, monkeypatch):
     drawn()
     monkeypatch.setattr(
-        'kachaka_simple_control.report.drive_pictures.draw_drive_path', lambda *_: 1 / 0)
+        'kachaka_simple_control.report.pictures.drive_pictures.draw_drive_path', lambda *_: 1 / 0)
     write_report(done(), tmp_path, None)
     assert 'drawing them failed (ZeroDivisionError' in (tmp_path / 'report.html').read_text()
     assert json.loads((tmp_path / 'run.json').read_text())['verdict']['ending'] == 'done'
@@ -484,7 +484,7 @@ def test_whatever_happened_there_is_a_report(events):
 @settings(deadline=None, max_examples=20)
 def test_whatever_happened_there_are_pictures(events):
     drawn()
-    from kachaka_simple_control.report.drive_pictures import draw_pictures
+    from kachaka_simple_control.report.pictures.drive_pictures import draw_pictures
     record = Record()
     record.hear(Planned(SECOND, LIMITS, 10.0))
     for event in events:

@@ -19,8 +19,8 @@ import math
 from hypothesis import given
 from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat
-from kachaka_simple_control.report.looks import nice
 from kachaka_simple_control.report.outline import nose, outline
+from kachaka_simple_control.report.pictures.looks import nice
 from kachaka_simple_control.report.staircase import COLUMNS, MAX_CORNERS, staircase
 from kachaka_simple_control.report.track import distinct, line, MAX_POINTS, Stretch, stretches
 from plans import BACK, BOX, DISC, HOUR, preview, QUARTER, SQUARE

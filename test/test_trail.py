@@ -23,7 +23,8 @@ from hypothesis import strategies as st
 from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Motion, Move, Repeat, Turn
-from kachaka_simple_control.report.trail import planned_way, SPACING, Trail, TURN
+from kachaka_simple_control.report.planned_way import planned_way
+from kachaka_simple_control.report.trail import SPACING, Trail, TURN
 from kachaka_simple_control.robot.robot_profile import KACHAKA
 import pytest
 from strategies import MOTIONS, UNHURRIED

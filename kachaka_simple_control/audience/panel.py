@@ -23,7 +23,7 @@ from kachaka_simple_control.audience.glance import Glance, State
 from kachaka_simple_control.audience.step_lines import which
 from kachaka_simple_control.motion.kinematics import Velocity
 from kachaka_simple_control.report.columns import one_line
-from kachaka_simple_control.report.looks import BLUE, GREY, ORANGE
+from kachaka_simple_control.report.pictures.looks import BLUE, GREY, ORANGE
 from kachaka_simple_control.report.preview import fixed
 from rich.console import Console
 from rich.text import Text

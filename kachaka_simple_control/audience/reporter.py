@@ -32,7 +32,7 @@ from typing import BinaryIO
 
 from kachaka_simple_control.audience.audience import Audience
 from kachaka_simple_control.audience.stream import events
-from kachaka_simple_control.report.bag import Bag
+from kachaka_simple_control.report.bag.bag import Bag
 from kachaka_simple_control.report.events import Event
 from kachaka_simple_control.report.record import Record
 from kachaka_simple_control.report.report import write_report

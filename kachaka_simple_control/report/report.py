@@ -21,8 +21,8 @@ import gc
 from pathlib import Path
 
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.report.drive_pictures import draw_pictures, Pictures
-from kachaka_simple_control.report.page import page
+from kachaka_simple_control.report.page.page import page
+from kachaka_simple_control.report.pictures.drive_pictures import draw_pictures, Pictures
 from kachaka_simple_control.report.record import Record
 from kachaka_simple_control.report.run_json import run_json
 from kachaka_simple_control.report.summary import Summary

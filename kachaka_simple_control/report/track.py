@@ -29,6 +29,8 @@ from kachaka_simple_control.report.outline import Point
 BEND = math.radians(4.0)
 #: More of a turn in place would run into its own beginning [rad].
 SWEEP = math.radians(330.0)
+#: From here on rounds in place or on a circle are left out [rad]; nobody sees them.
+ROUNDS = 2.0 * math.tau
 #: From so many points on, lines are drawn but once.
 MANY_POINTS = 500
 #: So many points at most are drawn.
@@ -81,15 +83,33 @@ class Stretch:
         """
         if self.distance == 0.0:
             return []
-        angle = self.angle
-        if abs(angle) > 2.0 * math.tau:
-            # Nobody sees the rounds after the first; what counts is where they end.
-            angle = math.copysign(math.tau, angle) + math.fmod(angle, math.tau)
-        part = angle / self.angle if self.angle else 1.0
-        count = max(1, math.ceil(abs(angle) / BEND))
-        poses = (advance(self.start, self.distance * part * number / count,
-                         angle * number / count) for number in range(1, count + 1))
-        return [(pose.x, pose.y) for pose in poses]
+        return [(pose.x, pose.y) for pose in self.poses(self.count)]
+
+    @property
+    def count(self) -> int:
+        """Return in how many parts it looks round; none if it stays as it is."""
+        if self.distance == self.angle == 0.0:
+            return 0
+        return max(1, math.ceil(abs(self._seen_angle) / BEND))
+
+    def poses(self, count: int) -> list[Pose]:
+        """
+        Return some poses on it.
+
+        :param count: how many
+        :returns: the poses, evenly from all of it, without the first
+        """
+        angle = self._seen_angle
+        distance = self.distance * (angle / self.angle if self.angle else 1.0)
+        return [advance(self.start, distance * number / count, angle * number / count)
+                for number in range(1, count + 1)]
+
+    @property
+    def _seen_angle(self) -> float:
+        if abs(self.angle) <= ROUNDS:
+            return self.angle
+        # What counts of the rounds after the first is where they end.
+        return math.copysign(math.tau, self.angle) + math.fmod(self.angle, math.tau)
 
 
 def stretches(plan: Plan) -> list[Stretch]:

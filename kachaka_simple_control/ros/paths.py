@@ -18,9 +18,10 @@ from __future__ import annotations
 from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.report.events import Answered, Began
-from kachaka_simple_control.report.trail import planned_way, Trail
+from kachaka_simple_control.report.path_bytes import PathBytes
+from kachaka_simple_control.report.planned_way import MOST, planned_way
+from kachaka_simple_control.report.trail import Trail
 from kachaka_simple_control.ros.aside import Aside
-from kachaka_simple_control.ros.path_bytes import PathBytes
 from kachaka_simple_control.ros.shown_topics import shown_topic
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from nav_msgs.msg import Path
@@ -30,8 +31,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 PLANNED, DRIVEN = '~/planned_path', '~/driven_path'
 #: The frame of odometry where nobody tells another one.
 FRAME = 'odom'
-#: How many poses a path may have.
-MAX_POSES = 2000
 #: The driven path is not published more often than this [s].
 PERIOD = 0.5
 
@@ -96,7 +95,7 @@ class PlannedPathTopic:
             self._publish(plan, answered.pose)
 
     def _publish(self, plan: Plan, start: Pose) -> None:
-        poses = [self._bytes.pose(pose) for pose in planned_way(plan, start, MAX_POSES)]
+        poses = [self._bytes.pose(pose) for pose in planned_way(plan, start)]
         path = self._bytes.path(poses, self._clock.now().nanoseconds)
         self._aside.publish(self._publisher, lambda: path)
 
@@ -127,7 +126,7 @@ class DrivenPathTopic:
         """
         self._bytes = PathBytes(frame)
         self._trail = Trail(
-            MAX_POSES, lambda pose: self._bytes.pose(pose, self._clock.now().nanoseconds))
+            MOST, lambda pose: self._bytes.pose(pose, self._clock.now().nanoseconds))
 
     def hear(self, answered: Answered) -> None:
         """

@@ -25,10 +25,15 @@ import warnings
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.report.columns import one_line
-from kachaka_simple_control.report.looks import framed, style
-from kachaka_simple_control.report.path_picture import draw_key, draw_path, extent
+from kachaka_simple_control.report.pictures.looks import framed, style
+from kachaka_simple_control.report.pictures.path_picture import draw_key, draw_path, extent
+from kachaka_simple_control.report.pictures.velocity_picture import (
+    ANGULAR,
+    draw_velocity,
+    LINEAR,
+    scale,
+)
 from kachaka_simple_control.report.preview import amount, counted, fixed, Preview
-from kachaka_simple_control.report.velocity_picture import ANGULAR, draw_velocity, LINEAR, scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 from kachaka_simple_control.report.naive import EXTRA, Naive
-from kachaka_simple_control.report.page_parts import degrees, number
+from kachaka_simple_control.report.page.parts import degrees, number
 from kachaka_simple_control.report.preview import amount, counted
 
 # What stands below the pictures, and is read aloud for them.

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from kachaka_simple_control.motion.kinematics import Pose
-from kachaka_simple_control.report.page_parts import (
+from kachaka_simple_control.report.page.parts import (
     both,
     degrees,
     head,

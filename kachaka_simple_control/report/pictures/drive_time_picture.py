@@ -22,7 +22,7 @@ from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.report.driven_path import DrivenPath, Odometry
-from kachaka_simple_control.report.looks import (
+from kachaka_simple_control.report.pictures.looks import (
     BLUE,
     framed,
     GREY,
@@ -31,9 +31,7 @@ from kachaka_simple_control.report.looks import (
     PLANNED,
     SENT,
 )
-from kachaka_simple_control.report.staircase import Corner, staircase
-from kachaka_simple_control.report.thinning import bands
-from kachaka_simple_control.report.velocity_picture import (
+from kachaka_simple_control.report.pictures.velocity_picture import (
     ANGULAR,
     draw_limits,
     Kind,
@@ -43,6 +41,8 @@ from kachaka_simple_control.report.velocity_picture import (
     room,
     Scale,
 )
+from kachaka_simple_control.report.staircase import Corner, staircase
+from kachaka_simple_control.report.thinning import bands
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 import math
 import struct
 
@@ -78,21 +77,6 @@ def odometry(pose: Pose, velocity: Velocity, when: int) -> bytes:
     return (_Cdr().header(when, ODOM).text(BASE)
             .pose(pose).doubles(*COVARIANCE)
             .velocity(velocity).doubles(*COVARIANCE).message())
-
-
-def path(poses: Iterable[tuple[int, Pose]], when: int) -> bytes:
-    """
-    Return a path as ``nav_msgs/msg/Path``.
-
-    :param poses: where the robot is to be, and when [ns since 1970]
-    :param when: when it begins [ns since 1970]
-    :returns: the message
-    """
-    those = list(poses)
-    cdr = _Cdr().header(when, ODOM).number(len(those))
-    for due, pose in those:
-        cdr.header(due, ODOM).pose(pose)
-    return cdr.message()
 
 
 class _Cdr:

@@ -22,10 +22,13 @@ import re
 from typing import Any, TYPE_CHECKING
 import warnings
 
-from kachaka_simple_control.report.drive_path import draw_drive_path
-from kachaka_simple_control.report.drive_time import draw_drive_errors, draw_drive_velocities
-from kachaka_simple_control.report.looks import style
-from kachaka_simple_control.report.period_picture import draw_periods
+from kachaka_simple_control.report.pictures.drive_path_picture import draw_drive_path
+from kachaka_simple_control.report.pictures.drive_time_picture import (
+    draw_drive_errors,
+    draw_drive_velocities,
+)
+from kachaka_simple_control.report.pictures.looks import style
+from kachaka_simple_control.report.pictures.period_picture import draw_periods
 from kachaka_simple_control.report.summary import Summary
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import math
 from typing import TYPE_CHECKING
 
-from kachaka_simple_control.report.looks import BLUE, framed, GREY, nice
+from kachaka_simple_control.report.pictures.looks import BLUE, framed, GREY, nice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

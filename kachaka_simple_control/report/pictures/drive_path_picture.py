@@ -24,9 +24,17 @@ from typing import Any, TYPE_CHECKING
 from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
 from kachaka_simple_control.report.driven_path import DrivenPath, Start
 from kachaka_simple_control.report.frames import composed
-from kachaka_simple_control.report.looks import FAINT, GREEN, GREY, nice, ODOMETRY, PLANNED, SENT
 from kachaka_simple_control.report.outline import Footprint, nose, outline, place, Point
-from kachaka_simple_control.report.path_picture import GRAIN, MARGIN, SMALLEST, TICK
+from kachaka_simple_control.report.pictures.looks import (
+    FAINT,
+    GREEN,
+    GREY,
+    nice,
+    ODOMETRY,
+    PLANNED,
+    SENT,
+)
+from kachaka_simple_control.report.pictures.path_picture import GRAIN, MARGIN, SMALLEST, TICK
 from kachaka_simple_control.report.thinning import straightened
 from kachaka_simple_control.report.track import Stretch, stretches
 

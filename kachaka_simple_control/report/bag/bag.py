@@ -24,7 +24,7 @@ from kachaka_simple_control.report.events import Event, Opened
 from kachaka_simple_control.report.record import Record
 
 if TYPE_CHECKING:
-    from kachaka_simple_control.report.bag_recording import Recording
+    from kachaka_simple_control.report.bag.recording import Recording
 
 NAME = 'run.mcap'
 NEEDS = "it needs mcap 1.5 or newer: pip install 'mcap>=1.5'"
@@ -98,7 +98,7 @@ class Bag:
         from mcap.writer import Writer
         if not hasattr(Writer, 'flush'):
             raise ImportError(NEEDS)
-        from kachaka_simple_control.report.bag_recording import Recording
+        from kachaka_simple_control.report.bag.recording import Recording
         self._recording = Recording(self._path, opened, self._record)
 
     def _try(self, action: Callable[[], None]) -> None:

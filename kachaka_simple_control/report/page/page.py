@@ -20,16 +20,16 @@ from dataclasses import asdict
 from importlib.resources import files
 import math
 
-from kachaka_simple_control.report import page_texts as texts
-from kachaka_simple_control.report.drive_pictures import ERRORS, PATH, PERIODS, VELOCITIES
-from kachaka_simple_control.report.drive_time import end_of, is_dense, STRETCHES
-from kachaka_simple_control.report.page_parts import degrees, named, number, text, words
-from kachaka_simple_control.report.page_tables import (
+from kachaka_simple_control.report.page import texts
+from kachaka_simple_control.report.page.parts import degrees, named, number, text, words
+from kachaka_simple_control.report.page.tables import (
     end_table,
     motions_table,
     steps_table,
     timing_table,
 )
+from kachaka_simple_control.report.pictures.drive_pictures import ERRORS, PATH, PERIODS, VELOCITIES
+from kachaka_simple_control.report.pictures.drive_time_picture import end_of, is_dense, STRETCHES
 from kachaka_simple_control.report.preview import amount, counted
 from kachaka_simple_control.report.run_json import moment
 from kachaka_simple_control.report.summary import Summary

@@ -20,8 +20,8 @@ import math
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from kachaka_simple_control.motion.kinematics import advance, ORIGIN, Pose
-from kachaka_simple_control.report.looks import BLUE, GREEN, GREY, nice, ORANGE
 from kachaka_simple_control.report.outline import nose, outline, place, Point
+from kachaka_simple_control.report.pictures.looks import BLUE, GREEN, GREY, nice, ORANGE
 from kachaka_simple_control.report.preview import Preview
 from kachaka_simple_control.report.track import distinct, line, Stretch, stretches
 

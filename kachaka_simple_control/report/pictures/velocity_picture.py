@@ -21,7 +21,7 @@ import math
 from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.report.looks import BLUE, GREY, ORANGE
+from kachaka_simple_control.report.pictures.looks import BLUE, GREY, ORANGE
 from kachaka_simple_control.report.preview import amount, Preview
 from kachaka_simple_control.report.staircase import staircase
 

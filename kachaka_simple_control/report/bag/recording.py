@@ -20,23 +20,24 @@ from pathlib import Path
 from typing import Any, cast
 
 from kachaka_simple_control.motion.kinematics import ORIGIN
-from kachaka_simple_control.report import bag_messages
-from kachaka_simple_control.report.bag_file import BagFile
-from kachaka_simple_control.report.bag_metadata import (
+from kachaka_simple_control.report.bag import messages
+from kachaka_simple_control.report.bag.bag_file import BagFile
+from kachaka_simple_control.report.bag.metadata import (
     bag_information,
     BEST_EFFORT,
     folder_information,
     Topic,
     TRANSIENT_LOCAL,
 )
-from kachaka_simple_control.report.bag_path import planned_path
-from kachaka_simple_control.report.bag_schemas import (
+from kachaka_simple_control.report.bag.schemas import (
     definition,
     ODOMETRY_TYPE,
     PATH_TYPE,
     VELOCITY_TYPES,
 )
 from kachaka_simple_control.report.events import Answered, Began, Event, Opened, Sent
+from kachaka_simple_control.report.path_bytes import PathBytes
+from kachaka_simple_control.report.planned_way import planned_way
 from kachaka_simple_control.report.record import Record
 from mcap.data_stream import RecordBuilder
 from mcap.records import DataEnd, Footer
@@ -81,6 +82,7 @@ class Recording:
         self._path = path
         self._opened = opened
         self._record = record
+        self._paths = PathBytes(messages.ODOM)
         self._pending: list[Message] = []
         self._span: list[int] = []
         self._is_finished = False
@@ -114,7 +116,7 @@ class Recording:
             case Sent():
                 self._take('velocity', event.time, self._velocity(event))
             case Answered() if 'odometry' in self._channels:
-                self._take('odometry', event.time, bag_messages.odometry(
+                self._take('odometry', event.time, messages.odometry(
                     event.pose, event.velocity, self._stamp(event.time)))
             case Began():
                 self._take('path', event.time, self._path_of(event))
@@ -191,20 +193,20 @@ class Recording:
 
     def _velocity(self, sent: Sent) -> bytes:
         if self._opened.message_type == 'Twist':
-            return bag_messages.twist(sent.velocity)
-        return bag_messages.twist_stamped(
+            return messages.twist(sent.velocity)
+        return messages.twist_stamped(
             sent.velocity, self._stamp(sent.time), self._opened.frame)
 
     def _path_of(self, began: Began) -> bytes:
         record = self._record
         start = record.odometry[-1].pose if record.odometry else ORIGIN
-        return bag_messages.path(
-            ((self._stamp(began.time + time), pose)
-             for time, pose in planned_path(record.motions[-1].plan, start)),
-            self._stamp(began.time))
+        when = self._stamp(began.time)
+        return self._paths.path(
+            [self._paths.pose(pose) for pose in planned_way(record.motions[-1].plan, start)],
+            when)
 
     def _stamp(self, time: float) -> int:
-        return bag_messages.stamp(self._opened.epoch, time)
+        return messages.stamp(self._opened.epoch, time)
 
 
 def _end() -> bytes:

@@ -1,0 +1,61 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A drive that is told to a recording, without a process of its own."""
+
+import math
+from pathlib import Path
+
+from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.report.bag.bag import Bag
+from kachaka_simple_control.report.events import Opened, Planned, Sent
+from kachaka_simple_control.report.record import Record
+from recordings import sent_velocities, stamp_of
+
+LIMITS = Limits(0.3, 1.5)
+TWIST = Opened(
+    'test', 'kachaka', LIMITS, 0.3, 1.7e9 + 0.123456789, '/kachaka/manual_control/cmd_vel',
+    '/kachaka/odometry/odometry')
+STAMPED = Opened(
+    'test', 'turtlebot3', LIMITS, 0.5, 1.6e9, '/cmd_vel', '/odom', 'TwistStamped', 'base')
+PLANNED = Planned(Motion('bend', (Move(0.1, 0.5, 3.0),)), LIMITS, 10.0)
+
+
+class RecordedDrive:
+    """Events told to a record and to a bag in a folder."""
+
+    def __init__(self, folder, opened=TWIST):
+        """Begin one."""
+        self.folder, self.opened = Path(folder), opened
+        self.file = self.folder / 'run.mcap'
+        self.record = Record()
+        self.bag = Bag(self.folder, self.record)
+        self.tell(opened, PLANNED)
+
+    def tell(self, *events):
+        """Tell events."""
+        for event in events:
+            self.record.hear(event)
+            self.bag.hear(event)
+
+    def send(self, first, count, velocity=0.1):
+        """Tell velocities, one each 0.1 s."""
+        self.tell(*(Sent(first + number / 10.0, Velocity(velocity, 0.0))
+                    for number in range(count)))
+
+    def expected(self, until=math.inf):
+        """Return what is to be in the file."""
+        return [velocity for velocity in sent_velocities(self.record.sent, self.opened)
+                if velocity[0] <= (until if until == math.inf else stamp_of(self.opened, until))]

@@ -1,0 +1,172 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Whatever ends a recording, what was recorded by then can be read."""
+
+import contextlib
+import errno
+import io
+import os
+from pathlib import Path
+
+from kachaka_simple_control.motion.kinematics import Pose
+from kachaka_simple_control.report.bag import bag
+from kachaka_simple_control.report.bag.bag_file import BagFile
+from kachaka_simple_control.report.events import Answered
+import pytest
+from recorded_drive import RecordedDrive, TWIST
+from recordings import read_with_mcap, read_with_rosbags, READERS, velocities
+
+pytest.importorskip('mcap', reason='needs what writes recordings')
+
+
+@pytest.mark.parametrize('read', READERS)
+def test_the_file_is_whole_after_each_flush(read, tmp_path):
+    """Whatever ends the program: nothing was finished here."""
+    drive = RecordedDrive(tmp_path)
+    assert read(drive.file) == []
+    for first in range(10, 15):
+        drive.send(float(first), 10)
+        until = first + 0.85
+        drive.bag.flush(until)
+        assert velocities(read(drive.file), TWIST) == drive.expected(until)
+
+
+def test_what_was_told_late_comes_in_its_place(tmp_path):
+    """Threads tell what happens, and one may be overtaken by another."""
+    drive = RecordedDrive(tmp_path)
+    drive.send(10.0, 5)
+    drive.bag.flush(10.25)
+    drive.tell(Answered(10.26, Pose()))
+    drive.bag.flush(11.0)
+    for read in READERS:
+        stamps = [one.stamp for one in read(drive.file)]
+        assert len(stamps) == 6
+        assert stamps == sorted(stamps)
+
+
+def test_a_file_cut_off_in_a_part_is_readable_up_to_that_part(tmp_path):
+    """A program killed within a write leaves this; `mcap recover` reads it likewise."""
+    stream_reader = pytest.importorskip('mcap.stream_reader')
+    drive = RecordedDrive(tmp_path)
+    sizes = []
+    for first in range(10, 13):
+        drive.send(float(first), 10)
+        drive.bag.flush(first + 1.0)
+        sizes.append(drive.file.stat().st_size)
+    data = drive.file.read_bytes()
+    for size in range(sizes[0], sizes[2], 7):
+        whole, found = sum(size >= end for end in sizes) * 10, 0
+        with contextlib.suppress(Exception):  # each cut ends it in a way of its own
+            for record in stream_reader.StreamReader(io.BytesIO(data[:size])).records:
+                found += type(record).__name__ == 'Message'
+        assert found >= whole
+
+
+def full_from(limit, monkeypatch):
+    """Let no file grow beyond a size, as a full disk does: what fits is written first."""
+    write = os.pwrite
+
+    def pwrite(descriptor, data, offset):
+        room = limit - offset
+        if room <= 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(descriptor, data[:room], offset)
+
+    monkeypatch.setattr(os, 'pwrite', pwrite)
+
+
+@pytest.mark.parametrize('limit', range(200, 4000, 97))
+def test_a_full_disk_ends_the_recording_and_leaves_what_was_there(limit, monkeypatch, tmp_path):
+    full_from(limit, monkeypatch)
+    drive = RecordedDrive(tmp_path)
+    stored = 0
+    for first in range(10, 30):
+        drive.send(float(first), 10, velocity=first / 1000.0)
+        drive.tell(Answered(first + 0.5, Pose(first / 7.0, first / 3.0)))
+        drive.bag.flush(first + 1.0)
+        stored += 0 if drive.bag.failure else 11
+    assert drive.bag.finish() == 'run.mcap ends early: No space left on device'
+    assert drive.file.stat().st_size <= limit
+    for read in READERS:
+        assert len(read(drive.file)) == stored
+    if stored:
+        assert len(read_with_rosbags(tmp_path)) == stored
+    # Without messages, a file has no topics that a bag could name.
+    assert (tmp_path / 'metadata.yaml').exists() == bool(stored)
+    assert str(drive.file) not in [
+        str(link.readlink()) for link in Path('/proc/self/fd').glob('*') if link.is_symlink()]
+
+
+def test_a_disk_without_any_room_leaves_no_file(monkeypatch, tmp_path):
+    full_from(10, monkeypatch)
+    drive = RecordedDrive(tmp_path)
+    drive.send(10.0, 3)
+    drive.bag.flush(20.0)
+    assert drive.bag.finish() == 'run.mcap is left out: No space left on device'
+    assert not drive.file.exists()
+
+
+def test_a_full_disk_at_the_very_end_costs_the_index_alone(monkeypatch, tmp_path):
+    drive = RecordedDrive(tmp_path)
+    drive.send(10.0, 10)
+    drive.bag.flush(20.0)
+    full_from(drive.file.stat().st_size, monkeypatch)
+    assert drive.bag.finish() == 'run.mcap ends early: No space left on device'
+    for read in READERS:
+        assert velocities(read(drive.file), TWIST) == drive.expected()
+
+
+def test_a_full_disk_after_the_recording_leaves_no_half_of_a_description(monkeypatch, tmp_path):
+    def write_text(self, text, encoding):
+        self.write_bytes(text[:100].encode(encoding))
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, 'write_text', write_text)
+    drive = RecordedDrive(tmp_path)
+    drive.send(10.0, 10)
+    assert drive.bag.finish() == 'metadata.yaml is left out: No space left on device'
+    assert list(tmp_path.iterdir()) == [drive.file]
+    for read in READERS:
+        assert velocities(read(drive.file), TWIST) == drive.expected()
+
+
+def test_a_failure_of_another_kind_ends_the_recording_too(monkeypatch, tmp_path):
+    drive = RecordedDrive(tmp_path)
+    drive.send(10.0, 10)
+    drive.bag.flush(20.0)
+    monkeypatch.setattr(BagFile, 'flush', lambda self: 1 // 0)
+    drive.send(12.0, 10)
+    drive.bag.flush(20.0)
+    assert drive.bag.failure.startswith('run.mcap ends early: ZeroDivisionError')
+    assert drive.bag.finish() == drive.bag.failure
+    assert len(read_with_mcap(drive.file)) == 10
+
+
+def test_without_the_library_the_recording_is_left_out_in_a_sentence(monkeypatch, tmp_path):
+    monkeypatch.setattr(bag.importlib.util, 'find_spec', lambda name: None)
+    drive = RecordedDrive(tmp_path)
+    drive.send(10.0, 3)
+    drive.bag.flush(20.0)
+    assert drive.bag.finish() == (
+        "run.mcap is left out: it needs mcap 1.5 or newer: pip install 'mcap>=1.5'")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_old_library_is_told_from_a_new_one(monkeypatch, tmp_path):
+    from mcap.writer import Writer
+    monkeypatch.delattr(Writer, 'flush')
+    drive = RecordedDrive(tmp_path)
+    assert drive.bag.finish() == (
+        "run.mcap is left out: it needs mcap 1.5 or newer: pip install 'mcap>=1.5'")
+    assert list(tmp_path.iterdir()) == []
