@@ -12,16 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Drive a robot that is there already: the lesson, or another motion.
+Drive a robot that is there already: the lesson, or another motion; look at it in RViz if wanted.
 
-Each argument is an option or a parameter of the command ``kachaka_simple_control``; one that is
-left empty is left to the command.
+Each argument but ``rviz`` is an option or a parameter of the command ``kachaka_simple_control``;
+one that is left empty is left to the command.
 """
 
+from pathlib import Path
 import shlex
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
@@ -31,6 +33,7 @@ OPTIONS = ('rate', 'robot', 'report')
 SWITCHES = ('wait', 'quiet')
 TRUE = ('true', '1', 'yes', 'on')
 FALSE = ('false', '0', 'no', 'off', '')
+VIEW = Path(__file__).parent.parent / 'config' / 'kachaka.rviz'
 
 
 def generate_launch_description():
@@ -70,7 +73,12 @@ def generate_launch_description():
         DeclareLaunchArgument(
             'options', default_value='',
             description='More options of the command, as in a shell; parameters after --ros-args'),
+        DeclareLaunchArgument(
+            'rviz', default_value='false', description='Whether to start RViz'),
         OpaqueFunction(function=start),
+        Node(
+            package='rviz2', executable='rviz2', name='rviz2', arguments=['-d', str(VIEW)],
+            condition=IfCondition(LaunchConfiguration('rviz'))),
     ])
 
 

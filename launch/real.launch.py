@@ -12,20 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Drive a real Kachaka, and look at it in RViz if wanted.
+Drive a real Kachaka.
 
 Its bridge comes with the node and goes after it, so that the stop always reaches the robot first.
+
+What it takes beside its own arguments is what ``lesson.launch.py`` takes.
 """
+
+from pathlib import Path
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
-from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
-from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
+from launch.substitutions import LaunchConfiguration
 
-SHARE = FindPackageShare('kachaka_simple_control')
+LESSON = Path(__file__).with_name('lesson.launch.py')
 
 
 def generate_launch_description():
@@ -38,36 +39,11 @@ def generate_launch_description():
         DeclareLaunchArgument(
             'address', description='Address of the robot, HOST or HOST:PORT; must be given'),
         DeclareLaunchArgument(
-            'motion', default_value='',
-            description='A motion of `kachaka_simple_control --list`, or the path of a file; '
-                        'empty: the lesson'),
-        DeclareLaunchArgument(
-            'rate', default_value='',
-            description='How often a velocity is sent [Hz]; empty: what the motion says, or 10'),
-        DeclareLaunchArgument(
-            'robot_namespace', default_value='',
-            description='ROS namespace of the robot; empty: /kachaka'),
-        DeclareLaunchArgument(
-            'wait', default_value='false',
-            description='Whether to stand by: the service ~/run starts the motion'),
-        DeclareLaunchArgument(
-            'report', default_value='',
-            description='A new folder to leave a report in; empty: none'),
-        DeclareLaunchArgument(
             'options', default_value='',
             description='More options of the command, as in a shell; parameters after --ros-args'),
-        DeclareLaunchArgument(
-            'rviz', default_value='false', description='Whether to start RViz'),
-        Node(
-            package='rviz2', executable='rviz2', name='rviz2',
-            arguments=['-d', PathJoinSubstitution([SHARE, 'config', 'kachaka.rviz'])],
-            condition=IfCondition(LaunchConfiguration('rviz'))),
         IncludeLaunchDescription(
-            PythonLaunchDescriptionSource(
-                PathJoinSubstitution([SHARE, 'launch', 'lesson.launch.py'])),
+            PythonLaunchDescriptionSource(str(LESSON)),
             launch_arguments={
-                **{name: LaunchConfiguration(name)
-                   for name in ('motion', 'rate', 'robot_namespace', 'wait', 'report')},
                 'options': ['--address=', LaunchConfiguration('address'), ' ',
                             LaunchConfiguration('options')],
             }.items()),

@@ -90,8 +90,10 @@ def test_arguments_that_are_handed_on_are_known_there(path):
     used = {ast.literal_eval(call.args[0]) for call in calls(path, 'LaunchConfiguration')
             if isinstance(call.args[0], ast.Constant)}
     assert used <= declared(path).keys()
-    for name in declared(path):
-        assert name in lesson or name in ('address', 'rviz')
+    given = {ast.literal_eval(key) for call in calls(path, 'IncludeLaunchDescription')
+             for node in ast.walk(call) if isinstance(node, ast.Dict) for key in node.keys}
+    assert given <= lesson.keys()
+    assert bool(given) == (path.name != 'lesson.launch.py')
 
 
 def test_options_of_the_command_are_named_as_it_names_them():
@@ -139,16 +141,21 @@ class Said:
 @pytest.fixture
 def node(monkeypatch):
     """Return a function that returns what the lesson's launch file starts, told some arguments."""
-    for name in ('launch', 'launch.actions', 'launch.substitutions', 'launch_ros',
-                 'launch_ros.actions'):
+    for name in ('launch', 'launch.actions', 'launch.conditions', 'launch.substitutions',
+                 'launch_ros', 'launch_ros.actions'):
         stand_in = types.ModuleType(name)
-        for what in ('LaunchDescription', 'DeclareLaunchArgument', 'OpaqueFunction'):
+        for what in (
+                'DeclareLaunchArgument', 'IfCondition', 'LaunchDescription', 'OpaqueFunction'):
             setattr(stand_in, what, None)
         stand_in.LaunchConfiguration, stand_in.Node = Said, dict
         monkeypatch.setitem(sys.modules, name, stand_in)
     path = ROOT / 'launch' / 'lesson.launch.py'
     module, defaults = loaded(path), declared(path)
-    return lambda **said: module.start({**defaults, **said})[0]
+
+    def start(**said):
+        return module.start({**defaults, **said})[0]
+    start.view = module.VIEW
+    return start
 
 
 @pytest.mark.parametrize('said, words', [
@@ -177,6 +184,10 @@ def view():
     """Return what RViz reads."""
     yaml = pytest.importorskip('yaml', reason='needs PyYAML')
     return yaml.safe_load(RVIZ.read_text())
+
+
+def test_the_view_is_where_the_launch_file_looks_for_it(node):
+    assert node.view == RVIZ
 
 
 def test_the_view_is_built_as_rviz_builds_its_own(view):
