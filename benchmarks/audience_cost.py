@@ -39,9 +39,10 @@ import termios
 import threading
 import time
 
+from kachaka_simple_control.report.quantiles import median, quantile
+
 from benchmarks.meter import process_time
 from benchmarks.progress import show
-from benchmarks.quantiles import median, quantile
 from benchmarks.tables import number, Table
 from benchmarks.wire import jitters, movements, relative_error, Row
 

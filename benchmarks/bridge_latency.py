@@ -35,11 +35,11 @@ import threading
 import time
 from typing import Any
 
+from kachaka_simple_control.report.quantiles import median, quantile
 from kachaka_simple_control.ros.isolation import stay_on_this_machine
 
 from benchmarks.meter import process_time
 from benchmarks.nanosleep import BILLION, sleep_until
-from benchmarks.quantiles import median, quantile
 from benchmarks.tables import Table
 
 ROOT = Path(__file__).resolve().parent.parent

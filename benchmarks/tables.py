@@ -20,9 +20,10 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
+from kachaka_simple_control.report.quantiles import median
+
 from benchmarks.bars import judge, Verdict
 from benchmarks.figures import Figure, figures, find, signal_groups, where, zeros
-from benchmarks.quantiles import median
 
 NAMES = {
     'ours': 'ours', 'lesson': "the lesson's loop", 'timer': 'rclpy timer', 'rate': 'rclpy Rate',

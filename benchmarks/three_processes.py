@@ -37,13 +37,13 @@ from kachaka_simple_control.looking import RATE
 from kachaka_simple_control.motion.kinematics import Pose
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion_file import find
+from kachaka_simple_control.report.quantiles import median
 from kachaka_simple_control.robot.robot_profile import KACHAKA
 from kachaka_simple_control.ros.isolation import stay_on_this_machine
 
 from benchmarks.grpc_robot import GrpcRobot
 from benchmarks.process import ROOT
 from benchmarks.progress import show
-from benchmarks.quantiles import median
 from benchmarks.tables import number, Table
 
 MOTIONS, RUNS = ('lesson', 'square'), 10

@@ -21,12 +21,13 @@ from dataclasses import asdict
 import time
 from typing import Any
 
+from kachaka_simple_control.report.quantiles import quantile
+
 from benchmarks.figures import where
 from benchmarks.load import busy
 from benchmarks.loops import LOOPS
 from benchmarks.process import Contender
 from benchmarks.progress import show
-from benchmarks.quantiles import quantile
 from benchmarks.robot import Robot
 from benchmarks.scale import Scale
 from benchmarks.wire import jitters, movements, relative_error, Row, ticks

@@ -21,10 +21,7 @@ from itertools import pairwise
 import math
 from typing import NamedTuple
 
-#: A tick counts as late when it comes this part of a period away from its time, or more.
-LATE = 0.25
-#: Nothing came within this part of a period of its time: the tick is lost.
-LOST = 0.5
+from kachaka_simple_control.report.timing import LATE, LOST
 
 
 class Row(NamedTuple):

@@ -19,9 +19,9 @@ import contextlib
 import sys
 from typing import TYPE_CHECKING
 
+from kachaka_simple_control.audience.display_teller import DisplayTeller, worth_showing
 from kachaka_simple_control.audience.listeners import Listeners, listeners, REPORTER
 from kachaka_simple_control.audience.report_folder import report_folder
-from kachaka_simple_control.audience.showing import DisplayTeller, worth_showing
 from kachaka_simple_control.command_line import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson

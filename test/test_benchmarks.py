@@ -33,7 +33,6 @@ from benchmarks.compare import change, compare, differences, main  # noqa: E402
 from benchmarks.figures import figures, find  # noqa: E402
 from benchmarks.nanosleep import sleep_until  # noqa: E402
 from benchmarks.page import BEGIN, END, updated  # noqa: E402
-from benchmarks.quantiles import median, quantile  # noqa: E402
 from benchmarks.tables import number, Table, tables  # noqa: E402
 from benchmarks.wire import (  # noqa: E402
     displacement,
@@ -44,6 +43,7 @@ from benchmarks.wire import (  # noqa: E402
     Ticks,
     ticks,
 )
+from kachaka_simple_control.report.quantiles import median, quantile  # noqa: E402
 
 #: Times of some 1e9 s, in double precision, are known to a quarter of a microsecond.
 CLOCK = 1e9

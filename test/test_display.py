@@ -20,8 +20,8 @@ import sys
 import time
 
 from kachaka_simple_control.audience import terminal
+from kachaka_simple_control.audience.display_teller import DISPLAY
 from kachaka_simple_control.audience.screen import Lines, Panel, screen_for
-from kachaka_simple_control.audience.showing import DISPLAY
 from kachaka_simple_control.audience.stream import packets
 from kachaka_simple_control.execution import child
 from kachaka_simple_control.motion.kinematics import Velocity
@@ -39,7 +39,7 @@ TELLER = """
 import os, sys, time
 from kachaka_simple_control.audience.audience import Audience
 from kachaka_simple_control.audience.listeners import listeners
-from kachaka_simple_control.audience.showing import DisplayTeller
+from kachaka_simple_control.audience.display_teller import DisplayTeller
 from kachaka_simple_control.motion.kinematics import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion

@@ -319,10 +319,11 @@ def test_the_histogram_counts_everything(values):
     assert len(counts) % 2 == 1
 
 
-def test_quantiles_are_values_that_there_are():
+def test_quantiles_lie_between_the_two_nearest_values():
     assert quantiles([]) is None
     assert quantiles([3.0]) == Quantiles(3.0, 3.0, 3.0)
-    assert quantiles([float(number) for number in range(1, 1001)]) == Quantiles(500, 990, 1000)
+    assert quantiles([float(number) for number in range(1, 1001)]) == Quantiles(
+        500.5, pytest.approx(990.01), 1000)
 
 
 @pytest.mark.parametrize('drive', [done, lesson, stopped, faulted, killed, never_began])

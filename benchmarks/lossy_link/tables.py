@@ -19,7 +19,8 @@ from collections.abc import Iterable, Sequence
 import math
 from typing import Any
 
-from benchmarks.quantiles import median
+from kachaka_simple_control.report.quantiles import median
+
 from benchmarks.tables import number, Table
 
 #: In a long run at 10 Hz manual control must be renewed within this time [s].

@@ -17,7 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from benchmarks.quantiles import median
+from kachaka_simple_control.report.quantiles import median
+
 from benchmarks.stop_matrix.promise import Promise, Zero
 from benchmarks.stop_matrix.trial import Trial
 from benchmarks.tables import number, Table

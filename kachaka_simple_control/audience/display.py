@@ -21,7 +21,6 @@ becomes of this program, the one that drives does not notice.
 from __future__ import annotations
 
 from collections.abc import Sequence
-import contextlib
 import os
 from pathlib import Path
 import signal
@@ -29,25 +28,16 @@ import sys
 import threading
 import time
 
+from kachaka_simple_control.audience.background import step_aside
 from kachaka_simple_control.audience.progress import Progress
 from kachaka_simple_control.audience.screen import Screen, screen_for
 from kachaka_simple_control.audience.stream import events
 from kachaka_simple_control.execution.frozen import is_frozen
 from kachaka_simple_control.report.events import Event, Sent
 
-#: How much lower than others its priority is.
-NICE = 10
 STDERR = 2
 #: How long a process that was killed may take to be gone [s].
 FAREWELL = 0.5
-
-
-def stay_behind() -> None:
-    """Take no time from others: a frame that comes late is no harm, and a velocity is."""
-    os.nice(NICE)
-    # Of a mere low priority Linux still lets somebody who wakes up wait for a moment.
-    with contextlib.suppress(AttributeError, OSError):
-        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 class Display:
@@ -160,7 +150,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     del args
     parent = os.getppid()
-    stay_behind()
+    step_aside()  # a frame that comes late is no harm, and a velocity is
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         Display(screen_for(STDERR), parent).run()

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import contextlib
-import os
 from pathlib import Path
 from queue import Empty, SimpleQueue
 import signal
@@ -31,6 +30,7 @@ import time
 from typing import BinaryIO
 
 from kachaka_simple_control.audience.audience import Audience
+from kachaka_simple_control.audience.background import step_back
 from kachaka_simple_control.audience.stream import events
 from kachaka_simple_control.report.bag.bag import Bag
 from kachaka_simple_control.report.events import Event
@@ -41,18 +41,14 @@ from kachaka_simple_control.report.report import write_report
 PERIOD = 0.5
 #: Who tells something may be this late [s].
 LATENESS = 0.1
-#: How far behind the program that drives this one stands.
-NICENESS = 10
 
 
-def stay_behind() -> None:
+def outlive() -> None:
     """
-    Take no time from the program that drives, and end only after it.
+    End only after the program that drives.
 
     Whoever ends all programs of a terminal or a service means that one; this one hears of it.
     """
-    with contextlib.suppress(OSError):
-        os.nice(NICENESS)
     for signum in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(signum, signal.SIG_IGN)
 
@@ -141,7 +137,8 @@ def main() -> int:
 
     :returns: the exit code: 0 if all was written, else 1
     """
-    stay_behind()
+    step_back()
+    outlive()
     folder = Path(sys.argv[1])
     record, audience = Record(), Audience()
     bag = Bag(folder, record)

@@ -39,12 +39,36 @@ def quantiles(values: Sequence[float]) -> Quantiles | None:
     Return what some numbers come to.
 
     :param values: the numbers, in any order
-    :returns: the smallest number that is not below the given part of them; None if there are none
+    :returns: it; None if there are none
     """
     if not values:
         return None
     ordered = sorted(values)
+    return Quantiles(median(ordered), quantile(ordered, 0.99), ordered[-1])
 
-    def at(percent: int) -> float:
-        return ordered[max(0, -(-percent * len(ordered) // 100) - 1)]
-    return Quantiles(at(50), at(99), ordered[-1])
+
+def quantile(values: Sequence[float], part: float) -> float:
+    """
+    Return the value below which a part of the values lies.
+
+    :param values: at least one number, in any order; infinity is one
+    :param part: from 0, the least, to 1, the greatest
+    :returns: the value, interpolated between the two nearest
+    """
+    ordered = sorted(values)
+    place = part * (len(ordered) - 1)
+    below = min(int(place), len(ordered) - 1)
+    above = min(below + 1, len(ordered) - 1)
+    if place <= below or ordered[above] == ordered[below]:
+        return ordered[below]  # also where infinity would make a difference that is no number
+    return ordered[below] + (place - below) * (ordered[above] - ordered[below])
+
+
+def median(values: Sequence[float]) -> float:
+    """
+    Return the value in the middle.
+
+    :param values: at least one number, in any order
+    :returns: the median
+    """
+    return quantile(values, 0.5)

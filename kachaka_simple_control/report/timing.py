@@ -25,7 +25,6 @@ from kachaka_simple_control.report.preview import ticks
 from kachaka_simple_control.report.quantiles import Quantiles, quantiles
 from kachaka_simple_control.report.record import DrivenMotion
 
-# The benchmarks count by the same parts.
 #: A tick counts as late when its message comes this part of a period away from its time, or more.
 LATE = 0.25
 #: No message came within this part of a period of its time: the tick is lost.

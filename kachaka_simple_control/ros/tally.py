@@ -23,9 +23,8 @@ import time
 from kachaka_simple_control.execution.player import Due, Player
 from kachaka_simple_control.motion.plan import Plan, Stage
 from kachaka_simple_control.report.events import Began, Ended, Event, Planned, Sent
+from kachaka_simple_control.report.timing import LATE
 
-#: A velocity is late that leaves this part of a period after its time.
-LATE = 0.25
 #: How much is kept for a count that does not come; an hour of 20 Hz.
 MOST = 100_000
 #: How much is counted at once.
