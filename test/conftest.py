@@ -40,6 +40,37 @@ def listener():
         yield listener
 
 
+@pytest.fixture
+def watcher():
+    """Yield somebody who looks at what a node shows."""
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    from watcher import Watcher
+    with Watcher() as watcher:
+        yield watcher
+
+
+@pytest.fixture
+def make():
+    """Yield a function that makes nodes, with arguments of ROS; they are taken down in the end."""
+    rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
+    from kachaka_simple_control import KachakaSimpleControl
+    rclpy.init(args=[])
+    nodes = []
+
+    def make_node(*arguments, **parameters):
+        nodes.append(KachakaSimpleControl(
+            cli_args=['--ros-args', *arguments] if arguments else None,
+            parameter_overrides=[
+                rclpy.parameter.Parameter(name, value=value)
+                for name, value in parameters.items()]))
+        return nodes[-1]
+
+    yield make_node
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
 def pytest_collection_modifyitems(items):
     """
     Give the tests in real time a second try, and say so in the summary.

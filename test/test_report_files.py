@@ -14,49 +14,30 @@
 """The files of a report: what they say, for every ending, and that they are always there."""
 
 from dataclasses import replace
-from itertools import pairwise
 import json
 import math
 import re
 import sys
 import time
 
-from drives import (
-    done,
-    ended_on_request,
-    faulted,
-    HELD_UP,
-    hour,
-    killed,
-    lesson,
-    never_began,
-    NOBODY,
-    stopped,
-)
+from drives import done, faulted, hour, killed, lesson, never_began, stopped
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import ORIGIN, Pose, Velocity, ZERO
+from kachaka_simple_control.motion.kinematics import Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move, Turn
 from kachaka_simple_control.report.events import Answered, Began, Closed, Ended, Planned, Sent
-from kachaka_simple_control.report.frames import apart, composed, seen_from
-from kachaka_simple_control.report.naive import EXTRA, naive
+from kachaka_simple_control.report.frames import seen_from
 from kachaka_simple_control.report.page.page import page
-from kachaka_simple_control.report.pictures.period_picture import histogram
-from kachaka_simple_control.report.quantiles import Quantiles, quantiles
-from kachaka_simple_control.report.reckoning import Reckoning
 from kachaka_simple_control.report.record import Record
 from kachaka_simple_control.report.report import write_report
 from kachaka_simple_control.report.run_json import fields, run_json
 from kachaka_simple_control.report.summary import Summary
-from kachaka_simple_control.report.thinning import bands, straightened
-from kachaka_simple_control.report.timing import due_times, timing
-from kachaka_simple_control.report.verdict import Ending, verdict
-from plans import EMPTY, LESSON, SQUARE
+from kachaka_simple_control.report.verdict import verdict
+from plans import EMPTY, LESSON
 import pytest
 from rehearsal import EPOCH, Rehearsal
-from strategies import MOTIONS, UNHURRIED
+from strategies import UNHURRIED
 
 LIMITS = Limits(1.0, 2.0)
 SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
@@ -66,52 +47,6 @@ EVIL = '<script>alert("x")</script>&$x_1$\x00'
 def drawn():
     """Skip a test where there is nothing to draw with."""
     pytest.importorskip('matplotlib', reason='pictures need matplotlib')
-
-
-@pytest.mark.parametrize(('drive', 'ending', 'headline', 'says'), [
-    (done, Ending.DONE, 'Done', 'Its motion was driven to its end, all 8 steps.'),
-    (lesson, Ending.DONE, 'Done', '7 motions were driven to their end, 7 steps in all.'),
-    (stopped, Ending.STOPPED, 'Stopped by SIGINT',
-     'The motion ended in step 3 of 8, 5.03 s after its t = 0, of 17.58 s.'),
-    (faulted, Ending.FAULTED, 'Faulted',
-     HELD_UP[1:] + '. The motion ended in step 3 of 8, 6.40 s'),
-    (ended_on_request, Ending.STOPPED, 'Stopped on request',
-     'The movement was ended by stop_robot(). The motion ended in step 3 of 8, 5.03 s'),
-    (killed, Ending.KILLED, 'Killed', 'The motion ended in step 3 of 8, 4.99 s'),
-    (never_began, Ending.NEVER_BEGAN, 'Never began', NOBODY[1:] + '.'),
-    (Record, Ending.KILLED, 'Killed', 'No motion had begun.'),
-])
-def test_the_verdict_says_how_it_ended_and_why(drive, ending, headline, says):
-    found = verdict(drive())
-    assert (found.ending, found.headline) == (ending, headline)
-    assert says in found.why
-
-
-@pytest.mark.parametrize(('signum', 'name'), [
-    (1, 'SIGHUP'), (2, 'SIGINT'), (15, 'SIGTERM'), (99, 'signal 99')])
-def test_each_signal_is_named(signum, name):
-    record = stopped(signum, name)
-    assert verdict(record).headline == f'Stopped by {name}'
-    assert fields(Summary(record), None)['verdict']['signal'] == name
-
-
-def test_a_fault_before_the_signal_is_told_too():
-    """Standing by, a program goes on after a motion that came to nothing."""
-    rehearsal = Rehearsal(20.0)
-    rehearsal.drive(SQUARE, 6.4, HELD_UP)
-    rehearsal.drive(SECOND)
-    found = verdict(rehearsal.close(signal=2))
-    assert found.ending is Ending.STOPPED
-    assert HELD_UP[1:] in found.why
-    assert 'of 2 motions 1 were driven to their end' in found.why
-
-
-def test_an_error_after_the_last_motion_is_a_fault():
-    rehearsal = Rehearsal()
-    rehearsal.drive(SECOND)
-    found = verdict(rehearsal.close(error='the disk is full'))
-    assert found.ending is Ending.FAULTED
-    assert found.why == 'The disk is full. Its motion was driven to its end, 1 step.'
 
 
 def test_run_json_has_the_figures_of_the_record(tmp_path):
@@ -151,179 +86,6 @@ def test_run_json_has_the_figures_of_the_record(tmp_path):
     assert told['limits']['max_backward_velocity'] is None
     assert told['began'].startswith('2026-11-21T')
     assert EPOCH < motion.began + EPOCH
-
-
-def test_the_lesson_is_one_chain():
-    told = fields(Summary(lesson()), None)
-    starts = [step['start_s'] for step in told['steps']]
-    assert starts[0] == 0.0
-    assert starts == sorted(starts)
-    assert starts[-1] == pytest.approx(8.0, abs=0.05)
-    end = told['end']
-    assert end['planned'] == {
-        'x_m': pytest.approx(0.1), 'y_m': pytest.approx(0.0),
-        'heading_rad': pytest.approx(0.0, abs=1e-9)}
-    assert end['odometry']['x_m'] == pytest.approx(0.0985, abs=0.001)
-    assert [motion['name'] for motion in told['motions']] == ['move_robot'] * 7
-
-
-def test_odometry_is_laid_onto_the_start_wherever_its_frame_is():
-    record = done()
-    plain = Summary(record).path.odometry[-1].pose
-    elsewhere = Pose(3.0, -2.0, 2.5)
-    record.odometry = [
-        replace(answer, pose=composed(elsewhere, answer.pose)) for answer in record.odometry]
-    moved = Summary(record).path.odometry[-1].pose
-    assert (moved.x, moved.y, moved.theta) == pytest.approx((plain.x, plain.y, plain.theta))
-
-
-def test_after_a_motion_cut_short_the_next_plan_begins_where_the_messages_led():
-    rehearsal = Rehearsal(20.0)
-    rehearsal.drive(SQUARE, 2.6, HELD_UP)
-    rehearsal.drive(SECOND)
-    first, second = Summary(rehearsal.close()).path.starts
-    assert first.pose == ORIGIN
-    assert second.pose.x == pytest.approx(0.5, abs=0.001)
-    assert second.pose.y == pytest.approx(0.0, abs=0.001)
-
-
-def sent_at(*times, motion=SECOND, reason=None):
-    """Return a motion at 10 Hz of which messages were sent at these times, and its end."""
-    record = Record()
-    record.hear(Planned(motion, LIMITS, 10.0))
-    record.hear(Began(100.0))
-    for moment in times:
-        record.hear(Sent(100.0 + moment, Velocity(0.1, 0.0)))
-    record.hear(Sent(101.0 if reason is None else 100.0 + max(times) + 0.5, ZERO))
-    record.hear(Ended(101.1, reason))
-    return record.motions
-
-
-def test_messages_on_time_are_neither_late_nor_lost():
-    found = timing(sent_at(*(number / 10 for number in range(10))))
-    assert (found.due, found.late, found.lost) == (10, 0, 0)
-    assert found.jitter.worst == pytest.approx(0.0, abs=1e-9)
-    assert found.periods == (0.1,)
-
-
-def test_late_and_lost_are_counted_as_the_benchmarks_do():
-    """A quarter of a period is late; more than a half, and the tick is lost."""
-    found = timing(sent_at(0.0, 0.1, 0.224, 0.326, 0.445, 0.6, 0.7, 0.8, 0.9))
-    assert (found.due, found.late, found.lost) == (10, 2, 1)
-    assert found.lateness.worst == pytest.approx(0.045)
-    assert max(found.uneven) == pytest.approx(0.055)
-
-
-def test_what_the_stop_came_before_was_not_lost():
-    found = timing(sent_at(0.0, 0.1, 0.2, reason='held up'))
-    # The zero came at 0.7 s: what was due at 0.3 to 0.6 s is lost.
-    assert (found.due, found.late, found.lost) == (7, 0, 4)
-
-
-@given(MOTIONS, st.sampled_from([5.0, 20.0, 37.0]))
-@UNHURRIED
-def test_the_times_at_which_messages_are_due_are_the_players(motion, rate):
-    from kachaka_simple_control.execution.player import Player
-    planned = plan(motion, Limits(5.0, 10.0), rate)
-    player, now, asked = Player(planned), 0.0, []
-    while (due := player.due(now)) is not None:
-        asked.append(now)
-        now = due.deadline
-    assert due_times(planned, math.inf) == pytest.approx(asked)
-
-
-def test_the_loop_of_the_lesson_holds_a_second_too_long():
-    """At 10 Hz ten turns take 1.008 s; at 100 Hz 93 turns fill the second."""
-    for rate, turns in ((10.0, 10), (100.0, 93)):
-        found = naive([plan(SECOND, LIMITS, rate)])
-        assert found.longer == pytest.approx(turns * (1.0 / rate + EXTRA) - 1.0)
-        assert found.missing == rate - turns
-        assert found.distance == pytest.approx(0.1 * found.longer)
-
-
-def test_the_loop_of_the_lesson_turns_too_far():
-    found = naive([plan(Motion('turn', [Move(0.0, 0.5, 2.0)]), LIMITS, 10.0)])
-    assert found.angle == pytest.approx(0.5 * 20 * EXTRA)
-    assert naive([plan(LESSON, LIMITS, 10.0)]).longer == pytest.approx(90 * EXTRA)
-
-
-POSES = st.builds(Pose, st.floats(-9, 9), st.floats(-9, 9), st.floats(-3, 3))
-
-
-@given(POSES, POSES)
-def test_a_pose_seen_from_another_and_back(frame, pose):
-    distance, angle = apart(composed(frame, seen_from(frame, pose)), pose)
-    assert distance == pytest.approx(0.0, abs=1e-9)
-    assert angle == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_receiver_keeps_a_velocity_for_its_hold_at_most():
-    way = Reckoning([Sent(1.0, Velocity(0.2, 0.0)), Sent(3.0, Velocity(0.2, 0.0))], 0.3)
-    assert way.at(0.0) == ORIGIN
-    assert way.at(1.1).x == pytest.approx(0.02)
-    assert way.at(2.9).x == pytest.approx(0.06)
-    assert way.end.x == pytest.approx(0.12)
-
-
-POINTS = st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=60)
-
-
-@given(POINTS, st.floats(0.01, 1.0))
-def test_a_straightened_path_passes_all_its_points(points, grain):
-    kept = straightened(points, grain, 1000)
-    assert kept[0] == points[0]
-    assert kept[-1] == points[-1]
-    for point in points:
-        away = min((beside(point, one, two) for one, two in pairwise(kept)),
-                   default=math.dist(point, kept[0]))
-        assert away <= 2.0 * grain + 1e-9
-
-
-def beside(point, one, two):
-    """Return how far a point is from the line between two others."""
-    length = math.dist(one, two)
-    along = 0.0 if length == 0.0 else sum(
-        (p - a) * (b - a) for p, a, b in zip(point, one, two)) / length ** 2
-    along = min(1.0, max(0.0, along))
-    return math.dist(point, [a + along * (b - a) for a, b in zip(one, two)])
-
-
-def test_a_straight_path_keeps_its_ends_and_turning_points():
-    there = [(0.01 * number, 0.0) for number in range(101)]
-    assert straightened(there + there[::-1], 0.001, 1000) == [
-        (0.0, 0.0), (pytest.approx(1.0), 0.0), (0.0, 0.0)]
-    assert len(straightened([(math.cos(a), math.sin(a)) for a in range(999)], 1e-6, 100)) <= 100
-
-
-@given(st.lists(st.tuples(st.floats(0, 10), st.floats(-1, 1)), min_size=1, max_size=80))
-def test_bands_hold_every_value(corners):
-    corners.sort()
-    found = bands(corners, 10.1, 7)
-    for moment, value in corners:
-        (band,) = (band for band in found if band.begin <= moment < band.begin + 10.1 / 7 - 1e-12
-                   or math.isclose(band.begin, moment)) if len(found) == 1 else (
-            max((band for band in found if band.begin <= moment), key=lambda band: band.begin),)
-        assert band.lowest <= value <= band.highest
-
-
-def test_a_value_lasts_into_the_bands_after_it():
-    assert bands([(0.0, 1.0), (2.5, 0.0)], 4.0, 4) == [
-        (0.0, 1.0, 1.0), (1.0, 1.0, 1.0), (2.0, 0.0, 1.0)]
-
-
-@given(st.lists(st.floats(-50, 50), max_size=50))
-def test_the_histogram_counts_everything(values):
-    reach, counts = histogram(values)
-    assert sum(counts) == len(values)
-    assert reach >= max(map(abs, values), default=0.0)
-    assert len(counts) % 2 == 1
-
-
-def test_quantiles_lie_between_the_two_nearest_values():
-    assert quantiles([]) is None
-    assert quantiles([3.0]) == Quantiles(3.0, 3.0, 3.0)
-    assert quantiles([float(number) for number in range(1, 1001)]) == Quantiles(
-        500.5, pytest.approx(990.01), 1000)
 
 
 @pytest.mark.parametrize('drive', [done, lesson, stopped, faulted, killed, never_began])

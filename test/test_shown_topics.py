@@ -15,12 +15,11 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 import math
 import threading
 import time
 
-from kachaka_simple_control.errors import MotionRefusedError, UsageError
+from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.goals import Arc, Forward
 from kachaka_simple_control.motion.steps import Motion
 import pytest
@@ -31,43 +30,7 @@ rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('nav_msgs', reason='needs nav_msgs')
 pytest.importorskip('diagnostic_msgs', reason='needs diagnostic_msgs')
 
-from rcl_interfaces.msg import Parameter as ParameterMessage  # noqa: E402, I100
-from rcl_interfaces.msg import ParameterValue  # noqa: E402, I100
-from rcl_interfaces.srv import DescribeParameters, SetParameters  # noqa: E402, I100
-from rclpy.parameter import Parameter  # noqa: E402, I100
-from rclpy.qos import ReliabilityPolicy  # noqa: E402, I100
-from watcher import figures, places, Watcher  # noqa: E402, I100
-
-ODOMETRY = '/kachaka/odometry/odometry'
-VELOCITY = '/kachaka/manual_control/cmd_vel'
-SHOWN = ('~/planned_path', '~/driven_path', '~/commanded_velocity', '/diagnostics')
-
-
-@pytest.fixture
-def watcher():
-    """Yield somebody who looks."""
-    with Watcher() as watcher:
-        yield watcher
-
-
-@pytest.fixture
-def make():
-    """Yield a function that makes nodes, with arguments of ROS; they are taken down in the end."""
-    from kachaka_simple_control import KachakaSimpleControl
-    rclpy.init(args=[])
-    nodes = []
-
-    def make_node(*arguments, **parameters):
-        nodes.append(KachakaSimpleControl(
-            cli_args=['--ros-args', *arguments] if arguments else None,
-            parameter_overrides=[
-                Parameter(name, value=value) for name, value in parameters.items()]))
-        return nodes[-1]
-
-    yield make_node
-    for node in nodes:
-        node.destroy_node()
-    rclpy.try_shutdown()
+from watcher import figures, ODOMETRY, places, SHOWN, VELOCITY  # noqa: E402, I100
 
 
 def drive(node, *arguments):
@@ -189,47 +152,6 @@ def stop_soon(node, listener):
     threading.Thread(target=stop).start()
 
 
-@pytest.mark.parametrize('topic', SHOWN)
-@pytest.mark.parametrize('target', [VELOCITY, 'kachaka/manual_control/cmd_vel'])
-def test_nothing_shown_may_be_remapped_to_where_it_would_move_the_robot(make, topic, target):
-    with pytest.raises(UsageError, match=f'^{topic} is remapped to {VELOCITY}, which moves'):
-        make('-r', f'{topic}:={target}')
-
-
-def test_the_quality_of_service_can_be_changed(make, watcher):
-    name = '/kachaka_simple_control/commanded_velocity'
-    make(**{f'qos_overrides.{name}.publisher.reliability': 'reliable'})
-    # A node of the test before may be seen a little longer.
-    assert wait_until(lambda: [
-        info.qos_profile.reliability for info in watcher.node.get_publishers_info_by_topic(name)
-    ] == [ReliabilityPolicy.RELIABLE])
-
-
-def test_odometry_may_be_heard_reliably(make, watcher):
-    make(**{f'qos_overrides.{ODOMETRY}.subscription.reliability': 'reliable'})
-    assert wait_until(lambda: [
-        info.qos_profile.reliability
-        for info in watcher.node.get_subscriptions_info_by_topic(ODOMETRY)
-    ] == [ReliabilityPolicy.RELIABLE])
-
-
-@pytest.mark.parametrize('policy, value, text', [
-    ('history', 'keep_all', 'a slow reader hold up the drive'),
-    ('reliability', 'sometimes', 'sometimes'),
-    ('depth', 'deep', 'depth'),
-])
-def test_a_quality_that_cannot_be_had_is_refused(make, policy, value, text):
-    name = '/kachaka_simple_control/commanded_velocity'
-    with pytest.raises(UsageError, match=text):
-        make(**{f'qos_overrides.{name}.publisher.{policy}': value})
-
-
-def test_the_velocities_keep_their_quality_of_service(make):
-    """The guardian's publisher has the same, and the depth is part of the stop."""
-    node = make(**{f'qos_overrides.{VELOCITY}.publisher.depth': 3})
-    assert node.publisher.qos_profile.depth == 10
-
-
 def test_what_fails_to_show_is_told_once_and_ends_nothing(listener, watcher, make, monkeypatch):
     from kachaka_simple_control.ros import echo, paths, standing
 
@@ -288,45 +210,6 @@ def test_what_cannot_be_shown_in_time_is_left_away(make):
     assert len(made) <= 220
 
 
-def test_parameters_cannot_be_changed_while_driving(listener, watcher, make):
-    node = make(rate=20.0)
-    thread = drive(node, 0.1, 0.0, 2.0)
-    listener.wait_for(lambda heard: heard.moves)
-    for name, value in (('rate', ParameterValue(type=3, double_value=5.0)),
-                        ('guardian', ParameterValue(type=1, bool_value=False)),
-                        ('robot_namespace', ParameterValue(type=4, string_value='/other'))):
-        answer = watcher.call(
-            SetParameters, '/kachaka_simple_control/set_parameters',
-            SetParameters.Request(parameters=[ParameterMessage(name=name, value=value)]))
-        (result,) = answer.results
-        assert not result.successful
-        assert 'read-only' in result.reason
-        assert name in result.reason
-    thread.join()
-    assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 40)]
-
-
-def test_parameters_are_described_with_their_ranges(watcher, make):
-    from kachaka_simple_control.ros.settings import Settings
-    node = make()
-    executor = rclpy.executors.SingleThreadedExecutor()
-    executor.add_node(node)
-    thread = threading.Thread(target=executor.spin, daemon=True)
-    thread.start()
-    names = [setting.name for setting in fields(Settings)]
-    answer = watcher.call(
-        DescribeParameters, '/kachaka_simple_control/describe_parameters',
-        DescribeParameters.Request(names=names))
-    executor.shutdown()
-    thread.join()
-    for setting, told in zip(fields(Settings), answer.descriptors, strict=True):
-        assert told.description == setting.metadata['description']
-        assert told.read_only
-        spans = [(span.from_value, span.to_value) for span in told.floating_point_range]
-        wanted = setting.metadata['range']
-        assert spans == ([pytest.approx(wanted)] if wanted else [])
-
-
 def test_nothing_is_shown_after_the_node_was_closed(listener, watcher, make):
     watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make()
@@ -346,9 +229,3 @@ def test_nothing_is_shown_after_the_node_was_closed(listener, watcher, make):
     assert [len(one) for one in seen] == counts
 
 
-def test_a_node_that_was_refused_leaves_nothing_behind(make, watcher):
-    """Its publisher would be taken for somebody else who drives the robot."""
-    for _ in range(3):
-        with pytest.raises(UsageError):
-            make('-r', f'{SHOWN[0]}:={VELOCITY}')
-    assert wait_until(lambda: watcher.node.count_publishers(VELOCITY) == 0)

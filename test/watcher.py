@@ -27,6 +27,9 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from ros_support import PATIENCE, wait_until
 
 NODE = '/kachaka_simple_control'
+ODOMETRY = '/kachaka/odometry/odometry'
+VELOCITY = '/kachaka/manual_control/cmd_vel'
+SHOWN = ('~/planned_path', '~/driven_path', '~/commanded_velocity', '/diagnostics')
 KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
