@@ -57,7 +57,6 @@ class Member:
         self._folder = tempfile.TemporaryDirectory(prefix='stop_matrix_') if slow else None
         #: where a slow robot tells what it plays
         self.played = Path(self._folder.name) / 'played.txt' if self._folder else None
-        self.is_slow = slow
         self._over_grpc = over_grpc
         self.robot = self._start()
 
