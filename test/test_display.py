@@ -15,11 +15,15 @@
 
 import os
 import signal
+import statistics
 import subprocess
 import sys
+import threading
 import time
+import types
 
 from kachaka_simple_control.audience import terminal
+from kachaka_simple_control.audience.display import Display
 from kachaka_simple_control.audience.display_teller import DISPLAY
 from kachaka_simple_control.audience.screen import Lines, Panel, screen_for
 from kachaka_simple_control.audience.stream import packets
@@ -178,6 +182,28 @@ def test_a_program_that_was_suspended_gives_the_terminal_back():
         shown.process.send_signal(signal.SIGCONT)
         shown.look_for('DRIVING')
         assert shown.end() == 0
+
+
+def test_frames_are_drawn_while_the_robot_s_thread_sleeps(monkeypatch):
+    """Right after a velocity: at any other time they might slow down the next one."""
+    reader, writer = os.pipe()
+    sent, drawn = [0.0], []
+    screen = types.SimpleNamespace(
+        period=0.03, hide=lambda: None, follow=lambda *_: None,
+        show=lambda *_: drawn.append(time.monotonic() - sent[-1]))
+    with os.fdopen(reader) as stdin:
+        monkeypatch.setattr(sys, 'stdin', stdin)
+        display = threading.Thread(target=Display(screen, os.getppid()).run)
+        display.start()
+        for _ in range(25):
+            sent.append(time.monotonic())
+            os.write(writer, packets(Sent(sent[-1], Velocity(0.1)))[0])
+            time.sleep(0.08)
+        os.close(writer)
+        display.join()
+    assert len(drawn) >= 20
+    # At any time it would be 40 ms.
+    assert statistics.median(drawn) < 0.02
 
 
 def test_a_display_that_comes_late_tells_all_lines():

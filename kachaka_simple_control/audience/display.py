@@ -38,6 +38,8 @@ from kachaka_simple_control.report.events import Event, Sent
 STDERR = 2
 #: How long a process that was killed may take to be gone [s].
 FAREWELL = 0.5
+#: How long a frame waits for a velocity to be sent [s].
+BREATH = 0.1
 
 
 class Display:
@@ -54,12 +56,16 @@ class Display:
         self._progress = Progress()
         self._lock = threading.Lock()
         self._over = threading.Event()
+        self._sent = threading.Event()
 
     def run(self) -> None:
         """Show until there is nothing more to hear."""
         threading.Thread(target=self._listen, name='events', daemon=True).start()
         try:
             while not self._over.wait(self._screen.period):
+                # Then the robot's thread sleeps for a period: two at once slow each other down.
+                self._sent.clear()
+                self._sent.wait(BREATH)
                 self._show()
         finally:
             self._screen.hide()
@@ -73,6 +79,7 @@ class Display:
                 self._hear(event)
         finally:
             self._over.set()
+            self._sent.set()
 
     def _hear(self, event: Event) -> None:
         with self._lock:
@@ -80,6 +87,7 @@ class Display:
             if not isinstance(event, Sent):
                 return
             glance = self._progress.at(event.time)
+        self._sent.set()
         self._screen.follow(glance, event.time)
 
     def _show(self) -> None:
