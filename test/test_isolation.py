@@ -20,7 +20,12 @@ import sys
 
 from kachaka_simple_control.execution import child
 from kachaka_simple_control.ros import isolation
+from program import COMMAND, ROOT
 import pytest
+
+sys.path.append(str(ROOT))  # the benchmarks are not installed
+
+from benchmarks.lossy_link import network  # noqa: I100
 
 pytestmark = pytest.mark.ros
 
@@ -86,6 +91,43 @@ def test_what_stays_here_sends_from_the_loopback_interface(chosen):
     """So it cannot answer what it may hear from elsewhere, by way of others who stand here."""
     _, addresses = look('stay_on_this_machine', **chosen)
     assert addresses == {LOOPBACK, ANNOUNCEMENTS}
+
+
+@pytest.fixture
+def cable():
+    """Yield a cable to another machine, which listens where all announcements are made."""
+    needs_fast_dds()
+    if (reason := network.why_not()) is not None:
+        pytest.skip(reason)
+    listen = (
+        'import socket, sys; group, own = map(socket.inet_aton, sys.argv[1:]); '
+        'ear = socket.socket(socket.AF_INET, socket.SOCK_DGRAM); '
+        'ear.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group + own); '
+        'print(flush=True); sys.stdin.read()')
+    with network.Network() as made:
+        command = [sys.executable, '-c', listen, '239.255.0.1', network.ADDRESSES[network.ROBOT]]
+        with subprocess.Popen(
+                made.command(network.ROBOT, command), stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE) as other:
+            other.stdout.readline()
+            yield made
+            other.stdin.close()
+
+
+def test_a_simulated_drive_sends_no_packet_off_this_machine(cable, tmp_path):
+    """Counted at the other end of a cable; without the isolation some arrive there."""
+    motion = tmp_path / 'short.yaml'
+    motion.write_text('name: short\nsteps:\n  - forward: 5 cm\n')
+
+    def arrived(**chosen):
+        cable.lose(0)
+        subprocess.run(
+            cable.command(network.NODE, [*COMMAND, str(motion), '--sim']),
+            env=environment(**chosen), timeout=60, check=True, capture_output=True)
+        return cable.counts()[1]
+
+    assert arrived() == 0
+    assert arrived(**{isolation.RANGE: 'SUBNET'}) > 0
 
 
 def test_what_people_chose_stands():
