@@ -24,6 +24,10 @@ import pytest
 
 # Before anything loads rclpy: no other robot, and no other test run, may hear this one.
 os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+if (worker := os.environ.get('PYTEST_XDIST_WORKER')) is not None:
+    # Beside each other, too: one domain for each of gw0, gw1, ...
+    number = int(os.environ['ROS_DOMAIN_ID']) + int(worker.removeprefix('gw'))
+    os.environ['ROS_DOMAIN_ID'] = str(number % 101)
 stay_on_this_machine()
 # In the background of a shell Ctrl+C is ignored, and so it would be by all that is started here.
 for signum in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
