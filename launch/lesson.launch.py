@@ -75,10 +75,11 @@ def generate_launch_description():
             description='More options of the command, as in a shell; parameters after --ros-args'),
         DeclareLaunchArgument(
             'rviz', default_value='false', description='Whether to start RViz'),
-        OpaqueFunction(function=start),
+        # First: without RViz nothing is to drive.
         Node(
             package='rviz2', executable='rviz2', name='rviz2', arguments=['-d', str(VIEW)],
             condition=IfCondition(LaunchConfiguration('rviz'))),
+        OpaqueFunction(function=start),
     ])
 
 
