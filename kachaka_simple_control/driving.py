@@ -35,6 +35,7 @@ from rclpy.signals import SignalHandlerOptions
 
 if TYPE_CHECKING:
     from kachaka_simple_control.motion_file import MotionFile
+    from kachaka_simple_control.robot.simulation import SimulationProcess
 
 
 def drive(options: Options) -> None:
@@ -61,8 +62,9 @@ def drive(options: Options) -> None:
             _start_listeners(told, options, is_lesson=motion_file is None)
             robot_control.introduce(_title(motion_file))
             if options.brings_robot:
-                helpers.enter_context(
+                robot = helpers.enter_context(
                     _robot_of(options, robot_control.settings.robot_namespace))
+                robot_control.expect(lambda: robot.participant)
             _play(robot_control, motion_file, options.wait)
         except KeyboardInterrupt:
             robot_control.get_logger().info('Program was interrupted')
@@ -102,7 +104,7 @@ def _title(motion_file: MotionFile | None) -> str:
 
 
 def _robot_of(
-        options: Options, namespace: str) -> contextlib.AbstractContextManager[object]:
+        options: Options, namespace: str) -> contextlib.AbstractContextManager[SimulationProcess]:
     """Return the robot that the command brings along, in a process of its own."""
     from kachaka_simple_control.robot.simulation import real_robot, simulation
     if options.address is None:

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import atexit
+from collections.abc import Callable
 import signal
 import sys
 import time
@@ -164,6 +165,14 @@ class KachakaSimpleControl(Node):
         :param title: what people call what is driven
         """
         self.audience.tell(opened(self, title, self.profile, self.names, self.settings))
+
+    def expect(self, brought: Callable[[], bytes | None]) -> None:
+        """
+        Meet no other robot than one that was brought along.
+
+        :param brought: returns its DDS participant; None as long as it is not known
+        """
+        self._session.expect(brought)
 
     @property
     def is_heard(self) -> bool:

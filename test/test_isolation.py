@@ -13,8 +13,10 @@
 # limitations under the License.
 """By which ways ROS 2 traffic goes."""
 
+import contextlib
 import json
 import os
+import socket
 import subprocess
 import sys
 
@@ -91,6 +93,29 @@ def test_what_stays_here_sends_from_the_loopback_interface(chosen):
     """So it cannot answer what it may hear from elsewhere, by way of others who stand here."""
     _, addresses = look('stay_on_this_machine', **chosen)
     assert addresses == {LOOPBACK, ANNOUNCEMENTS}
+
+
+@pytest.mark.parametrize('way', ['avoid_shared_memory', 'stay_on_this_machine'])
+def test_a_newcomer_is_announced_until_everybody_has_heard_it(way):
+    """By itself Fast DDS does so five times, and then every three seconds."""
+    needs_fast_dds()
+    domain, patience = 99, 4.0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        ear.bind(('', 7400 + 250 * domain))  # by the DDS specification
+        ear.setsockopt(
+            socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP,
+            socket.inet_aton('239.255.0.1') + socket.inet_aton('127.0.0.1'))
+        ear.settimeout(0.2)
+        with subprocess.Popen(
+                [sys.executable, '-c', LOOK.format(way=way).replace('0.5', str(patience))],
+                stdout=subprocess.PIPE,
+                env=environment(ROS_DOMAIN_ID=str(domain))) as program:
+            announced = 0
+            while program.poll() is None:
+                with contextlib.suppress(TimeoutError):
+                    announced += ear.recv(65536).startswith(b'RTPS')
+    assert announced > 20
 
 
 @pytest.fixture

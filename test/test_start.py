@@ -73,6 +73,20 @@ def test_two_robots_under_one_name_are_too_many(tmp_path):
         assert not [heard for heard in one.heard + two.heard if heard.moves]
 
 
+def test_a_robot_that_is_there_is_left_alone_by_a_simulated_drive(tmp_path):
+    """It may be a real one: then it would leave its dock, and drive beside the simulated one."""
+    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+    from ros_support import bridge, wait_until
+    command = [*COMMAND, '--sim', '--ros-args', '-p', 'robot_timeout:=3']
+    with bridge() as other:
+        assert wait_until(lambda: 'ready: ' in other.text)
+        with program(command, tmp_path) as started:
+            assert started.end() == 3
+        assert '2 robots publish /kachaka/odometry/odometry' in started.text
+        assert 'manual control enabled' not in started.text
+        assert 'manual control enabled' not in other.text
+
+
 def test_nothing_is_sent_before_manual_control_was_granted(tmp_path):
     with Listener(delay=0.7) as listener, program(COMMAND, tmp_path) as started:
         listener.wait_for(bool)

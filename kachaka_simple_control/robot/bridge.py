@@ -30,6 +30,7 @@ from kachaka_simple_control.robot.real.address import Address, PORT
 from kachaka_simple_control.robot.real.reach import UnreachableError
 from kachaka_simple_control.robot.sim_command import MISSING
 from kachaka_simple_control.robot.simulated import SimulatedKachaka
+from kachaka_simple_control.robot.simulation import PARTICIPANT
 from kachaka_simple_control.ros.isolation import (
     avoid_shared_memory,
     is_told_to_stay,
@@ -202,6 +203,9 @@ def _parser() -> _Parser:
 
 
 def _serve(node: BridgeNode, ending: Ending, with_parent: bool) -> None:
+    if with_parent:
+        from kachaka_simple_control.ros.endpoints import own_participant
+        print(f'{PARTICIPANT}{own_participant(node).hex()}', file=sys.stderr, flush=True)
     # Served in threads of their own: the main thread is the one that hears signals, and sleeps
     # until there is one, so it takes no time from them.
     with contextlib.ExitStack() as stack:

@@ -33,6 +33,8 @@ START = 20.0
 #: What the bridge says once it listens, and what its last words begin with.
 READY = 'ready: '
 LAST_WORDS = 'kachaka_bridge: '
+#: What comes before the line in which it tells who it is.
+PARTICIPANT = 'participant: '
 #: Its exit code when no robot answers.
 NO_ROBOT = 3
 
@@ -112,6 +114,8 @@ class SimulationProcess:
         """
         self._name = name
         self._last_line = 'it said nothing'
+        #: who it is among all that publish and subscribe; None as long as it has not said so
+        self.participant: bytes | None = None
         self._ready = threading.Event()
         self._failure: ControlError | None = None
         # Text that is no UTF-8 is shown somehow: it must not end the thread that shows it.
@@ -190,6 +194,9 @@ class SimulationProcess:
     def _show(self) -> None:
         assert self._process.stderr is not None
         for line in self._process.stderr:
+            if line.startswith(PARTICIPANT):
+                self.participant = bytes.fromhex(line.removeprefix(PARTICIPANT))
+                continue
             self._last_line = line.strip() or self._last_line
             if READY in line:
                 self._ready.set()

@@ -31,7 +31,8 @@ PROFILES = {2: 'FASTRTPS_DEFAULT_PROFILES_FILE', 3: 'FASTDDS_DEFAULT_PROFILES_FI
 HUMBLE = (2, 6)
 #: Whatever people choose ways with.
 CHOICES = (RANGE, PEERS, LOCALHOST_ONLY, TRANSPORTS, *PROFILES.values())
-LOOPBACK = Path(__file__).with_name('loopback.xml')
+#: Profiles of ours: how to send without shared memory, to everybody or to this machine alone.
+UDP, LOOPBACK = (Path(__file__).with_name(name) for name in ('udp.xml', 'loopback.xml'))
 
 
 def avoid_shared_memory() -> None:
@@ -44,10 +45,10 @@ def avoid_shared_memory() -> None:
     too late.  What we send is too small to gain anything by shared memory.
 
     Call it before the first node of a context is made.  Humble's Fast DDS and other middlewares
-    do not know the variable.
+    keep what they have.
     """
     if not _is_chosen():
-        os.environ[TRANSPORTS] = 'UDPv4'
+        _choose(UDP)
 
 
 def stay_on_this_machine() -> None:
@@ -57,16 +58,18 @@ def stay_on_this_machine() -> None:
     A simulated robot has the names of a real one, which must not obey in its place.  With Fast
     DDS a profile does it: ROS's own range LOCALHOST brings shared memory with it, and leaves
     every third newcomer unheard for three seconds.  Call it before ``rclpy.init``.
+
+    Both profiles also announce a newcomer for five seconds, ten times a second.  Fast DDS does so
+    five times in all, and then every three seconds: on a busy machine every third robot was found
+    that much later.
     """
     if os.environ.get(RANGE, 'LOCALHOST') != 'LOCALHOST' or LOCALHOST_ONLY in os.environ:
         return
-    version = _fast_dds()
-    if version == HUMBLE or os.environ.get('ROS_DISTRO') == 'humble':
+    if _fast_dds() == HUMBLE or os.environ.get('ROS_DISTRO') == 'humble':
         os.environ[LOCALHOST_ONLY] = '1'
-    elif version is None or _is_chosen() or os.environ.get(PEERS) or not LOOPBACK.is_file():
+    elif _is_chosen() or os.environ.get(PEERS) or not _choose(LOOPBACK):
         os.environ[RANGE] = 'LOCALHOST'
     else:
-        os.environ[PROFILES[version[0]]] = str(LOOPBACK)
         os.environ[RANGE] = 'SUBNET'
 
 
@@ -77,6 +80,15 @@ def is_told_to_stay() -> bool:
     :returns: whether ``stay_on_this_machine`` does the same, and better
     """
     return os.environ.get(RANGE) == 'LOCALHOST'
+
+
+def _choose(profile: Path) -> bool:
+    """Let Fast DDS read a profile of ours; return whether it will."""
+    version = _fast_dds()
+    if version in (None, HUMBLE) or not profile.is_file():
+        return False
+    os.environ[PROFILES[version[0]]] = str(profile)
+    return True
 
 
 def _is_chosen() -> bool:

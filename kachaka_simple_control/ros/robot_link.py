@@ -55,6 +55,7 @@ class RobotLink:
         self._service = names.manual_control
         self._odometry = node.resolve_topic_name(names.odometry) if names.odometry else None
         self._participant = own_participant(node)
+        self._brought: Callable[[], bytes | None] | None = None
         #: whose subscription is the robot's
         self._robot: set[bytes] = set()
 
@@ -67,6 +68,14 @@ class RobotLink:
     def listeners(self) -> int:
         """Return how many take our velocities."""
         return int(self._publisher.get_subscription_count())
+
+    def expect(self, brought: Callable[[], bytes | None]) -> None:
+        """
+        Meet no other robot than one that was brought along.
+
+        :param brought: returns its participant, or None as long as it has none
+        """
+        self._brought = brought
 
     def wait(self, timeout: float, check: Callable[[], None]) -> None:
         """
@@ -124,7 +133,7 @@ class RobotLink:
         """
         if not self._allow_others and (others := self.others()):
             raise RunFaultError(self._not_alone(others))
-        if (robots := self._robots()) > 1:
+        if (robots := len(self._robots())) > 1:
             raise RunFaultError(self._not_one(robots))
 
     def others(self) -> list[str]:
@@ -141,9 +150,7 @@ class RobotLink:
     def met(self) -> None:
         """Remember who the robot is: who takes velocities and, if anybody does, tells odometry."""
         listeners = self._listeners()
-        odometry = participants(
-            self._node.get_publishers_info_by_topic(self._odometry) if self._odometry else [])
-        self._robot = listeners & set(odometry) or listeners
+        self._robot = listeners & set(self._robots()) or listeners
 
     def _has_left(self) -> RunFaultError:
         return RunFaultError(
@@ -153,8 +160,9 @@ class RobotLink:
         return set(participants(
             self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)))
 
-    def _robots(self) -> int:
-        return self._node.count_publishers(self._odometry) if self._odometry else 0
+    def _robots(self) -> list[bytes]:
+        return participants(
+            self._node.get_publishers_info_by_topic(self._odometry) if self._odometry else [])
 
     def _missing(self) -> str:
         """Return what keeps the robot from being taken; nothing if it can be."""
@@ -166,12 +174,14 @@ class RobotLink:
 
     def _no_robot(self) -> str:
         robots = self._robots()
-        if robots > 1:
-            return self._not_one(robots)
+        if len(robots) > 1:
+            return self._not_one(len(robots))
+        if self._brought is not None and self._brought() not in robots:
+            return self._not_ours(len(robots))
         if not self._manual_control.is_offered:
             return (f'a subscriber is there, but not the service {self._service}; for a robot '
                     'without it, set the parameter manual_control to false')
-        if not self._manual_control.is_needed and self._odometry and robots == 0:
+        if not self._manual_control.is_needed and self._odometry and not robots:
             return f'a subscriber is there, but nobody publishes {self._odometry}'
         return ''
 
@@ -193,8 +203,15 @@ class RobotLink:
         return (f'{robots} robots publish {self._odometry}, and each of them would obey; stop all '
                 'but one, or give each its own robot_namespace')
 
+    def _not_ours(self, robots: int) -> str:
+        if not robots:
+            return f'the robot that was brought along does not publish {self._odometry}'
+        return (f'another robot publishes {self._odometry}: stop its bridge, or name a '
+                'robot_namespace for this one')
+
     def _not_found(self, timeout: float) -> str:
-        domain = self._node.context.get_domain_id()
-        return (
-            f'no robot listens on {self._publisher.topic_name} (ROS domain {domain}) after '
-            f'{timeout:g} s: {self._missing()}{"" if self.is_listening else HINT}')
+        where = (f'{self._publisher.topic_name} (ROS domain '
+                 f'{self._node.context.get_domain_id()}) after {timeout:g} s')
+        if not self.is_listening:
+            return f'no robot listens on {where}: {self._missing()}{HINT}'
+        return f'no robot can be driven by {where}: {self._missing()}'

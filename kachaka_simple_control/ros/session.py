@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import contextlib
 import threading
 import time
@@ -170,6 +170,14 @@ class Session:
                 self._give_back()
                 self._is_given_back = True
             self._spinner.stop()
+
+    def expect(self, brought: Callable[[], bytes | None]) -> None:
+        """
+        Meet no other robot than one that was brought along.
+
+        :param brought: returns its participant; None as long as it is not known
+        """
+        self._link.expect(brought)
 
     @property
     def is_heard(self) -> bool:
