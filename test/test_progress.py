@@ -169,6 +169,24 @@ def test_states_follow_each_other():
     assert progress.at(6.3).part == 1.0
 
 
+def test_a_stop_is_seen_from_its_first_zeros():
+    """Its end is told 0.4 s later; until then no step begins that never will."""
+    progress = driven(1.9)
+    for number in range(10):
+        progress.hear(Sent(START + 1.95 + 0.0001 * number, ZERO))
+    progress.hear(Sent(START + 1.99, ZERO))
+    glance = progress.at(START + 2.03)
+    assert glance.state is State.STOPPING
+    assert glance.step.number == 1
+    assert StepLines().look(glance, START + 2.03) == []
+    progress.hear(Ended(START + 2.35, 'stopped by SIGINT'))
+    assert progress.at(START + 2.5).state is State.CUT_SHORT
+
+
+def test_zeros_of_a_plan_are_no_stop():
+    assert driven(3.5).at(START + 3.5).state is State.DRIVING
+
+
 def test_as_long_as_odometry_sees_it_move_it_is_stopping():
     progress = driven(1.0)
     progress.hear(Ended(START + 1.0, 'stopped by SIGINT'))

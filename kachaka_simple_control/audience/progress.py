@@ -18,6 +18,7 @@ from __future__ import annotations
 from kachaka_simple_control.audience.glance import Glance, Left, State, Step
 from kachaka_simple_control.audience.trip import Course, left_of, REST, Trip
 from kachaka_simple_control.execution.stillness import Stillness
+from kachaka_simple_control.motion.kinematics import ZERO
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.events import (
     Answered,
@@ -36,6 +37,8 @@ from kachaka_simple_control.report.preview import in_words
 COARSE = 0.001
 #: The zeros of a stop follow each other more closely than this [s].
 BETWEEN_ZEROS = 0.1
+#: A stop begins with ten zeros at once; no plan sends as many as these within a period.
+BURST = 4
 #: Odometry older than this [s] says nothing of how far it is.
 FRESH = 0.5
 #: A program that drives tells something more often than this [s], or is held up.
@@ -54,6 +57,8 @@ class Progress:
         self._ended: Ended | None = None
         self._motions = 0
         self._sent: Sent | None = None
+        self._zeros = 0
+        self._stopped: float | None = None
         self._answered: Answered | None = None
         self._told: Trip | None = None
         self._driven: Trip | None = None
@@ -119,14 +124,25 @@ class Progress:
 
     def _plan(self, event: Planned) -> None:
         self._planned, self._began, self._ended = event, None, None
+        self._zeros, self._stopped = 0, None
         self._course = Course(plan(event.motion, event.limits, COARSE))
         self._told = self._driven = None
         self._motions += 1
 
     def _hear_sent(self, event: Sent) -> None:
         before, self._sent = self._sent, event
+        if before is not None and self.is_under_way:
+            self._look_for_stop(before, event)
         if before is not None and self._told is not None and self.is_under_way:
             self._told.go(before.time, event.time, _held(before, event.time))
+
+    def _look_for_stop(self, before: Sent, event: Sent) -> None:
+        # The end of a motion is told when its stop is complete, 0.4 s later.
+        period = 1.0 / self._planned.rate if self._planned is not None else 0.0
+        is_next = event.velocity == ZERO and event.time - before.time < 0.5 * period
+        self._zeros = self._zeros + 1 if is_next else 1
+        if self._zeros >= BURST and self._stopped is None:
+            self._stopped = event.time
 
     def _hear_answered(self, event: Answered) -> None:
         before, self._answered = self._answered, event
@@ -141,6 +157,8 @@ class Progress:
         if self._planned is None:
             return State.READY
         if self._ended is None:
+            if self._stopped is not None:
+                return State.STOPPING
             if self._began is not None:
                 return State.DRIVING
             return State.MEETING if self._sends_zeros(now) else State.WAITING
@@ -164,6 +182,8 @@ class Progress:
             if self._ended.reason is None:
                 return self._course.duration
             now = min(now, self._ended.time)
+        if self._stopped is not None:
+            now = min(now, self._stopped)
         return min(max(0.0, now - self._began), self._course.duration)
 
     def _title(self) -> str:
