@@ -97,7 +97,7 @@ class Arc:
         """
         if abs(require_finite('radius', self.radius, 'm')) < MIN_RADIUS:
             raise InvalidMotionError(
-                f'radius is {self.radius} m; it must be {MIN_RADIUS} m from 0 m at least: '
-                'to turn in place is a Turn')
+                f'radius is {self.radius} m; its size must be at least {MIN_RADIUS:g} m; to turn '
+                'in place, use a turn')
         require_finite('angle', self.angle, 'rad')
         require_speed(self.speed, 'm/s')
