@@ -25,10 +25,12 @@ from kachaka_simple_control.audience.report_folder import report_folder
 from kachaka_simple_control.command_line import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
+from kachaka_simple_control.looking import check_rate
 from kachaka_simple_control.report.bag.bag import lacking
 from kachaka_simple_control.report.table import table
 from kachaka_simple_control.robot.robot_profile import KACHAKA, profile_of
 from kachaka_simple_control.ros.isolation import is_told_to_stay, stay_on_this_machine
+from kachaka_simple_control.ros.settings import check_names
 import rclpy
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -47,6 +49,7 @@ def drive(options: Options) -> None:
     :raises InvalidMotionError: if it cannot be done; nothing has moved
     """
     motion_file = _motion_file(options)
+    check_names(options.ros_arguments)
     # Started last, a bridge ends last: after its robot was stopped and given back.
     with contextlib.ExitStack() as helpers:
         if options.report is not None:
@@ -73,7 +76,7 @@ def drive(options: Options) -> None:
             told.still_after = still_after = robot_control.stop_confirmed_after
             robot_control.destroy_node()
             rclpy.try_shutdown()
-    if options.brings_robot:
+    if options.brings_robot and robot_control.record.movements:
         print(table(robot_control.record, still_after))
 
 
@@ -125,8 +128,12 @@ def _motion_file(options: Options) -> MotionFile | None:
         raise UsageError(
             f'--sim and --address bring a kachaka along, not a {profile.name}: leave out that '
             'option, or --robot')
+    rate = options.rate
     if motion_file is not None:
         motion_file.check(profile.limits, profile.name)
+        rate = motion_file.rate if rate is None else rate
+    if rate is not None:
+        check_rate(rate, profile)
     return motion_file
 
 
@@ -148,6 +155,9 @@ def _play(
     limits = motion_file.check(profile.limits, profile.name)
     if wait:
         from kachaka_simple_control.ros.stand_by import stand_by
-        stand_by(robot_control, lambda: robot_control.run(motion_file.motion, limits))
+        try:
+            stand_by(robot_control, lambda: robot_control.run(motion_file.motion, limits))
+        finally:
+            robot_control.serve()
     else:
         robot_control.run(motion_file.motion, limits)

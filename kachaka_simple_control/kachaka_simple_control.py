@@ -158,6 +158,10 @@ class KachakaSimpleControl(Node):
         if self._session.stop(MotionRefusedError('the movement was ended by stop_robot()')):
             self.get_logger().info('Robot has stopped')
 
+    def serve(self) -> None:
+        """See to it that callbacks are served: a stop goes by odometry, where it is heard."""
+        self._session.serve()
+
     def introduce(self, title: str) -> None:
         """
         Tell the audience what begins now; the first event of all.

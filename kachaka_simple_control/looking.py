@@ -15,6 +15,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+
 from kachaka_simple_control.command_line import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.execution.playing import HIGHEST_RATE, lowest_rate
@@ -23,7 +26,7 @@ from kachaka_simple_control.motion_file import find, library
 from kachaka_simple_control.report.pictures.plan_plot import check_plot_file, save_plot
 from kachaka_simple_control.report.plan_table import plan_table
 from kachaka_simple_control.report.preview import Preview
-from kachaka_simple_control.robot.robot_profile import KACHAKA, profile_of
+from kachaka_simple_control.robot.robot_profile import KACHAKA, profile_of, RobotProfile
 
 #: How often a velocity is sent where nobody says [Hz]: the lesson's.
 RATE = 10.0
@@ -40,13 +43,28 @@ def look(options: Options) -> None:
     if options.plot is not None:
         check_plot_file(options.plot)
     if options.list:
-        print(listing(options))
+        _say(listing(options))
     if options.plan or options.plot is not None:
         previews = [_preview(name, options) for name in options.motions or ['lesson']]
         if options.plan:
-            print(plan_table(previews))
+            _say(plan_table(previews))
         if options.plot is not None:
             save_plot(options.plot, previews)
+
+
+def check_rate(rate: float, profile: RobotProfile) -> None:
+    """
+    Make sure that a robot can be driven at a rate.
+
+    :param rate: how often a velocity is sent [Hz]
+    :param profile: the robot
+    :raises UsageError: if it cannot
+    """
+    lowest = lowest_rate(profile.hold)
+    if not lowest <= rate <= HIGHEST_RATE:
+        raise UsageError(
+            f'rate is {rate:g} Hz; for {profile.name} it must be from {lowest:g} to '
+            f'{HIGHEST_RATE:g} Hz')
 
 
 def listing(options: Options) -> str:
@@ -65,17 +83,23 @@ def listing(options: Options) -> str:
         f'{name:{width}}  {duration:>8}  {description}' for name, duration, description in rows)
 
 
+def _say(text: str) -> None:
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        # Python would try once more when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):  # which only says: `head` has seen enough
+            raise UsageError(f'it cannot be printed: {error.strerror}') from None
+
+
 def _preview(name: str, options: Options) -> Preview:
     motion_file = find(name)
     profile = profile_of(options.robot or motion_file.robot or KACHAKA.name)
     limits = motion_file.check(profile.limits, profile.name)
     rate = next(
         rate for rate in (options.rate, motion_file.rate, RATE) if rate is not None)
-    lowest = lowest_rate(profile.hold)
-    if not lowest <= rate <= HIGHEST_RATE:
-        raise UsageError(
-            f'rate is {rate:g} Hz; for {profile.name} it must be from {lowest:g} to '
-            f'{HIGHEST_RATE:g} Hz')
+    check_rate(rate, profile)
     return Preview(
         motion_file.motion.name, profile.name, plan(motion_file.motion, limits, rate), limits,
         profile.footprint)

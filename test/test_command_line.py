@@ -13,13 +13,17 @@
 # limitations under the License.
 """Arguments and exit codes, without ROS."""
 
+import os
+from pathlib import Path
 import signal
+import subprocess
 
 from kachaka_simple_control import command_line
 from kachaka_simple_control.command_line import exit_code, Options, parse, split_ros_arguments
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError, UsageError
 from kachaka_simple_control.execution.signals import SignalWatch
 from kachaka_simple_control.motion.errors import InvalidMotionError
+from program import COMMAND
 import pytest
 
 
@@ -83,6 +87,28 @@ def test_each_end_has_its_exit_code_and_no_traceback(error, code, capsys):
     printed = capsys.readouterr().err
     assert 'Traceback' not in printed
     assert len(printed.splitlines()) <= 1
+
+
+@pytest.mark.parametrize('option', ['--list', '--plan'])
+def test_a_reader_who_has_seen_enough_is_no_error(option):
+    """As in ``--list | head -1``."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer) as full:
+        ended = subprocess.run(
+            [*COMMAND, option], check=False, stdout=full, stderr=subprocess.PIPE, text=True,
+            timeout=60)
+    assert (ended.returncode, ended.stderr) == (0, '')
+
+
+def test_what_cannot_be_printed_is_one_line():
+    with Path('/dev/full').open('w') as full:
+        ended = subprocess.run(
+            [*COMMAND, '--list'], check=False, stdout=full, stderr=subprocess.PIPE, text=True,
+            timeout=60)
+    assert ended.returncode == 2
+    assert ended.stderr == ('kachaka_simple_control: it cannot be printed: No space left on '
+                            'device\n')
 
 
 def test_a_body_that_ends_well_is_0():

@@ -15,6 +15,7 @@
 
 import re
 import signal
+import time
 
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.robot.robot_profile import KACHAKA
@@ -102,6 +103,38 @@ def test_on_request_it_drives_and_stops(listener, tmp_path):
         assert started.end() == 130
     assert started.text.count('the movement was ended by stop_robot()') == 2
     assert 'Traceback' not in started.text
+
+
+def test_standing_by_a_stop_is_confirmed_as_well(watcher, tmp_path):
+    """Even though the main thread, which served odometry, has other things to do by then."""
+    from std_srvs.srv import Trigger
+    with program([*COMMAND, 'straight', '--wait', '--sim'], tmp_path) as started:
+        started.wait_for_text('Standing by')
+        assert watcher.call(Trigger, '/kachaka_simple_control/run', Trigger.Request()).success
+        started.wait_for_text('step 1 of 1')
+        time.sleep(0.5)
+        started.send(signal.SIGINT)
+        assert started.end() == 130
+    assert 'Stop: confirmed by odometry after 0.' in started.text
+
+
+def test_standing_by_for_nothing_leaves_no_table(tmp_path):
+    with program([*COMMAND, 'straight', '--wait', '--sim'], tmp_path) as started:
+        started.wait_for_text('Standing by')
+        started.send(signal.SIGINT)
+        assert started.end() == 130
+    assert 'requested' not in started.text
+
+
+@pytest.mark.parametrize('said', ['by option', 'by file'])
+def test_a_rate_that_cannot_work_is_refused_before_anything_is_started(said, tmp_path):
+    file = tmp_path / 'slow.yaml'
+    file.write_text(SHORT if said == 'by option' else SHORT.replace('20 Hz', '2 Hz'))
+    option = ['--rate', '2'] if said == 'by option' else []
+    with program([*COMMAND, str(file), '--sim', *option], tmp_path) as started:
+        assert started.end() == 2
+    assert started.text == ('kachaka_simple_control: rate is 2 Hz; for kachaka it must be from 5 '
+                            'to 1000 Hz\n')
 
 
 def test_a_robot_may_take_velocities_with_a_stamp(tmp_path):

@@ -114,12 +114,22 @@ def test_zeros_come_first_for_the_time_that_readers_need(tmp_path):
     ('rate:=4', 'parameter rate is 4; it must be from 5 to 1000'),
     ('rate:=fast', "parameter rate is 'fast'; it must be a number"),
     ('manual_control:=7', 'manual_control'),
+    ('rte:=20', 'there is no parameter rte; did you mean rate?'),
+    ('colour:=red', 'there is no parameter colour: robot, robot_namespace, rate, '),
 ])
 def test_a_parameter_that_cannot_work_is_refused_in_one_line(tmp_path, setting, text):
     with program(with_parameters(setting), tmp_path) as started:
         assert started.end() == 2
         assert text in started.text
         assert len(started.text.splitlines()) == 1
+
+
+@pytest.mark.parametrize('setting', [
+    'use_sim_time:=false', 'another_node:colour:=red',
+    'qos_overrides./kachaka/odometry/odometry.subscription.depth:=5'])
+def test_parameters_of_ros_and_of_others_are_none_of_our_business(tmp_path, setting):
+    with program(with_parameters('robot_timeout:=0.5', setting), tmp_path) as started:
+        assert started.end() == 3
 
 
 def test_arguments_that_ros_does_not_understand_are_bad_usage(tmp_path):

@@ -171,6 +171,10 @@ class Session:
                 self._is_given_back = True
             self._spinner.stop()
 
+    def serve(self) -> None:
+        """See to it that the node's callbacks are served."""
+        self._spinner.ensure()
+
     def expect(self, brought: Callable[[], bytes | None]) -> None:
         """
         Meet no other robot than one that was brought along.

@@ -15,7 +15,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, Field, field, fields
+from difflib import get_close_matches
+from itertools import pairwise
 from typing import Any
 
 from kachaka_simple_control.errors import UsageError
@@ -24,6 +27,10 @@ from kachaka_simple_control.robot.robot_profile import KACHAKA, RobotProfile
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
+
+#: What every node of rclpy has.
+OF_ROS = ('use_sim_time', 'start_type_description_service')
+QUALITIES = 'qos_overrides.'
 
 
 def _setting(default: Any, description: str, lowest: float = 0.0, highest: float = 0.0) -> Any:
@@ -60,6 +67,26 @@ class Settings:
         False, 'Drive even while somebody else publishes velocities for the same robot')
     summary: bool = _setting(
         False, 'Record what is sent and what odometry answers, for the table at the end')
+
+
+def check_names(arguments: Sequence[str]) -> None:
+    """
+    Make sure that parameters of the command line are parameters of the node: ROS would not mind.
+
+    :param arguments: what ROS is told, from ``--ros-args`` on
+    :raises UsageError: if one is not
+    """
+    known = [*(setting.name for setting in fields(Settings)), *OF_ROS]
+    for option, assignment in pairwise(arguments):
+        # Those for one node of several are written NODE:NAME:=VALUE.
+        name, is_set, _ = assignment.partition(':=')
+        if option not in ('-p', '--param') or not is_set or ':' in name:
+            continue
+        if name not in known and not name.startswith(QUALITIES):
+            like = get_close_matches(name, known, 1)
+            raise UsageError(
+                f'there is no parameter {name}' + (f'; did you mean {like[0]}?' if like else (
+                    ': ' + ', '.join(setting.name for setting in fields(Settings)))))
 
 
 def declare_robot(node: Node) -> str:
