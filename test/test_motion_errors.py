@@ -97,7 +97,7 @@ def test_a_step_that_is_none_is_refused_in_one_line(step, line):
 
 
 def test_a_radius_of_zero_is_refused_by_the_step_itself():
-    assert step_refusal('arc: {radius: 0 m, angle: 1}').startswith('arc.radius: 0.0 m; it must')
+    assert step_refusal('arc: {radius: 0 m, angle: 1}').startswith('arc.radius: 0.0 m; its size')
 
 
 @pytest.mark.parametrize('text, line', [
