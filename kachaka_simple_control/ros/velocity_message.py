@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 from geometry_msgs.msg import Twist, TwistStamped
 from kachaka_simple_control.motion.kinematics import Velocity, ZERO
 from kachaka_simple_control.ros.messages import twist
+from rclpy.serialization import serialize_message
 
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time
@@ -34,7 +35,8 @@ class VelocityMessage:
     Makes messages of velocities, one at a time.
 
     The same velocity comes again and again, and a message takes longer to make than to send: each
-    is kept until another velocity is wanted, and of a stamped one only the time is new.
+    is kept, as the bytes that go on the wire, until another velocity is wanted.  A stamped one
+    cannot be kept so: its time is new each time.
     """
 
     def __init__(self, name: str, frame: str, now: Callable[[], Time]) -> None:
@@ -46,29 +48,27 @@ class VelocityMessage:
         :param now: tells the time for that header
         """
         self.type: type[Twist] | type[TwistStamped] = TYPES[name]
+        self._frame = frame
         self._now = now
-        self._message = self.type()
-        self._is_stamped = name == 'TwistStamped'
-        if self._is_stamped:
-            self._message.header.frame_id = frame
         self._velocity = ZERO
+        self._message = self._make(ZERO)
 
-    def of(self, velocity: Velocity) -> Twist | TwistStamped:
+    def of(self, velocity: Velocity) -> bytes | TwistStamped:
         """
-        Return a velocity as a message.
+        Return a velocity as what a publisher takes.
 
         :param velocity: the velocity
         :returns: the message, which is good until the next is asked for
         """
         if velocity is not self._velocity:
-            self._velocity = velocity
-            self._fill(twist(velocity))
-        if self._is_stamped:
+            self._velocity, self._message = velocity, self._make(velocity)
+        if isinstance(self._message, TwistStamped):
             self._message.header.stamp = self._now()
         return self._message
 
-    def _fill(self, message: Twist) -> None:
-        if self._is_stamped:
-            self._message.twist = message
-        else:
-            self._message = message
+    def _make(self, velocity: Velocity) -> bytes | TwistStamped:
+        if self.type is Twist:
+            return serialize_message(twist(velocity))
+        message = TwistStamped(twist=twist(velocity))
+        message.header.frame_id = self._frame
+        return message
