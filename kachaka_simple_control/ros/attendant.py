@@ -23,8 +23,11 @@ from kachaka_simple_control.execution.renewal import Renewal
 from kachaka_simple_control.execution.stillness import Stillness
 from kachaka_simple_control.ros.robot_link import RobotLink
 
-#: How often other publishers are looked for [s].
+#: How often to look whether anybody came or left, by numbers alone [s].
 GLANCE = 0.2
+#: How often to look who is there, if the numbers stay as they are [s]: that takes as long as five
+#: messages.
+LOOK = 1.0
 #: How often to look whether the robot is still there [s]: asking takes as long as half a message.
 LISTENER = 0.05
 
@@ -52,7 +55,7 @@ class Attendant:
         self._odometry_timeout = odometry_timeout
         self._needs_renewal = needs_renewal
         self._has_odometry = False
-        self._looked = self._listened = float('-inf')
+        self._looked = self._glanced = self._listened = float('-inf')
 
     def met(self) -> None:
         """Take note that a robot has just been met: odometry it has now, it must keep."""
@@ -81,10 +84,9 @@ class Attendant:
             self._listened = now
             self._link.require_listener()
         self._require_odometry(now)
-        if now - self._looked >= GLANCE:
-            self._looked = now
-            self._link.require_same_robot()
-            self._link.require_alone()
+        if now - self._glanced >= GLANCE:
+            self._glanced = now
+            self._look(now)
 
     def has_lost_robot(self, now: float) -> bool:
         """
@@ -97,6 +99,12 @@ class Attendant:
         if not self._has_odometry or silence is None or not self._odometry_timeout:
             return False
         return silence > self._odometry_timeout
+
+    def _look(self, now: float) -> None:
+        if self._link.has_changed() or now - self._looked >= LOOK:
+            self._looked = now
+            self._link.require_same_robot()
+            self._link.require_alone()
 
     def _require_odometry(self, now: float) -> None:
         if self.has_lost_robot(now):

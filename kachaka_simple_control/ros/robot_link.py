@@ -58,6 +58,7 @@ class RobotLink:
         self._brought: Callable[[], bytes | None] | None = None
         #: whose subscription is the robot's
         self._robot: set[bytes] = set()
+        self._counts: list[int] = []
 
     @property
     def is_listening(self) -> bool:
@@ -112,6 +113,16 @@ class RobotLink:
         if not self.is_listening:
             raise self._has_left()
 
+    def has_changed(self) -> bool:
+        """
+        Tell whether anybody came or left since this was last asked.
+
+        :returns: whether numbers have changed; a robot in another's place within that time is not
+            seen here
+        """
+        before, self._counts = self._counts, self._count()
+        return self._counts != before
+
     def require_same_robot(self) -> None:
         """
         Make sure that the robot is the one that was met, and not one that came in its place.
@@ -155,6 +166,10 @@ class RobotLink:
     def _has_left(self) -> RunFaultError:
         return RunFaultError(
             f'the robot left: nobody subscribes to {self._publisher.topic_name} any more')
+
+    def _count(self) -> list[int]:
+        topics = [self._publisher.topic_name, *([self._odometry] if self._odometry else [])]
+        return [self.listeners, *map(self._node.count_publishers, topics)]
 
     def _listeners(self) -> set[bytes]:
         return set(participants(
