@@ -55,11 +55,8 @@ class Audience:
         :param event: what happened
         """
         for hearer in self._hearers:
-            self._tell_one(hearer, event)
-
-    def _tell_one(self, hearer: Hearer, event: Event) -> None:
-        try:
-            hearer(event)
-        except Exception as error:  # whatever it is, the robot comes first
-            self.failures.append(error)
-            self._hearers = tuple(one for one in self._hearers if one is not hearer)
+            try:
+                hearer(event)
+            except Exception as error:  # noqa: PERF203 (the robot comes first)
+                self.failures.append(error)
+                self._hearers = tuple(one for one in self._hearers if one is not hearer)

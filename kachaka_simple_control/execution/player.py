@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kachaka_simple_control.motion.kinematics import Velocity
-from kachaka_simple_control.motion.plan import Plan
+from kachaka_simple_control.motion.plan import Plan, Segment
 
 #: A last tick shorter than this part of a period is rounding, not a tick.
 SLIVER = 1e-6
@@ -55,10 +55,12 @@ class Player:
 
         :param plan: what to walk
         """
-        self._plan = plan
-        self._index = 0
-        self._tick = 0
+        self._segments = iter(plan.segments)
+        self._period = plan.period
         self._answered = False
+        self._segment: Segment | None
+        self._deadline: float
+        self._enter_next()
 
     def due(self, elapsed: float) -> Due | None:
         """
@@ -67,32 +69,35 @@ class Player:
         :param elapsed: time since t = 0 [s], never less than before
         :returns: the velocity to send, or None when the plan is over
         """
-        skipped = self._pass_to(elapsed)
-        if self._index >= len(self._plan.segments):
-            return None
-        segment = self._plan.segments[self._index]
-        self._answered = True
-        return Due(segment.velocity, self._deadline(), skipped, self._rest())
-
-    def _pass_to(self, elapsed: float) -> int:
         skipped = 0
-        while self._index < len(self._plan.segments) and self._deadline() <= elapsed:
+        while self._segment is not None and self._deadline <= elapsed:
             skipped += not self._answered
             self._answered = False
-            if self._deadline() >= self._plan.segments[self._index].end:
-                self._index, self._tick = self._index + 1, 0
-            else:
-                self._tick += 1
-        return skipped
+            self._pass_tick(self._segment)
+        if self._segment is None:
+            return None
+        self._answered = True
+        return Due(self._segment.velocity, self._deadline, skipped, self._rest(self._segment))
 
-    def _deadline(self) -> float:
-        segment = self._plan.segments[self._index]
-        following = segment.start + (self._tick + 1) * self._plan.period
-        nearly = following >= segment.end - SLIVER * self._plan.period
+    def _pass_tick(self, segment: Segment) -> None:
+        if self._deadline >= segment.end:
+            self._enter_next()
+        else:
+            self._tick += 1
+            self._deadline = self._end_of_tick(segment)
+
+    def _enter_next(self) -> None:
+        self._segment = next(self._segments, None)
+        self._tick = 0
+        if self._segment is not None:
+            self._deadline = self._end_of_tick(self._segment)
+
+    def _end_of_tick(self, segment: Segment) -> float:
+        following = segment.start + (self._tick + 1) * self._period
+        nearly = following >= segment.end - SLIVER * self._period
         return segment.end if nearly else following
 
-    def _rest(self) -> float:
-        segment = self._plan.segments[self._index]
+    def _rest(self, segment: Segment) -> float:
         if not segment.velocity.is_zero:
             return 0.0
-        return segment.end - segment.start - self._tick * self._plan.period
+        return segment.end - segment.start - self._tick * self._period

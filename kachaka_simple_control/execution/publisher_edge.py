@@ -86,6 +86,7 @@ class PublisherEdge:
         """
         self._transmit = transmit
         self._limits = limits
+        self._within_limits = ZERO
         self._latch = latch
         self._sending = sending or Flag()
         self._clock = clock
@@ -218,10 +219,14 @@ class PublisherEdge:
             raise MotionRefusedError(f'the robot is not ours ({self._access.value})')
 
     def _require_limits(self, velocity: Velocity) -> None:
+        # The same one comes again and again, and never changes.
+        if velocity is self._within_limits:
+            return
         try:
             self._limits.check(velocity)
         except InvalidMotionError as error:
             raise RunFaultError(f'a velocity was not sent: {error}') from None
+        self._within_limits = velocity
 
     def _require_no_gap(self, run: Run) -> None:
         if run.last_sent is None:
