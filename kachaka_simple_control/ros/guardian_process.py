@@ -31,11 +31,8 @@ from kachaka_simple_control.execution.latch import Flag, Latch
 from kachaka_simple_control.execution.stopping import send_stop
 from kachaka_simple_control.execution.watchdog import Sign, Watchdog
 from kachaka_simple_control.motion.kinematics import ZERO
-from kachaka_simple_control.ros.endpoints import own_participant
-from kachaka_simple_control.ros.velocity_message import VelocityMessage
+from kachaka_simple_control.ros.presence import introduce, Presence
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
-from rclpy.context import Context
-from rclpy.node import Node
 
 #: How often the graph is looked at until a subscriber was met [s].
 GLANCE = 0.02
@@ -135,23 +132,22 @@ def main(args: Sequence[str] | None = None) -> int:
     options = parser.parse_args(args)
     endings = _hear_signals()
     shared = memoryview(mmap.mmap(options.shared, mmap.PAGESIZE))
-    context = Context()
-    # No arguments: the topic is resolved already, and must not be remapped again.
-    context.init(args=[], domain_id=options.domain)
-    node = Node(
-        f'_guardian_{os.getpid()}', context=context, use_global_arguments=False,
-        enable_rosout=False, start_parameter_services=False)
-    # First of all, or the node would take our publisher for somebody else's.
-    _say(f'participant {own_participant(node).hex()}')
-    message = VelocityMessage(
-        options.type, options.frame, lambda: node.get_clock().now().to_msg())
-    publisher = VelocityPublisher(node, options.topic, message)
+    presence = introduce(
+        lambda: Presence(options.topic, options.type, options.frame, options.domain, _introduced),
+        lambda: _is_readable(options.signs, endings))
     try:
-        GuardianProcess(publisher, shared, options.hold).serve(options.signs, endings)
+        GuardianProcess(presence.publisher, shared, options.hold).serve(options.signs, endings)
     finally:
-        node.destroy_node()
-        context.try_shutdown()
+        presence.end()
     return 0
+
+
+def _introduced(participant: bytes) -> None:
+    _say(f'participant {participant.hex()}')
+
+
+def _is_readable(*descriptors: int) -> bool:
+    return bool(select.select(descriptors, [], [], 0.0)[0])
 
 
 def _say(line: str) -> None:

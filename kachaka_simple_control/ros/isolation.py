@@ -59,9 +59,9 @@ def stay_on_this_machine() -> None:
     DDS a profile does it: ROS's own range LOCALHOST brings shared memory with it, and leaves
     every third newcomer unheard for three seconds.  Call it before ``rclpy.init``.
 
-    Both profiles also announce a newcomer for five seconds, ten times a second.  Fast DDS does so
-    five times in all, and then every three seconds: on a busy machine every third robot was found
-    that much later.
+    Both profiles also announce a newcomer for five seconds, ten times a second, and then once a
+    second.  Fast DDS does so five times in all, and then every three seconds: on a busy machine
+    every third robot was found that much later.
     """
     if os.environ.get(RANGE, 'LOCALHOST') != 'LOCALHOST' or LOCALHOST_ONLY in os.environ:
         return

@@ -1,0 +1,75 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""How the guardian gets to know the robot, and leaves no second publisher behind."""
+
+import time
+
+import pytest
+
+pytestmark = pytest.mark.ros
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from kachaka_simple_control.ros.presence import introduce, Presence  # noqa: E402, I100
+
+TOPIC = '/kachaka/manual_control/cmd_vel'
+
+
+@pytest.fixture
+def greeted():
+    """Return who has greeted, in order."""
+    return []
+
+
+@pytest.fixture
+def enter(greeted):
+    """Return a maker of presences in the domain of this test."""
+    context = rclpy.Context()
+    context.init(args=[])
+    domain = context.get_domain_id()
+    context.try_shutdown()
+    return lambda: Presence(TOPIC, 'Twist', 'base_link', domain, greeted.append)
+
+
+def publishers(watcher):
+    """Return how many publishers of velocities there are, once that is known."""
+    time.sleep(0.5)
+    return watcher.node.count_publishers(TOPIC)
+
+
+def test_who_is_answered_stays(listener, watcher, enter, greeted):
+    presence = introduce(enter, lambda: False)
+    try:
+        assert presence.is_matched
+        assert publishers(watcher) == 1
+    finally:
+        presence.end()
+    assert len(greeted) <= 2
+
+
+def test_who_is_not_answered_greets_anew(watcher, enter, greeted):
+    began = time.monotonic()
+    presence = introduce(enter, lambda: False)
+    try:
+        assert time.monotonic() - began > 2.0
+        assert len(set(greeted)) == len(greeted) == 4
+        assert publishers(watcher) == 1
+    finally:
+        presence.end()
+    assert publishers(watcher) == 0
+
+
+def test_who_has_something_to_do_stays(enter, greeted):
+    presence = introduce(enter, lambda: True)
+    presence.end()
+    assert len(greeted) == 1
