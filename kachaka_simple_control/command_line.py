@@ -174,8 +174,9 @@ def exit_code(body: Callable[[], None]) -> int:
     except KeyboardInterrupt:
         code = SIGNALLED + 2
     except Exception as error:
-        if WATCH.signum is None:
-            code = _code_of(error)
+        code = _code_of(error)
+        # That a signal stopped the motion is known; anything else is worth a line even then.
+        if WATCH.signum is None or not _is_expected(error):
             print(f'{NAME}: {_text(error)}', file=sys.stderr)
     return code if WATCH.signum is None else SIGNALLED + WATCH.signum
 
@@ -193,8 +194,12 @@ def _code_of(error: Exception) -> int:
     return NO_ROBOT if isinstance(error, RobotNotFoundError) else FAULTED
 
 
+def _is_expected(error: Exception) -> bool:
+    return isinstance(error, (InvalidMotionError, ControlError))
+
+
 def _text(error: Exception) -> str:
-    if isinstance(error, (InvalidMotionError, ControlError)):
+    if _is_expected(error):
         return str(error)
     where = traceback.extract_tb(error.__traceback__)[-1]
     return (f'unexpected {type(error).__name__}: {error} ({where.filename}:{where.lineno}); the '

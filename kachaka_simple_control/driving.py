@@ -154,10 +154,8 @@ def _play(
     profile = robot_control.profile
     limits = motion_file.check(profile.limits, profile.name)
     if wait:
-        from kachaka_simple_control.ros.stand_by import stand_by
-        try:
-            stand_by(robot_control, lambda: robot_control.run(motion_file.motion, limits))
-        finally:
-            robot_control.serve()
+        from kachaka_simple_control.ros.run_service import RunService
+        RunService(robot_control, lambda: robot_control.run(motion_file.motion, limits))
+        robot_control.serve_until_halted()
     else:
         robot_control.run(motion_file.motion, limits)

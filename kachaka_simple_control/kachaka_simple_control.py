@@ -158,9 +158,13 @@ class KachakaSimpleControl(Node):
         if self._session.stop(MotionRefusedError('the movement was ended by stop_robot()')):
             self.get_logger().info('Robot has stopped')
 
-    def serve(self) -> None:
-        """See to it that callbacks are served: a stop goes by odometry, where it is heard."""
-        self._session.serve()
+    def serve_until_halted(self) -> None:
+        """
+        Serve callbacks in the background, and wait until nothing may move any more.
+
+        :raises ControlError: why that is so
+        """
+        self._session.serve_until_halted()
 
     def introduce(self, title: str) -> None:
         """

@@ -115,13 +115,19 @@ def test_a_body_that_ends_well_is_0():
     assert exit_code(lambda: None) == 0
 
 
-def test_a_signal_decides_the_exit_code_whatever_followed_from_it(monkeypatch):
-    """A run that a signal stopped fails in one way or another; the signal is the reason."""
+@pytest.mark.parametrize('error, printed', [
+    (RunFaultError('late'), ''),
+    (TypeError('oops'), 'kachaka_simple_control: unexpected TypeError: oops'),
+])
+def test_a_signal_decides_the_exit_code_whatever_followed_from_it(
+        monkeypatch, capsys, error, printed):
+    """A run that a signal stopped fails in one way or another; only the unexpected is told."""
     watch = SignalWatch()
     watch.signum = signal.SIGTERM
     monkeypatch.setattr(command_line, 'WATCH', watch)
 
     def body():
-        raise RunFaultError('late')
+        raise error
 
     assert exit_code(body) == 143
+    assert capsys.readouterr().err[:len(printed) or None] == printed

@@ -19,7 +19,7 @@ import time
 
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.robot.robot_profile import KACHAKA
-from program import COMMAND, program
+from program import COMMAND, program, script
 import pytest
 
 pytestmark = pytest.mark.ros
@@ -116,6 +116,31 @@ def test_standing_by_a_stop_is_confirmed_as_well(watcher, tmp_path):
         started.send(signal.SIGINT)
         assert started.end() == 130
     assert 'Stop: confirmed by odometry after 0.' in started.text
+
+
+def test_standing_by_the_main_thread_only_waits(listener, tmp_path):
+    """Ctrl+C while rclpy made a message there came out as a TypeError and blocked the node."""
+    text = """
+import threading
+from rclpy.executors import Executor
+wait, waiting = Executor.wait_for_ready_callbacks, set()
+def noted(self, *args, **kwargs):
+    if threading.current_thread() not in waiting:
+        waiting.add(threading.current_thread())
+        print('served by', threading.current_thread().name, flush=True)
+    return wait(self, *args, **kwargs)
+Executor.wait_for_ready_callbacks = noted
+from kachaka_simple_control.__main__ import main
+exit(main(['straight', '--wait']))
+"""
+    with script(text, tmp_path) as started:
+        started.wait_for_text('Standing by')
+        assert listener.call('run').success
+        started.wait_for_text('step 1 of 1')
+        started.send(signal.SIGINT)
+        assert started.end() == 130
+    served = [line for line in started.text.splitlines() if line.startswith('served by')]
+    assert served == ['served by spinner']
 
 
 def test_standing_by_for_nothing_leaves_no_table(tmp_path):

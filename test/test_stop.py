@@ -123,6 +123,34 @@ def test_a_script_that_sits_in_spin_ends_at_once(listener, tmp_path, name):
     assert 'Traceback' not in started.text
 
 
+def test_ctrl_c_in_the_middle_of_a_callback_leaves_the_robot_given_back(listener, tmp_path):
+    """While rclpy makes a callback's message: that blocks the callback's group for good."""
+    text = """
+from kachaka_simple_control.execution.signals import SignalWatch
+from rclpy.executors import Executor
+signalled = []
+SignalWatch._handle = lambda self, signum, frame: signalled.append(signum)
+take = Executor._take_timer
+def interrupted(self, timer):
+    if signalled:
+        signalled.clear()
+        raise KeyboardInterrupt
+    return take(self, timer)
+Executor._take_timer = interrupted
+""" + BEGIN + """
+node.move_robot(0.1, 0.0, 0.2)
+node.create_timer(0.01, lambda: None)
+print("spinning", flush=True)
+rclpy.spin(node)
+"""
+    with script(text, tmp_path) as started:
+        started.wait_for_text('spinning')
+        started.send(signal.SIGINT)
+        started.end(5.0)
+    assert_given_back(listener)
+    assert 'did not confirm' not in started.text
+
+
 def test_a_motion_in_a_thread_stops_while_the_main_thread_spins(listener, tmp_path):
     text = BEGIN + """
 import threading

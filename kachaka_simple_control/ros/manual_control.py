@@ -22,6 +22,7 @@ from typing import Any
 
 from kachaka_simple_control.errors import RobotNotFoundError
 from kachaka_simple_control.ros.waiting import wait_until
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
@@ -72,7 +73,10 @@ class ManualControl:
         self._timeout = timeout
         #: when it was asked for last [s on the steady clock]; None if it was given back since
         self._asked: float | None = None
-        self._client = node.create_client(SetBool, service) if service else None
+        # In a group of its own: Ctrl+C in the middle of a callback blocks that callback's group
+        # for good, and the answer to giving the robot back must be heard all the same.
+        self._client = node.create_client(
+            SetBool, service, callback_group=MutuallyExclusiveCallbackGroup()) if service else None
         self._check = check
         #: whether it was ever asked for
         self.was_asked = False
@@ -129,15 +133,16 @@ class ManualControl:
         age = now - self._asked
         return f'asked for {age:.0f} s ago' if age < self._timeout else 'off, for it timed out'
 
-    def give_back(self, timeout: float) -> bool:
+    def give_back(self, timeout: float, attend: Callable[[], None]) -> bool:
         """
         Switch manual control off.
 
         :param timeout: how long to wait for the answer [s]
+        :param attend: called while waiting
         :returns: whether the answer came
         """
         answer = self.ask(False)
-        return wait_until(lambda: answer.done, timeout)
+        return wait_until(lambda: answer.done, timeout, attend)
 
     def _answer(self, end: float) -> ServiceAnswer | None:
         """Ask until an answer comes, to whichever request."""

@@ -89,6 +89,7 @@ class Session:
         self._driving = threading.Lock()
         self._closing = threading.Lock()
         self._halted_by: ControlError | None = None
+        self._halted = threading.Event()
         self._is_met = False
         self._is_given_back = False
         #: how it stands with the robot, for those who show it
@@ -156,6 +157,7 @@ class Session:
         :param reason: what every later motion is refused with
         """
         self._halted_by = self._halted_by or reason
+        self._halted.set()
         self._guardian.latch.trip()
         self.stop(reason)
 
@@ -171,9 +173,17 @@ class Session:
                 self._is_given_back = True
             self._spinner.stop()
 
-    def serve(self) -> None:
-        """See to it that the node's callbacks are served."""
+    def serve_until_halted(self) -> None:
+        """
+        Serve the node's callbacks in the background, and wait until nothing may move any more.
+
+        :raises ControlError: why that is so
+        """
         self._spinner.ensure()
+        # Not served here: a signal that interrupts the main thread while rclpy makes a message
+        # for a callback comes out of it as a TypeError, and leaves the node's callbacks blocked.
+        self._halted.wait()
+        self._require_not_halted()
 
     def expect(self, brought: Callable[[], bytes | None]) -> None:
         """
@@ -237,7 +247,7 @@ class Session:
         if not (wanted and self._node.context.ok()) or self._link.others():
             return
         self._spinner.ensure(take_over=True)
-        if not self._manual_control.give_back(FAREWELL):
+        if not self._manual_control.give_back(FAREWELL, self._spinner.attend):
             self._node.get_logger().warning(
                 f'The robot did not confirm within {FAREWELL:g} s that manual control is off; it '
                 'goes off by itself')

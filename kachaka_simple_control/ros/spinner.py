@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+import contextlib
 import sys
 import threading
 import time
@@ -59,6 +60,15 @@ class BackgroundSpinner:
         if take_over or not self._is_served():
             self._start().add_node(self._node)
 
+    def attend(self) -> None:
+        """Serve here what is waiting, if Python ends already and starts no thread for it."""
+        if self._executor is None or self._thread is not None:
+            return
+        try:
+            self._executor.spin_once(timeout_sec=0.0)
+        except Exception as error:
+            self._on_error(error)
+
     def blocks_here(self) -> bool:
         """
         Tell whether the calling thread is the one that serves the node's callbacks.
@@ -72,10 +82,10 @@ class BackgroundSpinner:
 
     def stop(self) -> None:
         """Spin no more, and return when the thread has ended."""
-        if self._executor is None or self._thread is None:
+        if self._executor is None:
             return
         self._executor.shutdown(timeout_sec=0.0)
-        if threading.current_thread() is not self._thread:
+        if self._thread is not None and threading.current_thread() is not self._thread:
             self._thread.join(PATIENCE)
         self._executor = self._thread = None
 
@@ -90,9 +100,12 @@ class BackgroundSpinner:
     def _start(self) -> SingleThreadedExecutor:
         if self._executor is None:
             self._executor = SingleThreadedExecutor(context=self._node.context)
-            self._thread = threading.Thread(
+            thread = threading.Thread(
                 target=self._spin, args=(self._executor,), name='spinner', daemon=True)
-            self._thread.start()
+            # From Python 3.12 on, what is called at the very end can start no thread.
+            with contextlib.suppress(RuntimeError):
+                thread.start()
+                self._thread = thread
         return self._executor
 
     def _spin(self, executor: SingleThreadedExecutor) -> None:

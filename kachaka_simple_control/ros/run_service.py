@@ -19,21 +19,8 @@ from collections.abc import Callable
 import threading
 
 from kachaka_simple_control.errors import ControlError
-import rclpy
 from rclpy.node import Node
 from std_srvs.srv import Trigger
-
-
-def stand_by(node: Node, drive: Callable[[], None]) -> None:
-    """
-    Serve a node's callbacks, ``~/run`` among them, until the program is asked to end.
-
-    :param node: whose service it is
-    :param drive: what each request starts; its errors are told, and end nothing else
-    """
-    service = RunService(node, drive)
-    node.get_logger().info(f'Standing by: call {service.name} to start, ~/stop to stop')
-    rclpy.spin(node)
 
 
 class RunService:
@@ -44,17 +31,13 @@ class RunService:
         Offer it.
 
         :param node: whose service it is
-        :param drive: what each request starts
+        :param drive: what each request starts; its errors are told, and end nothing else
         """
         self._node = node
         self._drive = drive
         self._driving = threading.Lock()
-        self._service = node.create_service(Trigger, '~/run', self._on_request)
-
-    @property
-    def name(self) -> str:
-        """Return its full name."""
-        return str(self._service.srv_name)
+        service = node.create_service(Trigger, '~/run', self._on_request)
+        node.get_logger().info(f'Standing by: call {service.srv_name} to start, ~/stop to stop')
 
     def _on_request(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
