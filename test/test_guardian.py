@@ -17,11 +17,14 @@ import os
 from pathlib import Path
 import signal
 import subprocess
+import sys
 import time
 
 from kachaka_simple_control.execution.frozen import is_frozen
+from kachaka_simple_control.execution.guardian import Guardian
 from program import children_of, COMMAND, is_running, program, script
 import pytest
+from ros_support import wait_until
 
 pytestmark = pytest.mark.ros
 pytest.importorskip('rclpy', reason='needs ROS 2')
@@ -247,6 +250,20 @@ time.sleep(20)
         time.sleep(0.5)
         assert len(listener.heard) == count
     assert len(listener.released) == 1
+
+
+def test_a_guardian_that_came_anew_is_known_under_all_its_names():
+    """Who has left the graph may be listed for a while, and is nobody else all the same."""
+    guardian = Guardian([sys.executable, '-c', """
+import os, sys
+print('participant 0a', 'participant 0b', 'matched', sep=os.linesep, flush=True)
+os.read(int(sys.argv[1]), 1)
+"""], dict(os.environ))
+    try:
+        assert wait_until(lambda: guardian.is_matched)
+        assert guardian.participants == {b'\x0a', b'\x0b'}
+    finally:
+        guardian.dismiss()
 
 
 def test_without_a_guardian_there_is_none(listener, tmp_path):

@@ -37,7 +37,7 @@ PATIENCE = 1.0
 class Unguarded:
     """In place of a guardian where none is wanted."""
 
-    participant = b''
+    participants: frozenset[bytes] = frozenset()
     is_matched = True
     stopped_because: str | None = None
 
@@ -96,8 +96,8 @@ class Guardian:
         self._writing = threading.Lock()
         self._last_beat = float('-inf')
         self._primed = 0
-        #: what tells its publisher from others on the ROS graph; None until it has one
-        self.participant: bytes | None = None
+        #: what tells its publishers from others on the ROS graph: it may leave and come anew
+        self.participants: set[bytes] = set()
         #: whether its publisher has met a subscriber
         self.is_matched = False
         #: why it stopped the robot; None if it did not
@@ -167,7 +167,7 @@ class Guardian:
                 if word == 'primed':
                     self._primed += 1
                 elif word == 'participant':
-                    self.participant = bytes.fromhex(value)
+                    self.participants.add(bytes.fromhex(value))
                 elif word == 'matched':
                     self.is_matched = True
                 elif word == 'stopped':

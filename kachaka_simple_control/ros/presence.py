@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A publisher of velocities on the ROS graph, and how it gets to know the robot soon."""
+"""The guardian's publisher on the ROS graph, and how it gets to know the robot soon."""
 
 from __future__ import annotations
 

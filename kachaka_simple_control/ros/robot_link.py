@@ -154,9 +154,12 @@ class RobotLink:
         :returns: the names of their nodes, where the graph tells them
         """
         infos = self._node.get_publishers_info_by_topic(self._publisher.topic_name)
-        ours = (self._participant, self._guardian.participant)
         return [info.node_name for info, participant in zip(infos, participants(infos))
-                if participant not in ours]
+                if not self._is_ours(participant)]
+
+    def _is_ours(self, participant: bytes) -> bool:
+        # All that the guardian ever was: one that left may be listed for a while.
+        return participant == self._participant or participant in self._guardian.participants
 
     def met(self) -> None:
         """Remember who the robot is: who takes velocities and, if anybody does, tells odometry."""
