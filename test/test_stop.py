@@ -177,6 +177,38 @@ def test_a_script_may_end_as_it_likes(listener, tmp_path, ending):
     assert_given_back(listener)
 
 
+def test_a_thread_drives_on_when_the_main_thread_has_ended(listener, tmp_path):
+    """Python waits for it, and from 3.12 on starts no other thread meanwhile."""
+    text = BEGIN + """
+import threading, time
+def play():
+    threading.main_thread().join()
+    node.move_robot(0.1, 0.0, 0.5)
+    node.move_robot(0.1, 0.5, 0.5)
+threading.Thread(target=play).start()
+"""
+    with script(text, tmp_path) as started:
+        assert started.end() == 0
+    assert [move.duration for move in listener.moves()] == pytest.approx([0.5, 0.5], abs=0.05)
+    assert_given_back(listener)
+    assert 'Traceback' not in started.text
+
+
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+def test_a_signal_is_heard_when_the_main_thread_has_ended(listener, tmp_path, name):
+    text = BEGIN + """
+import threading
+threading.Thread(target=node.move_robot, args=(0.1, 0.0, 20.0)).start()
+"""
+    with script(text, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        sent = started.send(signal.Signals[name])
+        started.end(5.0)
+    assert_stopped(listener, sent)
+    assert_given_back(listener)
+    assert 'new thread' not in started.text
+
+
 def test_an_exception_between_movements_stops_at_once(listener, tmp_path):
     """The end of one movement is one zero; the whole stop must not wait for a next one."""
     text = BEGIN + """

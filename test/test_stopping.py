@@ -150,6 +150,17 @@ def test_with_nothing_following_the_stop_comes_by_itself():
     assert len(bench.zeros) >= 10
 
 
+def test_the_stop_does_not_wait_where_no_thread_can_start(monkeypatch):
+    """As at the end of Python 3.12 and later."""
+    def refuse(self):
+        raise RuntimeError("can't create new thread at interpreter shutdown")
+
+    bench = Bench()
+    monkeypatch.setattr('threading.Thread.start', refuse)
+    bench.stopper.stop_unless_more(bench.run, within=60.0)
+    assert len(bench.zeros) >= 10
+
+
 def test_with_another_run_following_it_does_not():
     bench = Bench()
     bench.edge.begin(0.2)

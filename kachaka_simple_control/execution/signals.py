@@ -127,7 +127,10 @@ class SignalWatch:
         self._note(signum)
         for listener in [*self._listeners]:
             # A thread each: one robot's stop must not wait for another's.
-            threading.Thread(target=listener.on_signal, args=(signum,), daemon=True).start()
+            try:
+                threading.Thread(target=listener.on_signal, args=(signum,), daemon=True).start()
+            except RuntimeError:  # no thread can start, as at Python's end from 3.12 on
+                listener.on_signal(signum)
             listener.wake()
 
     def _note(self, signum: int) -> None:

@@ -115,7 +115,7 @@ class Stopper:
 
     def stop_unless_more(self, run: Run, within: float) -> None:
         """
-        Stop in the background unless another run begins soon.
+        Stop in the background unless another run begins soon; at once if nothing can wait there.
 
         :param run: the run that has just ended
         :param within: how long to wait for the next [s]
@@ -123,7 +123,10 @@ class Stopper:
         over = MotionRefusedError('this run is over')
         self._later = threading.Timer(within, self._stop_if_newest, (run, over))
         self._later.daemon = True
-        self._later.start()
+        try:
+            self._later.start()
+        except RuntimeError:  # no thread can start, as at Python's end from 3.12 on
+            self._stop_if_newest(run, over)
 
     def keep_quiet(self) -> None:
         """Forget a stop that waits for its time: another run begins."""

@@ -133,16 +133,15 @@ class ManualControl:
         age = now - self._asked
         return f'asked for {age:.0f} s ago' if age < self._timeout else 'off, for it timed out'
 
-    def give_back(self, timeout: float, attend: Callable[[], None]) -> bool:
+    def give_back(self, timeout: float) -> bool:
         """
         Switch manual control off.
 
         :param timeout: how long to wait for the answer [s]
-        :param attend: called while waiting
         :returns: whether the answer came
         """
         answer = self.ask(False)
-        return wait_until(lambda: answer.done, timeout, attend)
+        return wait_until(lambda: answer.done, timeout)
 
     def _answer(self, end: float) -> ServiceAnswer | None:
         """Ask until an answer comes, to whichever request."""

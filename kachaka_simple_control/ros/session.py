@@ -247,7 +247,7 @@ class Session:
         if not (wanted and self._node.context.ok()) or self._link.others():
             return
         self._spinner.ensure(take_over=True)
-        if not self._manual_control.give_back(FAREWELL, self._spinner.attend):
+        if not self._manual_control.give_back(FAREWELL):
             self._node.get_logger().warning(
                 f'The robot did not confirm within {FAREWELL:g} s that manual control is off; it '
                 'goes off by itself')

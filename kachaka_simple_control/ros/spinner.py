@@ -16,7 +16,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-import contextlib
 import sys
 import threading
 import time
@@ -35,21 +34,23 @@ class BackgroundSpinner:
     """
     Spins a node in one background thread, unless somebody else does.
 
-    The thread is joined before the program ends: a thread that still spins while Python is taken
-    down aborts it.
+    The thread is there from the beginning, for from Python 3.12 on none can be started any more
+    once the main thread has ended, while another may still drive.  It is joined before the program
+    ends: a thread that still spins while Python is taken down aborts it.
     """
 
     def __init__(self, node: Node, on_error: Callable[[BaseException], None]) -> None:
         """
-        Make a spinner that does not spin yet.
+        Make a spinner that serves nobody yet.
 
         :param node: whose callbacks are served
         :param on_error: called, in the background thread, with what a callback raised
         """
         self._node = node
         self._on_error = on_error
-        self._executor: SingleThreadedExecutor | None = None
-        self._thread: threading.Thread | None = None
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._thread = threading.Thread(target=self._spin, name='spinner', daemon=True)
+        self._thread.start()
 
     def ensure(self, take_over: bool = False) -> None:
         """
@@ -58,16 +59,7 @@ class BackgroundSpinner:
         :param take_over: serve them here even if the node is in somebody else's executor
         """
         if take_over or not self._is_served():
-            self._start().add_node(self._node)
-
-    def attend(self) -> None:
-        """Serve here what is waiting, if Python ends already and starts no thread for it."""
-        if self._executor is None or self._thread is not None:
-            return
-        try:
-            self._executor.spin_once(timeout_sec=0.0)
-        except Exception as error:
-            self._on_error(error)
+            self._executor.add_node(self._node)
 
     def blocks_here(self) -> bool:
         """
@@ -82,34 +74,20 @@ class BackgroundSpinner:
 
     def stop(self) -> None:
         """Spin no more, and return when the thread has ended."""
-        if self._executor is None:
-            return
         self._executor.shutdown(timeout_sec=0.0)
-        if self._thread is not None and threading.current_thread() is not self._thread:
+        if threading.current_thread() is not self._thread:
             self._thread.join(PATIENCE)
-        self._executor = self._thread = None
 
     def _is_ours(self) -> bool:
-        return self._executor is not None and self._node.executor is self._executor
+        return self._node.executor is self._executor
 
     def _is_served(self) -> bool:
         # A node keeps its reference to an executor that has removed it.
         executor = self._node.executor
         return executor is not None and self._node in executor.get_nodes()
 
-    def _start(self) -> SingleThreadedExecutor:
-        if self._executor is None:
-            self._executor = SingleThreadedExecutor(context=self._node.context)
-            thread = threading.Thread(
-                target=self._spin, args=(self._executor,), name='spinner', daemon=True)
-            # From Python 3.12 on, what is called at the very end can start no thread.
-            with contextlib.suppress(RuntimeError):
-                thread.start()
-                self._thread = thread
-        return self._executor
-
-    def _spin(self, executor: SingleThreadedExecutor) -> None:
-        while (error := _failure(executor)) is not None:
+    def _spin(self) -> None:
+        while (error := _failure(self._executor)) is not None:
             # Then it goes on: the answer to giving the robot back needs to be heard, too.
             self._on_error(error)
             time.sleep(PAUSE)
