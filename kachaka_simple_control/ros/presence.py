@@ -17,16 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import os
-import time
 
 from kachaka_simple_control.ros.endpoints import own_participant
 from kachaka_simple_control.ros.velocity_message import VelocityMessage
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.ros.waiting import wait_until
 from rclpy.context import Context
 from rclpy.node import Node
 
-#: How often to look whether a robot has answered [s].
-GLANCE = 0.01
 #: How long to wait for a robot before greeting it anew [s], each time.
 PATIENCE = (0.3, 0.6, 1.2)
 
@@ -81,10 +79,11 @@ def introduce(enter: Callable[[], Presence], is_wanted: Callable[[], bool]) -> P
     """
     for patience in PATIENCE:
         presence = enter()
-        end = time.monotonic() + patience
-        while time.monotonic() < end:
-            if presence.is_matched or is_wanted():
-                return presence
-            time.sleep(GLANCE)
+        if wait_until(_either(presence, is_wanted), patience):
+            return presence
         presence.end()
     return enter()
+
+
+def _either(presence: Presence, is_wanted: Callable[[], bool]) -> Callable[[], bool]:
+    return lambda: presence.is_matched or is_wanted()
