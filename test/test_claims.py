@@ -1,0 +1,117 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Claims that programs tell each other of: in no time, and at random."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.execution.claims import (
+    Claim,
+    Claims,
+    HELD,
+    LEASE,
+    MOST,
+    NOTHING,
+    WANTED,
+)
+import pytest
+
+HOLDER = Claim('bb', HELD, 'somebody')
+NEWCOMER = Claim('aa', WANTED, 'a newcomer')
+
+
+def test_whoever_wants_the_robot_yields_to_the_one_that_holds_it():
+    claims = Claims('cc')
+    claims.hear(HOLDER, 0.0)
+    assert claims.rival(0.1) == claims.holder(0.1) == HOLDER
+
+
+def test_of_two_newcomers_the_lower_participant_wins():
+    first, second = Claims('aa'), Claims('bb')
+    first.hear(Claim('bb', WANTED, 'second'), 0.0)
+    second.hear(Claim('aa', WANTED, 'first'), 0.0)
+    assert first.rival(0.1) is None
+    assert second.rival(0.1).who == 'first'
+
+
+def test_a_newcomer_does_not_hold_anything():
+    claims = Claims('cc')
+    claims.hear(NEWCOMER, 0.0)
+    assert claims.holder(0.1) is None
+
+
+def test_a_claim_that_is_not_heard_of_any_more_is_over():
+    """Killed or frozen: whatever DDS still lists."""
+    claims = Claims('cc')
+    claims.hear(HOLDER, 10.0)
+    assert claims.holder(10.0 + LEASE) is HOLDER
+    assert claims.holder(10.01 + LEASE) is None
+
+
+def test_a_claim_may_be_taken_back():
+    claims = Claims('cc')
+    claims.hear(HOLDER, 0.0)
+    claims.hear(Claim('bb', NOTHING, 'somebody'), 0.1)
+    assert claims.rival(0.2) is None
+
+
+def test_ones_own_claim_is_no_rival():
+    claims = Claims('bb')
+    claims.hear(HOLDER, 0.0)
+    assert claims.rival(0.1) is None
+
+
+def test_the_network_cannot_fill_the_memory():
+    claims = Claims('cc')
+    for number in range(10 * MOST):
+        claims.hear(Claim(str(number), HELD, 'flood'), 0.0)
+    claims.hear(HOLDER, 0.0)
+    assert len(claims._heard) <= MOST
+    assert claims.holder(0.1) is not None
+
+
+@given(st.permutations(['aa', 'bb', 'cc', 'dd']))
+def test_of_newcomers_that_hear_each_other_one_goes_on(order):
+    programs = {participant: Claims(participant) for participant in order}
+    for hearer in programs.values():
+        for participant in order:
+            hearer.hear(Claim(participant, WANTED, participant), 0.0)
+    assert [name for name, claims in sorted(programs.items()) if claims.rival(0.1) is None] == [
+        'aa']
+
+
+@given(st.builds(Claim, st.text(max_size=30), st.sampled_from([NOTHING, WANTED, HELD]), st.text()))
+def test_a_claim_survives_the_network(claim):
+    read = Claim.unpacked(claim.packed())
+    assert (read.participant, read.state) == (claim.participant, claim.state)
+    assert read.who.isprintable()
+
+
+@given(st.text() | st.binary().map(lambda data: data.decode('latin-1')))
+def test_what_is_no_claim_is_none(text):
+    assert Claim.unpacked(text) is None or Claim.unpacked(text).state in (NOTHING, WANTED, HELD)
+
+
+@pytest.mark.parametrize('text', [
+    '', '[]', '7', 'null', '{}', '{"participant": "aa"}', '[' * 100_000,
+    '{"participant": 1, "state": "held", "who": "x"}',
+    '{"participant": "aa", "state": "nonsense", "who": "x"}',
+    '{"participant": "aa", "state": "held", "who": "x", "more": 1}'])
+def test_hostile_texts_are_no_claims(text):
+    assert Claim.unpacked(text) is None
+
+
+def test_what_is_shown_is_one_line_that_a_terminal_can_take():
+    claim = Claim.unpacked(Claim('aa', HELD, 'a\nb\x1b[2J' + 'c' * 1000).packed())
+    assert claim.who.startswith('a?b?[2Jccc')
+    assert len(claim.who) == 200

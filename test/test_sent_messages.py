@@ -1,0 +1,69 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Whose message it is: pure, at random."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.execution.sent_messages import GUARDIAN, ON_ITS_WAY, SentMessages
+
+ZERO, FORWARD, LEFT, FOREIGN = b'zero', b'forward', b'left', b'foreign'
+OWN = st.lists(st.sampled_from([ZERO, FORWARD, LEFT]), max_size=40)
+
+
+def sent(*messages, now=0.0):
+    """Return what was sent at one time."""
+    log = SentMessages()
+    for message in messages:
+        log.note(now, message)
+    return log
+
+
+@given(OWN, st.data())
+def test_our_own_are_ours_whatever_is_lost_on_the_way(messages, data):
+    log = sent(*messages)
+    arrived = [m for m in messages if data.draw(st.booleans())]
+    assert all(log.accounts_for(m, m == ZERO, 0.0) for m in arrived)
+
+
+@given(OWN)
+def test_one_that_was_never_sent_is_somebody_elses(messages):
+    assert not sent(*messages).accounts_for(FOREIGN, False, 0.0)
+
+
+@given(OWN, st.sampled_from([ZERO, FORWARD, LEFT]), st.integers(min_value=0, max_value=40))
+def test_one_too_many_is_noticed_even_if_it_looks_like_ours(messages, foreign, place):
+    """Not which, but that: with nothing lost, not all of them can be accounted for."""
+    log = sent(*messages)
+    heard = [*messages]
+    heard.insert(min(place, len(heard)), foreign)
+    # All of them are asked about, whatever the first answers are.
+    answers = [log.accounts_for(m, m == ZERO, 0.0) for m in heard]
+    assert False in answers
+
+
+def test_a_zero_of_the_guardian_is_ours_once_and_not_for_long():
+    log = sent()
+    log.note_guardian(0.0)
+    log.note_guardian(0.0)
+    assert log.accounts_for(ZERO, True, 0.5)
+    assert not log.accounts_for(FORWARD, False, 0.5)
+    assert not log.accounts_for(ZERO, True, GUARDIAN + 0.1)
+
+
+def test_who_begins_to_listen_hears_nothing_of_long_ago():
+    log = sent(FORWARD, now=0.0)
+    log.note(1.0, LEFT)
+    log.begin(1.0 + ON_ITS_WAY)
+    assert not log.accounts_for(FORWARD, False, 1.1)
+    assert log.accounts_for(LEFT, False, 1.1)
