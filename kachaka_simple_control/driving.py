@@ -67,15 +67,17 @@ def drive(options: Options) -> None:
             if options.brings_robot:
                 robot = helpers.enter_context(
                     _robot_of(options, robot_control.settings.robot_namespace))
-                robot_control.expect(lambda: robot.participant)
+                robot_control.expect(robot.require_participant)
             _play(robot_control, motion_file, options.wait)
         except KeyboardInterrupt:
             robot_control.get_logger().info('Program was interrupted')
         finally:
-            robot_control.stop_robot()
-            told.still_after = still_after = robot_control.stop_confirmed_after
-            robot_control.destroy_node()
-            rclpy.try_shutdown()
+            try:
+                robot_control.stop_robot()
+            finally:
+                told.still_after = still_after = robot_control.stop_confirmed_after
+                robot_control.destroy_node()
+                rclpy.try_shutdown()
     if options.brings_robot and robot_control.record.movements:
         print(table(robot_control.record, still_after))
 
@@ -155,7 +157,7 @@ def _play(
     limits = motion_file.check(profile.limits, profile.name)
     if wait:
         from kachaka_simple_control.ros.run_service import RunService
-        RunService(robot_control, lambda: robot_control.run(motion_file.motion, limits))
+        RunService(robot_control, lambda: robot_control.prepare(motion_file.motion, limits))
         robot_control.serve_until_halted()
     else:
         robot_control.run(motion_file.motion, limits)

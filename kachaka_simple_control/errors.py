@@ -26,6 +26,10 @@ class RobotNotFoundError(ControlError):
     """No robot listened, or none could be taken, within the time allowed; nothing moved."""
 
 
+class RobotTakenError(RobotNotFoundError):
+    """Another program drives the robot, or shows one under its names; nothing moved."""
+
+
 class MotionRefusedError(ControlError):
     """The node may not move now: it was stopped for good, or is asked from a wrong place."""
 

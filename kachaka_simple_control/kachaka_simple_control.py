@@ -30,7 +30,8 @@ if __name__ == '__main__':
 
 from kachaka_simple_control import command_line
 from kachaka_simple_control.audience.audience import Audience
-from kachaka_simple_control.errors import MotionRefusedError
+from kachaka_simple_control.errors import ControlError, MotionRefusedError
+from kachaka_simple_control.execution.drive_requests import DriveRequest
 from kachaka_simple_control.execution.signals import WATCH
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
@@ -124,7 +125,7 @@ class KachakaSimpleControl(Node):
         step = Move(linear_x, angular_z, duration)
         # The planner would name the step's place in a motion that nobody has seen.
         self.profile.limits.check(step.velocity)
-        self._drive(Motion('move_robot', (step,)), None)
+        self._drive(Motion('move_robot', (step,)), None, self._session.request())
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
             f'Movement completed: Forward={linear_x}, Rotation={angular_z}, '
@@ -143,7 +144,24 @@ class KachakaSimpleControl(Node):
         :raises RobotNotFoundError: if no robot listens; nothing has moved
         :raises ControlError: if the run could not go on; the robot was stopped
         """
-        driven = self._drive(motion, limits)
+        self._run(motion, limits, self._session.request())
+
+    def prepare(self, motion: Motion, limits: Limits | None = None) -> Callable[[], None]:
+        """
+        Accept a drive that another thread is to begin; a stop ends it from now on.
+
+        May be called in a callback of the node, where a drive itself cannot run.
+
+        :param motion: what to do
+        :param limits: what to plan it with; None for what the robot can do
+        :returns: what drives the motion, as ``run`` does; to be called once
+        :raises ControlError: if a motion is running already, or nothing may move any more
+        """
+        request = self._session.request(elsewhere=True)
+        return lambda: self._run(motion, limits, request)
+
+    def _run(self, motion: Motion, limits: Limits | None, request: DriveRequest) -> None:
+        driven = self._drive(motion, limits, request)
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
             f'Motion completed: {motion.name}, {len(driven.stages)} steps, '
@@ -153,7 +171,10 @@ class KachakaSimpleControl(Node):
         """
         Stop the robot, and end the movement that another thread is in, if one is.
 
-        A robot that this node never met is left alone: even a zero would take it.
+        A robot that this node never met is left alone: even a zero would take it.  A movement
+        that still waits for its robot is ended as well.
+
+        :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
         """
         if self._session.stop(MotionRefusedError('the movement was ended by stop_robot()')):
             self.get_logger().info('Robot has stopped')
@@ -227,14 +248,14 @@ class KachakaSimpleControl(Node):
             self.get_logger().info('Program was interrupted')
         self._session.halt(MotionRefusedError(f'the program ended by {error!r}'))
 
-    def _drive(self, motion: Motion, limits: Limits | None) -> Plan:
+    def _drive(self, motion: Motion, limits: Limits | None, request: DriveRequest) -> Plan:
         limits = limits or self.profile.limits
-        planned = plan(motion, limits, self.settings.rate)
-        with self._session.turn():
+        with self._session.serving(request):
+            planned = plan(motion, limits, self.settings.rate)
             self._showing.expect(planned)
             self.audience.tell(Planned(motion, limits, self.settings.rate))
             try:
-                self._session.drive(planned)
+                self._session.drive(planned, request)
             except BaseException as error:
                 is_fault = not isinstance(error, (MotionRefusedError, KeyboardInterrupt))
                 self.audience.tell(Ended(time.monotonic(), _reason(error), is_fault))
@@ -252,8 +273,12 @@ class KachakaSimpleControl(Node):
     def _on_stop(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request
-        self.stop_robot()
-        response.success = True
+        try:
+            self.stop_robot()
+        except ControlError as error:
+            response.message = str(error)
+        else:
+            response.success = True
         return response
 
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
@@ -308,9 +333,11 @@ def lesson(arguments: list[str] | None) -> None:
     except KeyboardInterrupt:
         robot_control.get_logger().info('Program was interrupted')
     finally:
-        robot_control.stop_robot()
-        robot_control.destroy_node()
-        rclpy.try_shutdown()
+        try:
+            robot_control.stop_robot()
+        finally:
+            robot_control.destroy_node()
+            rclpy.try_shutdown()
 
 
 def main(args: list[str] | None = None) -> int:

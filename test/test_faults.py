@@ -13,6 +13,8 @@
 # limitations under the License.
 """What goes wrong while driving: seen, answered with a stop, and told in one line."""
 
+import math
+import signal
 import time
 
 from program import COMMAND, program, script
@@ -88,41 +90,163 @@ def test_a_robot_whose_odometry_falls_silent_is_taken_for_lost(listener, tmp_pat
     assert listener.heard[-1].time - end_of_motion(listener) > 1.3
 
 
+def test_odometry_that_begins_in_mid_motion_is_watched_from_then_on(listener, tmp_path):
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        odometer = Odometer(listener)
+        moved = listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        odometer.silence()
+        silent = time.time()
+        assert started.end() == 1
+    assert 'odometry has been silent for 1.0 s' in started.text
+    assert moved.time < end_of_motion(listener) < silent + 1.3
+
+
+def test_what_is_no_number_is_no_odometry(listener, tmp_path):
+    """A robot that tells nothing else has fallen silent."""
+    odometer = Odometer(listener)
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        odometer.velocity = math.nan
+        assert started.end() == 1
+    assert 'odometry has been silent for 1.0 s' in started.text
+
+
 def test_a_robot_without_odometry_is_driven_as_well(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
         assert started.end() == 0
+    assert started.text.count('No odometry has come on /kachaka/odometry/odometry yet') == 1
 
 
-def test_somebody_else_who_begins_to_drive_is_given_way(listener, tmp_path):
-    command = [*COMMAND, '--ros-args', '-p', 'rate:=20.0']
-    with program(command, tmp_path) as started:
+class Stranger:
+    """Has a publisher of velocities, and sends what it is told to, 20 times a second."""
+
+    #: Something that our programs never send.
+    SPEED = 0.07
+
+    def __init__(self, listener, quality=10):
+        """Have the publisher, and be silent."""
+        self._node = listener._node
+        self._publisher = self._node.create_publisher(Twist, 'manual_control/cmd_vel', quality)
+        self._message = None
+        self._timer = self._node.create_timer(0.05, self._send)
+        #: when it sent first [s, system clock]
+        self.began = None
+
+    def send(self, speed=SPEED):
+        """Send from now on."""
+        message = Twist()
+        message.linear.x = speed
+        self._message = message
+
+    def leave(self):
+        """Have no publisher any more."""
+        self._timer.cancel()
+        self._node.destroy_publisher(self._publisher)
+
+    def _send(self):
+        if self._message is not None:
+            self.began = self.began or time.time()
+            self._publisher.publish(self._message)
+
+
+def ours(listener, stranger):
+    """Return the velocities that moved the robot and were ours, after the stranger began."""
+    return [heard for heard in listener.heard
+            if heard.time > stranger.began + 0.05 and heard.moves
+            and heard.linear_x != Stranger.SPEED]
+
+
+@pytest.mark.parametrize('quality', [10, qos_profile_sensor_data])
+def test_the_first_velocity_of_somebody_else_ends_the_run(listener, tmp_path, quality):
+    stranger = Stranger(listener, quality)
+    with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
-        other = listener._node.create_publisher(Twist, 'manual_control/cmd_vel', 10)
-        came = time.time()
+        stranger.send()
         assert started.end() == 1
-    assert 'somebody else publishes on /kachaka/manual_control/cmd_vel (node' in started.text
-    assert end_of_motion(listener) - came < 3.0
-    # Manual control is the other's by now.
+    (line,) = [line for line in started.text.splitlines() if 'somebody else' in line]
+    assert '(node listener) sends velocities on /kachaka/manual_control/cmd_vel' in line
+    assert ours(listener, stranger) == []
+    # Our zeros end, and manual control is the other's by now.
+    assert max(h.time for h in listener.heard if not h.moves) - stranger.began < 1.0
     assert listener.released == []
-    listener._node.destroy_publisher(other)
+    stranger.leave()
+
+
+def test_so_does_a_zero_of_somebody_else(listener, tmp_path):
+    stranger = Stranger(listener)
+    with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
+        listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        time.sleep(0.5)
+        stranger.send(0.0)
+        assert started.end() == 1
+    assert 'somebody else (node listener) sends velocities' in started.text
+    assert ours(listener, stranger) == []
+    stranger.leave()
+
+
+def test_somebody_who_comes_and_sends_in_mid_motion_is_found(listener, tmp_path):
+    with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
+        listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        stranger = Stranger(listener)
+        stranger.send()
+        assert started.end() == 1
+    assert 'somebody else (node listener) sends velocities' in started.text
+    assert end_of_motion_of_ours(listener) - stranger.began < 1.0
+    stranger.leave()
+
+
+def end_of_motion_of_ours(listener):
+    """Return when our last velocity that moves was sent."""
+    return max(heard.time for heard in listener.heard
+               if heard.moves and heard.linear_x != Stranger.SPEED)
+
+
+def test_a_publisher_that_never_sends_is_nobody(listener, tmp_path):
+    """Neither before a run, nor in it, nor when the robot is given back."""
+    stranger = Stranger(listener)
+    with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
+        listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        another = Stranger(listener)
+        assert started.end() == 0
+    assert len(listener.moves()) == 3
+    assert len(listener.released) == 1
+    stranger.leave()
+    another.leave()
 
 
 def test_where_somebody_else_drives_already_nothing_begins(listener, tmp_path):
-    other = listener._node.create_publisher(Twist, 'manual_control/cmd_vel', 10)
-    with program([*COMMAND, '--ros-args', '-p', 'robot_timeout:=3'], tmp_path) as started:
-        assert started.end() in (3, 1)
-    assert 'somebody else publishes' in started.text
-    assert not [heard for heard in listener.heard if heard.moves]
-    listener._node.destroy_publisher(other)
+    stranger = Stranger(listener)
+    stranger.send()
+    listener.wait_for(lambda heard: heard.moves)
+    with program(COMMAND, tmp_path) as started:
+        assert started.end() == 3
+    assert 'somebody else (node listener) sends velocities' in started.text
+    # Not even a zero left, and nobody was asked for manual control.
+    assert {heard.linear_x for heard in listener.heard} == {Stranger.SPEED}
+    assert listener.answered == []
+    stranger.leave()
+
+
+def test_zeros_go_on_beside_a_publisher_that_is_silent(listener, tmp_path):
+    odometer, stranger = Odometer(listener), Stranger(listener)
+    with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
+        listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        odometer.velocity = 0.1
+        started.send(signal.SIGINT)
+        assert started.end() == 130
+    assert listener.heard[-1].time - end_of_motion(listener) > 1.0
+    stranger.leave()
 
 
 def test_somebody_else_may_be_allowed(listener, tmp_path):
-    other = listener._node.create_publisher(Twist, 'manual_control/cmd_vel', 10)
+    stranger = Stranger(listener)
     command = [*COMMAND, '--ros-args', '-p', 'allow_other_publishers:=true']
     with program(command, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        stranger.send(0.0)
         assert started.end() == 0
-    assert len(listener.moves()) == 3
-    listener._node.destroy_publisher(other)
+    stranger.leave()
 
 
 def test_a_robot_that_is_back_does_not_move_by_itself(tmp_path):
@@ -162,5 +286,25 @@ def test_zeros_go_on_while_odometry_sees_the_robot_move(listener, tmp_path):
         listener.wait_for(lambda heard: heard.moves)
         odometer.velocity = 0.1
         assert started.end() == 0
-    assert 'The stop is unconfirmed' in started.text
+    assert started.text.count('the stop is unconfirmed') == 1
     assert listener.heard[-1].time - end_of_motion(listener) > 1.0
+
+
+def test_a_stop_that_odometry_does_not_confirm_is_a_fault(listener, tmp_path):
+    odometer = Odometer(listener)
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        odometer.velocity = 0.1
+        assert started.end() == 1
+    assert started.text.count('the stop is unconfirmed') == 1
+    assert started.text.splitlines()[-1].startswith('kachaka_simple_control: the stop is unconf')
+
+
+def test_a_stop_by_a_signal_that_is_not_confirmed_is_told_once(listener, tmp_path):
+    odometer = Odometer(listener)
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        odometer.velocity = 0.1
+        started.send(signal.SIGINT)
+        assert started.end() == 130
+    assert started.text.count('the stop is unconfirmed') == 1

@@ -95,7 +95,7 @@ def test_on_request_it_drives_and_stops(listener, tmp_path):
         for _ in range(2):
             before = len(listener.heard)
             assert listener.call('run').success
-            assert listener.call('run').message == 'a motion is running already'
+            assert 'a motion is running already' in listener.call('run').message
             listener.wait_for(lambda heard: heard.moves, after=before)
             assert listener.call('stop').success
             assert not listener.heard[-1].moves
@@ -116,6 +116,37 @@ def test_standing_by_a_stop_is_confirmed_as_well(watcher, tmp_path):
         started.send(signal.SIGINT)
         assert started.end() == 130
     assert 'Stop: confirmed by odometry after 0.' in started.text
+
+
+@pytest.mark.parametrize('after', [0.0, 0.2])
+def test_a_request_that_is_stopped_at_once_moves_nothing(listener, tmp_path, after):
+    """Although the robot still has to be met: success means that nothing moves from now on."""
+    with program([*COMMAND, 'straight', '--wait'], tmp_path) as started:
+        started.wait_for_text('Standing by')
+        assert listener.call('run').success
+        time.sleep(after)
+        assert listener.call('stop').success
+        stopped = time.time()
+        time.sleep(3.0)
+        assert not [heard for heard in listener.heard if heard.moves and heard.time > stopped]
+        # Until somebody asks anew.
+        assert listener.call('run').success
+        listener.wait_for(lambda heard: heard.moves)
+
+
+def test_a_stop_that_is_not_confirmed_is_not_answered_with_success(listener, tmp_path):
+    from nav_msgs.msg import Odometry
+    odometry = listener._node.create_publisher(Odometry, 'odometry/odometry', 10)
+    moving = Odometry()
+    moving.twist.twist.linear.x = 0.1
+    listener._node.create_timer(0.05, lambda: odometry.publish(moving))
+    with program([*COMMAND, 'straight', '--wait'], tmp_path) as started:
+        started.wait_for_text('Standing by')
+        assert listener.call('run').success
+        listener.wait_for(lambda heard: heard.moves)
+        answer = listener.call('stop')
+    assert not answer.success
+    assert answer.message.startswith('the stop is unconfirmed')
 
 
 def test_standing_by_the_main_thread_only_waits(listener, tmp_path):

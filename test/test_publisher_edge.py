@@ -200,3 +200,32 @@ def test_what_dds_takes_is_no_gap(time):
     run = edge.begin(0.2)
     edge.send(run, FORWARD)
     edge.send(run, FORWARD)
+
+
+def test_a_run_that_was_cancelled_before_it_began_never_begins(edge, wire):
+    """It may wait for its robot: a stop ends it all the same."""
+    run = edge.prepare()
+    edge.cancel(MotionRefusedError('enough'))
+    edge.admit()
+    with pytest.raises(MotionRefusedError, match='enough'):
+        edge.begin(0.2, run)
+    assert wire.sent == []
+
+
+def test_a_cancel_ends_the_run_under_way_and_the_one_that_waits(edge):
+    edge.admit()
+    under_way, waiting = edge.begin(0.2), edge.prepare()
+    assert edge.cancel(MotionRefusedError('enough')) is under_way
+    for run in (under_way, waiting):
+        assert str(run.ended_by) == 'enough'
+
+
+def test_a_run_that_waits_takes_nothing_from_the_one_before(edge, wire):
+    """Its whole stop goes on until the next run really begins."""
+    edge.admit()
+    first = edge.begin(0.2)
+    second = edge.prepare()
+    assert edge.zero(after=first)
+    edge.begin(0.2, second)
+    assert not edge.zero(after=first)
+    assert len(wire.sent) == 1

@@ -19,6 +19,7 @@ import time
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
 from kachaka_simple_control.execution import renewal
 from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.record import Record
 import pytest
 
@@ -116,6 +117,70 @@ def test_stopping_in_another_thread_ends_the_movement_there(listener, make):
     assert listener.moves()[-1].linear_x == 0.2
 
 
+def test_a_stop_ends_a_movement_that_still_waits_for_its_robot(make):
+    """A robot that comes later is not even taken."""
+    from listener import Listener
+    node = make()
+    raised = []
+
+    def drive():
+        try:
+            node.move_robot(0.1, 0.0, 1.0)
+        except MotionRefusedError as error:
+            raised.append(str(error))
+
+    thread = threading.Thread(target=drive)
+    thread.start()
+    time.sleep(0.3)
+    node.stop_robot()
+    with Listener() as late:
+        thread.join(1.0)
+        time.sleep(1.5)
+        assert raised == ['the movement was ended by stop_robot()']
+        assert late.heard == late.answered == []
+        # Not for good: somebody may ask anew.
+        node.move_robot(0.2, 0.0, 0.2)
+        assert [move.linear_x for move in late.moves()] == [0.2]
+
+
+@pytest.mark.parametrize('after', [0.0, 0.1, 0.3, 0.6])
+def test_a_stop_before_the_first_velocity_lets_none_leave(listener, make, after):
+    node = make()
+    drive = node.prepare(Motion('test', (Move(0.1, 0.0, 1.0),)))
+    ended = []
+
+    def driven():
+        try:
+            drive()
+        except MotionRefusedError as error:
+            ended.append(str(error))
+
+    thread = threading.Thread(target=driven)
+    thread.start()
+    time.sleep(after)
+    node.stop_robot()
+    stopped = time.time()
+    thread.join(5.0)
+    assert ended == ['the movement was ended by stop_robot()']
+    time.sleep(1.0)
+    assert not [heard for heard in listener.heard if heard.moves and heard.time > stopped]
+
+
+def test_a_stop_between_two_movements_of_a_sequence_ends_the_sequence(listener, make):
+    """Whoever stops from outside cannot know that one movement has just ended."""
+    node = make(rate=5.0)
+    node.move_robot(0.1, 0.0, 0.2)
+    stop = threading.Thread(target=node.stop_robot)
+    stop.start()
+    time.sleep(0.02)
+    with pytest.raises(MotionRefusedError, match='ended by stop_robot'):
+        node.move_robot(0.2, 0.0, 0.2)
+    stop.join()
+    # Whoever goes on nevertheless asks anew.
+    node.move_robot(0.3, 0.0, 0.2)
+    assert [move.linear_x for move in listener.moves()] == [0.1, 0.3]
+
+
 def test_two_movements_at_once_are_refused(listener, make):
     node = make()
     record = Record()
@@ -208,15 +273,20 @@ def test_a_robot_without_manual_control_is_not_asked_for_it(make):
         assert len(listener.moves()) == 1
 
 
-def test_manual_control_is_not_taken_from_somebody_else_who_drives(listener, make):
+@pytest.mark.parametrize('drives', [True, False])
+def test_manual_control_is_not_taken_from_somebody_else_who_drives(listener, make, drives):
     from geometry_msgs.msg import Twist
     node = make()
     node.move_robot(0.1, 0.0, 0.2)
     other = listener._node.create_publisher(Twist, 'manual_control/cmd_vel', 10)
+    velocity = Twist()
+    velocity.linear.x = 0.07
+    timer = listener._node.create_timer(0.1, lambda: drives and other.publish(velocity))
     time.sleep(0.5)
     node.destroy_node()
     time.sleep(0.2)
-    assert listener.released == []
+    assert len(listener.released) == (0 if drives else 1)
+    timer.cancel()
     listener._node.destroy_publisher(other)
 
 

@@ -82,7 +82,7 @@ def test_a_robot_that_is_there_is_left_alone_by_a_simulated_drive(tmp_path):
         assert wait_until(lambda: 'ready: ' in other.text)
         with program(command, tmp_path) as started:
             assert started.end() == 3
-        assert '2 robots publish /kachaka/odometry/odometry' in started.text
+        assert 'shows a robot on /kachaka/manual_control/cmd_vel' in started.text
         assert 'manual control enabled' not in started.text
         assert 'manual control enabled' not in other.text
 

@@ -73,13 +73,15 @@ class Guardian:
     end.
     """
 
-    def __init__(self, command: Sequence[str], environment: dict[str, str]) -> None:
+    def __init__(
+            self, command: Sequence[str], environment: dict[str, str], *kept: int) -> None:
         """
         Start it; a fresh program, in a session of its own that Ctrl+C does not reach.
 
         :param command: what to run; it gets two descriptors as its last arguments, one to read
             signs from and one whose first two bytes are the latch and the flag
         :param environment: what it runs in
+        :param kept: descriptors that it keeps open as long as it is there
         """
         with tempfile.TemporaryFile() as memory:
             memory.truncate(mmap.PAGESIZE)
@@ -90,7 +92,7 @@ class Guardian:
             os.register_at_fork(after_in_child=self._close_in_child)
             self._process = subprocess.Popen(
                 [*command, str(signs), str(memory.fileno())], env=environment,
-                pass_fds=(signs, memory.fileno()), stdin=subprocess.DEVNULL,
+                pass_fds=(signs, memory.fileno(), *kept), stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE, start_new_session=True, text=True)
             os.close(signs)
         self._writing = threading.Lock()

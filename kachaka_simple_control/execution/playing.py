@@ -72,7 +72,8 @@ def play(
         hold: float,
         companion: Companion,
         clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep) -> Run:
+        sleep: Callable[[float], None] = time.sleep,
+        prepared: Run | None = None) -> Run:
     """
     Drive a plan from its first velocity to the zero after its last.
 
@@ -82,10 +83,11 @@ def play(
     :param companion: called after each message and at least every 20 ms
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
+    :param prepared: what the edge prepared for it; None for a new one
     :returns: the run, which has sent its zero; the stop is the caller's
     :raises ControlError: if the run was stopped or could not go on
     """
-    run = edge.begin(max_gap(plan.period, hold))
+    run = edge.begin(max_gap(plan.period, hold), prepared)
 
     def beat() -> None:
         edge.check(run)

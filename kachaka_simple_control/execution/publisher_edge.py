@@ -42,18 +42,19 @@ class Access(Enum):
 
 class Run:
     """
-    One stretch of motion; only the newest run of an edge may send.
+    One stretch of motion, from the call that asks for it; only the newest one may send.
 
     :param max_gap: the longest time between two of its messages [s]
     """
 
-    def __init__(self, max_gap: float) -> None:
+    def __init__(self, max_gap: float = math.inf) -> None:
         """Begin with nothing sent."""
         self.max_gap = max_gap
         #: when the first message left [s on the steady clock]: t = 0; nan before
         self.began = math.nan
         #: when the last one was out [s on the clock for gaps]
         self.last_sent: float | None = None
+        #: why it may not send, or send any more; None as long as it may
         self.ended_by: ControlError | None = None
 
 
@@ -94,6 +95,8 @@ class PublisherEdge:
         self._lock = threading.Lock()
         self._access = Access.NOT_YET
         self._run: Run | None = None
+        #: a run that was asked for and has not begun: it waits for the robot, for example
+        self._pending: Run | None = None
         #: called with the time [s on the clock] and the velocity of each message sent
         self.on_sent: Callable[[float, Velocity], None] = _ignore
         #: called with the time [s on the clock] when the first message of a run was sent: t = 0
@@ -120,18 +123,34 @@ class PublisherEdge:
         with self._lock:
             self._access = Access.CLOSED
 
-    def begin(self, max_gap: float) -> Run:
+    def prepare(self) -> Run:
+        """
+        Make a run that has not begun; ``cancel`` ends it from now on, whatever it waits for.
+
+        :returns: the run, for ``begin``
+        """
+        run = Run()
+        with self._lock:
+            self._pending = run
+        return run
+
+    def begin(self, max_gap: float, run: Run | None = None) -> Run:
         """
         Begin a run; the one before it may send no more.
 
         :param max_gap: the longest time between two of its messages [s]
+        :param run: what ``prepare`` returned; None for a run that nobody had to wait for
         :returns: the run, which ``send`` asks for
-        :raises MotionRefusedError: if the robot is not ours or the latch is set
+        :raises ControlError: if it was cancelled already, the robot is not ours or the latch is
+            set
         """
-        run = Run(max_gap)
+        run = run or Run()
         with self._lock:
+            if run.ended_by is not None:
+                raise run.ended_by
             self._require_permission()
-            self._run = run
+            run.max_gap = max_gap
+            self._run, self._pending = run, None
         return run
 
     def send(self, run: Run, velocity: Velocity) -> None:
@@ -170,14 +189,15 @@ class PublisherEdge:
 
     def cancel(self, reason: ControlError) -> Run | None:
         """
-        End the newest run: it sends no more, and its thread hears the reason.
+        End the newest run, and the one that has not begun: neither sends from now on.
 
-        :param reason: what ``send`` and ``check`` raise for it from now on
-        :returns: the run, or None if there never was one
+        :param reason: what ``begin``, ``send`` and ``check`` raise for them from now on
+        :returns: the newest run that began, or None if there never was one
         """
         with self._lock:
-            if self._run is not None and self._run.ended_by is None:
-                self._run.ended_by = reason
+            for run in (self._run, self._pending):
+                if run is not None and run.ended_by is None:
+                    run.ended_by = reason
             return self._run
 
     def zero(self, after: Run | None) -> bool:

@@ -23,6 +23,7 @@ import sys
 import time
 from typing import NoReturn, TYPE_CHECKING
 
+from kachaka_simple_control.errors import RobotTakenError
 from kachaka_simple_control.robot.ending import Ending
 from kachaka_simple_control.robot.fidelity import Fidelity
 from kachaka_simple_control.robot.fidelity_options import add_figures, fidelity
@@ -76,6 +77,9 @@ class _Verdict:
         self.text = self.text or text
         self._ending.end()
 
+    def rival_found(self, rival: str) -> None:
+        self.give_up(f'another bridge shows a robot under the same names: {rival}; both end')
+
 
 def main(args: Sequence[str] | None = None) -> int:
     """
@@ -107,13 +111,14 @@ def _main(args: list[str], ending: Ending) -> None:
         options, how = _parse(remove_ros_args(args))
         namespace = '/' + options.namespace.strip('/')
         validate_namespace(namespace)
-        make = _real(options, verdict) if options.address else _simulated(options, how)
+        make = (_real(options, verdict) if options.address
+                else _simulated(options, how, verdict))
         if is_told_to_stay():
             stay_on_this_machine()
         avoid_shared_memory()
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make(namespace)
-    except UnreachableError as error:
+    except (UnreachableError, RobotTakenError) as error:
         raise _EndedError(NO_ROBOT, error) from None
     except (RuntimeError, NameValidationException) as error:
         raise _EndedError(BAD_USAGE, error) from None
@@ -128,7 +133,8 @@ def _main(args: list[str], ending: Ending) -> None:
 
 
 def _simulated(
-        options: argparse.Namespace, how: Fidelity) -> Callable[[str], BridgeNode]:
+        options: argparse.Namespace, how: Fidelity,
+        verdict: _Verdict) -> Callable[[str], BridgeNode]:
     """Return what makes the node of a simulated robot, told the namespace."""
     try:
         from kachaka_simple_control.robot.bridge_node import KachakaBridge
@@ -137,7 +143,7 @@ def _simulated(
 
     def make(namespace: str) -> BridgeNode:
         robot = SimulatedKachaka(time.monotonic(), how, options.docked, options.seed)
-        return KachakaBridge(robot, namespace, options.frame_prefix)
+        return KachakaBridge(robot, namespace, options.frame_prefix, verdict.rival_found)
 
     return make
 
@@ -157,7 +163,7 @@ def _real(options: argparse.Namespace, verdict: _Verdict) -> Callable[[str], Bri
     def make(namespace: str) -> BridgeNode:
         return RealBridge(
             meeting, namespace, options.frame_prefix,
-            *([verdict.give_up] if options.give_up else []))
+            verdict.give_up if options.give_up else lambda _: None, verdict.rival_found)
 
     return make
 

@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import time
 
 from geometry_msgs.msg import Twist
@@ -28,9 +29,11 @@ from kachaka_simple_control.robot.simulated import (
 )
 from kachaka_simple_control.robot.spinners import NodeSpinner, Spinner
 from kachaka_simple_control.ros import messages
+from kachaka_simple_control.ros.claim import RobotClaim
 from nav_msgs.msg import Odometry
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import qos_profile_sensor_data
@@ -47,13 +50,19 @@ ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
 class BridgeNode(Node):
     """The topics, the service and the quality of service of the official bridge."""
 
-    def __init__(self, namespace: str) -> None:
+    def __init__(
+            self, namespace: str, on_rival: Callable[[str], None] = lambda _: None) -> None:
         """
-        Listen from now on.
+        Listen from now on, unless another bridge shows a robot under the same names.
 
         :param namespace: where its topics and its service are
+        :param on_rival: called with who else does, when that turns out later
+        :raises RobotTakenError: if another bridge does
         """
         super().__init__(NODE, namespace=namespace, start_parameter_services=False)
+        self._claim = RobotClaim(
+            self, self.resolve_topic_name(KACHAKA.velocity_topic), 'bridge', on_rival)
+        self._take_claim()
         service = KACHAKA.manual_control_service
         assert service is not None, 'a Kachaka has one'
         self._subscription = self.create_subscription(
@@ -105,6 +114,16 @@ class BridgeNode(Node):
         """
         raise NotImplementedError
 
+    def _take_claim(self) -> None:
+        # Claims of others are heard before anybody else serves callbacks.
+        executor = SingleThreadedExecutor(context=self.context)
+        executor.add_node(self)
+        try:
+            self._claim.take(lambda: executor.spin_once(timeout_sec=0.0))
+        finally:
+            executor.remove_node(self)
+            executor.shutdown()
+
     def _on_set_enabled(
             self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         response.message = self.set_manual_control(request.data)
@@ -121,15 +140,18 @@ class KachakaBridge(BridgeNode):
     """
 
     def __init__(
-            self, robot: SimulatedKachaka, namespace: str, frame_prefix: str = '') -> None:
+            self, robot: SimulatedKachaka, namespace: str, frame_prefix: str = '',
+            on_rival: Callable[[str], None] = lambda _: None) -> None:
         """
         Show a robot from now on.
 
         :param robot: the robot
         :param namespace: where its topics and its service are
         :param frame_prefix: put before the names of the frames as it is
+        :param on_rival: called when another bridge shows a robot under the same names
+        :raises RobotTakenError: if another bridge does already
         """
-        super().__init__(namespace)
+        super().__init__(namespace, on_rival)
         self._robot = robot
         self._frame_id = frame_prefix + ODOMETRY_FRAME
         self._child_frame_id = frame_prefix + ROBOT_FRAME

@@ -160,6 +160,16 @@ class SimulationProcess:
         if self.is_over:
             raise self.failure
 
+    def require_participant(self) -> bytes | None:
+        """
+        Return who it is among all that publish and subscribe.
+
+        :returns: its DDS participant; None as long as it has not said so
+        :raises ControlError: if the process has ended
+        """
+        self.check()
+        return self.participant
+
     def wait_until_ready(self) -> None:
         """
         Return when it listens.

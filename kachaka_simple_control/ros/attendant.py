@@ -21,6 +21,7 @@ from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.execution.guardian import Guardian, Unguarded
 from kachaka_simple_control.execution.renewal import Renewal
 from kachaka_simple_control.execution.stillness import Stillness
+from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.robot_link import RobotLink
 
 #: How often to look whether anybody came or left, by numbers alone [s].
@@ -39,6 +40,7 @@ class Attendant:
     :param guardian: who is shown signs of life
     :param renewal: what keeps manual control
     :param link: what the graph tells of the robot
+    :param foreign: listens while others have a publisher of velocities
     :param odometry: what odometry tells
     :param odometry_timeout: how long odometry may be silent [s]; 0 for ever
     :param needs_renewal: whether this robot needs manual control at all
@@ -46,21 +48,21 @@ class Attendant:
 
     def __init__(
             self, guardian: Guardian | Unguarded, renewal: Renewal, link: RobotLink,
-            odometry: Stillness, odometry_timeout: float, needs_renewal: bool) -> None:
+            foreign: ForeignMessages, odometry: Stillness, odometry_timeout: float,
+            needs_renewal: bool) -> None:
         """Have looked at nothing yet."""
         self._guardian = guardian
         self._renewal = renewal
         self._link = link
+        self._foreign = foreign
         self._odometry = odometry
         self._odometry_timeout = odometry_timeout
         self._needs_renewal = needs_renewal
-        self._has_odometry = False
         self._looked = self._glanced = self._listened = float('-inf')
 
     def met(self) -> None:
-        """Take note that a robot has just been met: odometry it has now, it must keep."""
+        """Take note that a robot has just been met."""
         self._link.met()
-        self._has_odometry = self._odometry.silence(time.monotonic()) is not None
 
     def tick(self, rest: float) -> None:
         """
@@ -90,13 +92,13 @@ class Attendant:
 
     def has_lost_robot(self, now: float) -> bool:
         """
-        Tell whether odometry, which was there when the robot was met, has fallen silent.
+        Tell whether odometry has fallen silent, which was heard at least once.
 
         :param now: the time [s]
         :returns: whether it has been silent for longer than it may
         """
         silence = self._odometry.silence(now)
-        if not self._has_odometry or silence is None or not self._odometry_timeout:
+        if silence is None or not self._odometry_timeout:
             return False
         return silence > self._odometry_timeout
 
@@ -104,7 +106,8 @@ class Attendant:
         if self._link.has_changed() or now - self._looked >= LOOK:
             self._looked = now
             self._link.require_same_robot()
-            self._link.require_alone()
+            self._link.require_one_robot()
+            self._foreign.update()
 
     def _require_odometry(self, now: float) -> None:
         if self.has_lost_robot(now):

@@ -25,7 +25,7 @@ from rclpy.node import Node
 
 def guard(
         node: Node, publisher: VelocityPublisher, profile: RobotProfile, settings: Settings,
-) -> Guardian | Unguarded:
+        claim: int) -> Guardian | Unguarded:
     """
     Start a guardian for a publisher, unless none is wanted.
 
@@ -33,6 +33,7 @@ def guard(
     :param publisher: the publisher of velocities; the guardian's is of the same kind
     :param profile: the kind of robot
     :param settings: whether a guardian is wanted
+    :param claim: a descriptor that it keeps open as long as it is there: the claim on the robot
     :returns: the guardian, or what stands in for it
     """
     if not settings.guardian:
@@ -42,4 +43,4 @@ def guard(
         profile.frame]
     return Guardian(
         [*child.command('kachaka_simple_control.ros.guardian_process'), *map(str, arguments)],
-        child.environment())
+        child.environment(), claim)

@@ -82,6 +82,17 @@ def is_told_to_stay() -> bool:
     return os.environ.get(RANGE) == 'LOCALHOST'
 
 
+def is_kept_to_this_machine() -> bool:
+    """
+    Tell whether this process finds nobody on other machines.
+
+    :returns: whether it was told so, by ROS's own variables or by ``stay_on_this_machine``
+    """
+    if is_told_to_stay() or os.environ.get(LOCALHOST_ONLY) == '1':
+        return not os.environ.get(PEERS)
+    return str(LOOPBACK) in (os.environ.get(name) for name in PROFILES.values())
+
+
 def _choose(profile: Path) -> bool:
     """Let Fast DDS read a profile of ours; return whether it will."""
     version = _fast_dds()

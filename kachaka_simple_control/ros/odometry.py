@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
+import math
 import time
 from typing import Any
 
@@ -60,7 +61,10 @@ def listen_to_odometry(
         if message.header.frame_id != frame:
             frame = message.header.frame_id
             on_frame(frame)
-        on_odometry(time.monotonic(), pose(message), velocity(message.twist.twist))
+        place, speed = pose(message), velocity(message.twist.twist)
+        # What is no number is no odometry: it is left out, as if nothing had come.
+        if math.isfinite(place.x + place.y + place.theta + speed.linear_x + speed.angular_z):
+            on_odometry(time.monotonic(), place, speed)
 
     # Best effort, as the robot publishes it: a reliable subscription would hear nothing.
     with_quality(lambda options: node.create_subscription(

@@ -35,8 +35,7 @@ class RobotLink:
 
     def __init__(
             self, node: Node, names: RobotNames, publisher: VelocityPublisher,
-            manual_control: ManualControl, guardian: Guardian | Unguarded,
-            allow_others: bool) -> None:
+            manual_control: ManualControl, guardian: Guardian | Unguarded) -> None:
         """
         Look at nothing yet.
 
@@ -45,13 +44,11 @@ class RobotLink:
         :param publisher: the publisher of velocities
         :param manual_control: what the robot may need beside a subscription
         :param guardian: who publishes zeros for us
-        :param allow_others: whether others may publish velocities, too
         """
         self._node = node
         self._publisher = publisher
         self._manual_control = manual_control
         self._guardian = guardian
-        self._allow_others = allow_others
         self._service = names.manual_control
         self._odometry = node.resolve_topic_name(names.odometry) if names.odometry else None
         self._participant = own_participant(node)
@@ -80,7 +77,7 @@ class RobotLink:
 
     def wait(self, timeout: float, check: Callable[[], None]) -> None:
         """
-        Wait until the robot listens to us, and to nobody else.
+        Wait until the robot listens to us.
 
         :param timeout: how long [s]
         :param check: called while waiting; what it raises ends the wait
@@ -136,20 +133,18 @@ class RobotLink:
             raise RunFaultError(
                 f'the robot left: who subscribes to {self._publisher.topic_name} now came later')
 
-    def require_alone(self) -> None:
+    def require_one_robot(self) -> None:
         """
-        Make sure that nobody else drives the robot, unless that is allowed, and it is one robot.
+        Make sure that it is one robot that obeys.
 
-        :raises RunFaultError: if that is not so; a newcomer is seen when discovery has found it
+        :raises RunFaultError: if there are more; a newcomer is seen when discovery has found it
         """
-        if not self._allow_others and (others := self.others()):
-            raise RunFaultError(self._not_alone(others))
         if (robots := len(self._robots())) > 1:
             raise RunFaultError(self._not_one(robots))
 
     def others(self) -> list[str]:
         """
-        Return who else publishes velocities.
+        Return who else has a publisher of velocities, which may never send any.
 
         :returns: the names of their nodes, where the graph tells them
         """
@@ -186,8 +181,6 @@ class RobotLink:
         """Return what keeps the robot from being taken; nothing if it can be."""
         if not self.is_listening:
             return self._no_subscriber()
-        if not self._allow_others and (others := self.others()):
-            return self._not_alone(others)
         return self._no_robot()
 
     def _no_robot(self) -> str:
@@ -211,11 +204,6 @@ class RobotLink:
         if types and not any(kind.endswith('/' + wanted) for kind in types):
             return f'its subscriber takes {", ".join(sorted(types))}, not {wanted}'
         return 'nobody subscribes to it'
-
-    def _not_alone(self, others: list[str]) -> str:
-        return (f'somebody else publishes on {self._publisher.topic_name} (node '
-                f'{", ".join(others)}): stop that program (one that was killed is still counted '
-                'for 20 s), or set the parameter allow_other_publishers to true')
 
     def _not_one(self, robots: int) -> str:
         return (f'{robots} robots publish {self._odometry}, and each of them would obey; stop all '

@@ -26,33 +26,34 @@ from std_srvs.srv import Trigger
 class RunService:
     """The service ``~/run``: starts a drive, one at a time, and answers at once."""
 
-    def __init__(self, node: Node, drive: Callable[[], None]) -> None:
+    def __init__(self, node: Node, prepare: Callable[[], Callable[[], None]]) -> None:
         """
         Offer it.
 
         :param node: whose service it is
-        :param drive: what each request starts; its errors are told, and end nothing else
+        :param prepare: accepts a drive for each request, or raises why not, and returns what
+            drives; a stop ends the drive from then on
         """
         self._node = node
-        self._drive = drive
-        self._driving = threading.Lock()
+        self._prepare = prepare
         service = node.create_service(Trigger, '~/run', self._on_request)
         node.get_logger().info(f'Standing by: call {service.srv_name} to start, ~/stop to stop')
 
     def _on_request(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request
-        response.success = self._driving.acquire(blocking=False)
-        response.message = 'started' if response.success else 'a motion is running already'
-        if response.success:
-            # A callback must return soon, so the drive gets a thread of its own.
-            threading.Thread(target=self._run, name='drive', daemon=True).start()
+        try:
+            drive = self._prepare()
+        except ControlError as error:
+            response.message = str(error)
+            return response
+        # A callback must return soon, so the drive gets a thread of its own.
+        threading.Thread(target=self._run, args=(drive,), name='drive', daemon=True).start()
+        response.success, response.message = True, 'started'
         return response
 
-    def _run(self) -> None:
+    def _run(self, drive: Callable[[], None]) -> None:
         try:
-            self._drive()
+            drive()
         except ControlError as error:
             self._node.get_logger().error(str(error))
-        finally:
-            self._driving.release()

@@ -21,6 +21,7 @@ import threading
 import time
 
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, RunFaultError
+from kachaka_simple_control.execution.drive_requests import DriveRequest, DriveRequests
 from kachaka_simple_control.execution.playing import play
 from kachaka_simple_control.execution.publisher_edge import Access, PublisherEdge
 from kachaka_simple_control.execution.renewal import Renewal
@@ -29,6 +30,8 @@ from kachaka_simple_control.execution.stopping import INTERVAL, Stopper
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.robot.robot_profile import RobotProfile
 from kachaka_simple_control.ros.attendant import Attendant
+from kachaka_simple_control.ros.claim import RobotClaim
+from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.guarding import guard
 from kachaka_simple_control.ros.manual_control import ManualControl
 from kachaka_simple_control.ros.names import RobotNames
@@ -68,68 +71,94 @@ class Session:
         """
         self._node = node
         self._hold = profile.hold
+        #: where odometry should come from; None if nobody waits for it
+        self._odometry_topic = names.odometry if settings.odometry_timeout else None
         self._settings = settings
         #: what odometry tells of the robot's velocity
         self.odometry = Stillness()
-        self._guardian = guard(node, publisher, profile, settings)
+        self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._rival_found)
+        self._publisher = publisher
+        self._guardian = guard(node, publisher, profile, settings, self._claim.fileno())
         self.edge = PublisherEdge(
             publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending)
         self._manual_control = ManualControl(
-            node, names.manual_control, self._require_not_halted, profile.manual_control_timeout)
+            node, names.manual_control, self._require_wanted, profile.manual_control_timeout)
         self._link = RobotLink(
-            node, names, publisher, self._manual_control, self._guardian,
-            settings.allow_other_publishers)
+            node, names, publisher, self._manual_control, self._guardian)
+        self._foreign = ForeignMessages(
+            node, publisher,
+            list if settings.allow_other_publishers else self._link.others,
+            # Who halts this node sets the latch, too; the guardian is silent then.
+            lambda: self._guardian.latch.is_set and self._halted_by is None, self._foreign_heard)
         self._stopper = Stopper(self.edge, profile.hold, self._guardian, self._still_moves)
         self._renewal = Renewal(
             lambda: self._manual_control.ask(True), patience=profile.hold - 1.0 / settings.rate)
         self._attendant = Attendant(
-            self._guardian, self._renewal, self._link, self.odometry, settings.odometry_timeout,
-            self._manual_control.is_needed)
+            self._guardian, self._renewal, self._link, self._foreign, self.odometry,
+            settings.odometry_timeout, self._manual_control.is_needed)
         self._spinner = BackgroundSpinner(node, self._callback_failed)
-        self._driving = threading.Lock()
+        self._requests = DriveRequests(self.edge, 1.0 / settings.rate)
+        self._request: DriveRequest | None = None
         self._closing = threading.Lock()
         self._halted_by: ControlError | None = None
         self._halted = threading.Event()
         self._is_met = False
         self._is_given_back = False
+        #: whether somebody was told that the last stop could not be confirmed
+        self._is_told = False
         #: how it stands with the robot, for those who show it
         self.lookout = Lookout(
             self.edge, self._link, self._guardian, self.odometry, self._manual_control,
             lambda: self._halted_by)
 
-    @contextlib.contextmanager
-    def turn(self) -> Iterator[None]:
+    def request(self, elsewhere: bool = False) -> DriveRequest:
         """
-        Have the robot to oneself for one drive.
+        Ask for a drive; a stop ends it from now on, whatever it waits for.
 
-        :returns: a context manager, in which ``drive`` may be called
-        :raises MotionRefusedError: if it is somebody else's turn, or this is no thread to drive in
+        :param elsewhere: whether another thread will drive
+        :returns: the request, for ``serving`` and ``drive``
+        :raises ControlError: if another drive is under way, nothing may move any more, or this is
+            no thread to drive in
         """
-        self._require_other_thread()
-        if not self._driving.acquire(blocking=False):
-            raise MotionRefusedError('a motion is running already; wait for its end, or stop it')
+        self._require_not_halted()
+        if not elsewhere:
+            self._require_other_thread()
+        return self._requests.accept()
+
+    @contextlib.contextmanager
+    def serving(self, request: DriveRequest) -> Iterator[None]:
+        """
+        Have the robot to oneself for the drive that was asked for.
+
+        :param request: what ``request`` returned; it is over at the end of the block
+        :returns: a context manager, in which ``drive`` may be called
+        """
+        is_whole = False
         try:
             yield
+            is_whole = True
         finally:
-            self._driving.release()
+            self._requests.finish(request, is_whole)
 
-    def drive(self, plan: Plan) -> None:
+    def drive(self, plan: Plan, request: DriveRequest) -> None:
         """
-        Drive a plan, and leave the robot at rest; to be called in one's turn.
+        Drive a plan, and leave the robot at rest; to be called while serving a request.
 
         :param plan: what to drive
+        :param request: the request
         :raises ControlError: if the robot cannot be taken or the run could not go on
         """
+        self._request, self._is_told = request, False
         try:
             self._stopper.keep_quiet()
             self._take()
-            run = play(plan, self.edge, self._hold, self._attendant)
+            run = play(plan, self.edge, self._hold, self._attendant, prepared=request.run)
             self._guardian.rest()
             self._stopper.stop_unless_more(run, within=plan.period)
         except BaseException as error:
             # KeyboardInterrupt and SystemExit too: whoever leaves here leaves a robot at rest.
             self._is_met = False
-            self.stop(_reason(error))
+            self._stop(_reason(error))
             self._require_no_intervention()
             raise
 
@@ -137,17 +166,14 @@ class Session:
         """
         Stop the robot, and return when that is done; nothing is sent if it never moved.
 
-        :param reason: what a motion under way in another thread is told
-        :returns: whether the robot stands still for all this program knows of it
+        :param reason: what a motion under way, or about to begin, in another thread is told
+        :returns: whether there was anything to stop: not before the robot was taken
+        :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
         """
-        try:
-            self._stopper.stop(reason)
-        except Exception as error:  # the context is gone: nobody can publish any more
-            self._node.get_logger().error(f'The stop could not be sent: {error}')
-            return False
-        if self.odometry.moves(time.monotonic()):
-            self._node.get_logger().warning(
-                'The stop is unconfirmed: zeros were sent, and odometry still sees the robot move')
+        self._requests.note_stop(reason)
+        if (failure := self._stop(reason)) is not None:
+            self._is_told = True
+            raise RunFaultError(failure)
         return self.edge.access is not Access.NOT_YET
 
     def halt(self, reason: ControlError) -> None:
@@ -159,7 +185,9 @@ class Session:
         self._halted_by = self._halted_by or reason
         self._halted.set()
         self._guardian.latch.trip()
-        self.stop(reason)
+        if (failure := self._stop(reason)) is not None and not self._is_told:
+            self._is_told = True
+            self._node.get_logger().error(failure)
 
     def close(self) -> None:
         """Stop the robot, give it back, and serve callbacks no more; nothing is sent after."""
@@ -171,6 +199,7 @@ class Session:
                 self._guardian.dismiss()
                 self._give_back()
                 self._is_given_back = True
+                self._claim.release()
             self._spinner.stop()
 
     def serve_until_halted(self) -> None:
@@ -208,20 +237,28 @@ class Session:
         """Meet the robot and switch its manual control on; at once if that was done already."""
         self._require_not_halted()
         self._spinner.ensure()
+        self._claim.require()
         if not (self._is_met and self._link.is_listening):
             self._meet()
         elif self._manual_control.is_needed and self._renewal.is_stale(time.monotonic()):
             self._switch_manual_control_on()
 
     def _meet(self) -> None:
-        self._link.wait(self._settings.robot_timeout, self._require_not_halted)
+        self._link.wait(self._settings.robot_timeout, self._require_wanted)
+        # Nothing may have been published or asked for before these two.
+        self._claim.take(self._require_wanted)
+        self._foreign.require_silence(self._require_wanted)
         if self._manual_control.is_needed:
             self._switch_manual_control_on()
-        self._link.wait_for_guardian(self._settings.robot_timeout, self._require_not_halted)
+        self._link.wait_for_guardian(self._settings.robot_timeout, self._require_wanted)
         self.edge.admit()
         self._prime()
         self._attendant.met()
         self._is_met = True
+        if self._odometry_topic is not None and self.odometry.silence(time.monotonic()) is None:
+            self._node.get_logger().warning(
+                f'No odometry has come on {self._odometry_topic} yet: until some does, a robot '
+                'that is lost is noticed only when its subscription goes, which may take 20 s')
 
     def _switch_manual_control_on(self) -> None:
         asked = time.monotonic()
@@ -232,8 +269,9 @@ class Session:
         """Send zeros for a while: a reader matches later than its writer sees it."""
         end, wanted = time.monotonic() + self._settings.prime_time, self._guardian.primed
         while time.monotonic() < end:
-            self._require_not_halted()
+            self._require_wanted()
             self.edge.zero(after=self.edge.run)
+            self._publisher.sent.note_guardian(time.monotonic())
             self._guardian.prime()
             wanted += 1
             time.sleep(INTERVAL)
@@ -243,10 +281,12 @@ class Session:
 
     def _give_back(self) -> None:
         wanted = self._settings.release_manual_control and self._manual_control.was_asked
-        # Somebody else may drive the robot by now.
-        if not (wanted and self._node.context.ok()) or self._link.others():
+        if not (wanted and self._node.context.ok()):
             return
         self._spinner.ensure(take_over=True)
+        # Somebody else may drive the robot by now, under manual control.
+        if self._foreign.is_heard(time.monotonic()) or self._foreign.listen():
+            return
         if not self._manual_control.give_back(FAREWELL):
             self._node.get_logger().warning(
                 f'The robot did not confirm within {FAREWELL:g} s that manual control is off; it '
@@ -258,7 +298,24 @@ class Session:
         # What a dead link has not delivered waits in the kernel for 3 s, velocities too.  They
         # must have gone before our publisher does: with it, a reader drops the zeros after them.
         wanted = self.odometry.moves(now) or self._attendant.has_lost_robot(now)
-        return wanted and not self._link.others()
+        return wanted and not self._foreign.is_heard(now)
+
+    def _stop(self, reason: ControlError) -> str | None:
+        """Stop the robot, and return what went wrong, if anything did."""
+        try:
+            self._stopper.stop(reason)
+        except Exception as error:  # the context is gone: nobody can publish any more
+            return f'the stop could not be sent: {error}'
+        if self.odometry.moves(time.monotonic()):
+            return ('the stop is unconfirmed: zeros were sent, and odometry still sees the robot '
+                    'move')
+        return None
+
+    def _require_wanted(self) -> None:
+        """Raise what ended the drive that waits for the robot, if anything did."""
+        self._require_not_halted()
+        if self._request is not None and self._request.run.ended_by is not None:
+            raise self._request.run.ended_by
 
     def _require_not_halted(self) -> None:
         if self._halted_by is not None:
@@ -274,6 +331,21 @@ class Session:
             raise MotionRefusedError(
                 'a motion cannot run in a callback of its own node: it would wait for callbacks '
                 'that wait for it. Start it in a thread, or from the main program')
+
+    def _foreign_heard(self, sender: str) -> None:
+        """End the run at once; the thread that drives sends the stop."""
+        self._end_run(RunFaultError(
+            f'{sender} sends velocities on {self._publisher.topic_name}, so the motion was given '
+            'up; stop that program, or set the parameter allow_other_publishers to true'))
+
+    def _rival_found(self, rival: str) -> None:
+        self._end_run(RunFaultError(
+            f'another program drives the robot as well: {rival}; both stop'))
+
+    def _end_run(self, reason: ControlError) -> None:
+        run = self.edge.cancel(reason)
+        if run is not None and run.ended_by is reason:
+            self.edge.zero(after=run)
 
     def _callback_failed(self, error: BaseException) -> None:
         self.halt(RunFaultError(f'a callback failed: {type(error).__name__}: {error}'))

@@ -32,11 +32,10 @@ TYPES = {'Twist': Twist, 'TwistStamped': TwistStamped}
 
 class VelocityMessage:
     """
-    Makes messages of velocities, one at a time.
+    Makes messages of velocities, as the bytes that go on the wire, one at a time.
 
     The same velocity comes again and again, and a message takes longer to make than to send: each
-    is kept, as the bytes that go on the wire, until another velocity is wanted.  A stamped one
-    cannot be kept so: its time is new each time.
+    is kept until another velocity is wanted.  Of a stamped one, the time is new each time.
     """
 
     def __init__(self, name: str, frame: str, now: Callable[[], Time]) -> None:
@@ -51,24 +50,39 @@ class VelocityMessage:
         self._frame = frame
         self._now = now
         self._velocity = ZERO
-        self._message = self._make(ZERO)
+        self._message: Twist | TwistStamped
+        self._data: bytes
+        self._make(ZERO)
 
-    def of(self, velocity: Velocity) -> bytes | TwistStamped:
+    def of(self, velocity: Velocity) -> bytes:
         """
         Return a velocity as what a publisher takes.
 
         :param velocity: the velocity
-        :returns: the message, which is good until the next is asked for
+        :returns: the message
         """
         if velocity is not self._velocity:
-            self._velocity, self._message = velocity, self._make(velocity)
+            self._make(velocity)
         if isinstance(self._message, TwistStamped):
             self._message.header.stamp = self._now()
-        return self._message
+            self._data = bytes(serialize_message(self._message))
+        return self._data
 
-    def _make(self, velocity: Velocity) -> bytes | TwistStamped:
-        if self.type is Twist:
-            return serialize_message(twist(velocity))
-        message = TwistStamped(twist=twist(velocity))
-        message.header.frame_id = self._frame
-        return message
+    def _make(self, velocity: Velocity) -> None:
+        self._velocity = velocity
+        self._message = twist(velocity)
+        if self.type is TwistStamped:
+            self._message = TwistStamped(twist=self._message)
+            self._message.header.frame_id = self._frame
+        self._data = bytes(serialize_message(self._message))
+
+
+def is_zero(data: bytes) -> bool:
+    """
+    Tell whether a message is a zero.
+
+    :param data: a Twist or a TwistStamped, as it comes from the wire
+    :returns: whether all its velocities are 0
+    """
+    # Six doubles come last in either.
+    return not any(data[-48:])

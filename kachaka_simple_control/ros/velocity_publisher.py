@@ -15,9 +15,11 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 from kachaka_simple_control.errors import MotionRefusedError
+from kachaka_simple_control.execution.sent_messages import SentMessages
 from kachaka_simple_control.motion.kinematics import Velocity
 from kachaka_simple_control.ros.velocity_message import VelocityMessage
 from rclpy.node import Node
@@ -44,6 +46,8 @@ class VelocityPublisher:
         """
         self._publisher = node.create_publisher(message.type, topic, DEPTH)
         self._message = message
+        #: what went out, to tell it from what others send
+        self.sent = SentMessages()
 
     def transmit(self, velocity: Velocity) -> None:
         """
@@ -51,7 +55,9 @@ class VelocityPublisher:
 
         :param velocity: what to publish
         """
-        self._publisher.publish(self._message.of(velocity))
+        data = self._message.of(velocity)
+        self.sent.note(time.monotonic(), data)
+        self._publisher.publish(data)
 
     def publish(self, msg: Any) -> None:  # noqa: ARG002
         """

@@ -47,7 +47,8 @@ class RealBridge(BridgeNode):
 
     def __init__(
             self, meeting: Meeting, namespace: str, frame_prefix: str = '',
-            give_up: Callable[[str], None] = lambda _: None) -> None:
+            give_up: Callable[[str], None] = lambda _: None,
+            on_rival: Callable[[str], None] = lambda _: None) -> None:
         """
         Show a robot from now on.
 
@@ -55,9 +56,11 @@ class RealBridge(BridgeNode):
         :param namespace: where its topics and its service are
         :param frame_prefix: put before the names of the frames as it is
         :param give_up: called with the reason when motions are cut short
+        :param on_rival: called when another bridge shows a robot under the same names
+        :raises RobotTakenError: if another bridge does already
         """
         self._speaker = Speaker(self._log)
-        super().__init__(namespace)
+        super().__init__(namespace, on_rival)
         self._address: Address = meeting.address
         self._identity = meeting.identity
         self._frame_prefix = frame_prefix

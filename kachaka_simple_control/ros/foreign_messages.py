@@ -1,0 +1,143 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Velocities that others send to our robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+
+from kachaka_simple_control.errors import RobotTakenError
+from kachaka_simple_control.ros.velocity_message import is_zero
+from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.ros.waiting import wait_until
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+#: For how long whoever may drive the robot is listened to before it is taken, or given back [s]:
+#: longer than a Kachaka keeps a velocity, so whoever drives one sends within it.
+LISTEN = 0.4
+#: Somebody whose message is older than this [s] does not drive any more.
+RECENT = 1.0
+#: Best effort hears everybody; the depth is for a thread that is held up for a moment.
+QUALITY = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+#: What stands in place of a node's name that discovery does not tell, as between distros.
+UNKNOWN = '_NODE_NAME_UNKNOWN_'
+
+
+class ForeignMessages:
+    """
+    Listens to the velocities of a robot, while somebody else has a publisher of them.
+
+    A publisher alone says nothing: it may never send.  While none of others is listed, nobody
+    listens, and it costs nothing.
+    """
+
+    def __init__(
+            self, node: Node, publisher: VelocityPublisher, others: Callable[[], list[str]],
+            is_latched: Callable[[], bool], on_message: Callable[[str], None]) -> None:
+        """
+        Listen to nobody yet.
+
+        :param node: the node that publishes
+        :param publisher: its publisher of velocities
+        :param others: returns the names of the nodes of others that have a publisher
+        :param is_latched: tells whether the guardian stops the robot: then zeros are its own
+        :param on_message: called with who may have sent it, for each message of others, in the
+            thread that serves callbacks
+        """
+        self._node = node
+        self._publisher = publisher
+        self._others = others
+        self._is_latched = is_latched
+        self._on_message = on_message
+        self._subscription: Subscription | None = None
+        self._names: list[str] = []
+        self._heard = float('-inf')
+        #: whether somebody waits for the answer, who need not be told as well
+        self._is_asked = False
+        # In a group of its own, so that no other callback holds it up.
+        self._group = MutuallyExclusiveCallbackGroup()
+
+    def update(self) -> bool:
+        """
+        Look who else has a publisher, and listen as long as somebody has.
+
+        :returns: whether somebody has
+        """
+        self._names = self._others()
+        if self._names and self._subscription is None:
+            self._publisher.sent.begin(time.monotonic())
+            self._subscription = self._node.create_subscription(
+                self._publisher.msg_type, self._publisher.topic_name, self._hear, QUALITY,
+                callback_group=self._group, raw=True)
+        elif not self._names and self._subscription is not None:
+            subscription, self._subscription = self._subscription, None
+            self._node.destroy_subscription(subscription)
+        return bool(self._names)
+
+    def is_heard(self, now: float) -> bool:
+        """
+        Tell whether somebody else drives the robot.
+
+        :param now: the time [s on the steady clock]
+        :returns: whether a message of others came a short time ago
+        """
+        return now - self._heard <= RECENT
+
+    def listen(self, check: Callable[[], None] = lambda: None) -> bool:
+        """
+        Listen for a while whether somebody else drives the robot; at once if nobody could.
+
+        :param check: called while waiting; what it raises ends the wait
+        :returns: whether somebody does
+        """
+        if not self.update():
+            return False
+        self._is_asked = True
+        try:
+            return wait_until(lambda: self.is_heard(time.monotonic()), LISTEN, check)
+        finally:
+            self._is_asked = False
+
+    def require_silence(self, check: Callable[[], None]) -> None:
+        """
+        Make sure that nobody else drives the robot; for use before it is taken.
+
+        :param check: called while waiting; what it raises ends the wait
+        :raises RobotTakenError: if somebody does
+        """
+        if self.listen(check):
+            raise RobotTakenError(
+                f'{self.sender()} sends velocities on {self._publisher.topic_name}; nothing was '
+                'sent. Stop that program, or set the parameter allow_other_publishers to true')
+
+    def sender(self) -> str:
+        """Return who may have sent what was heard, as far as that can be known."""
+        if UNKNOWN in self._names:
+            self._names = self._others() or self._names  # discovery tells names last
+        names = sorted({
+            'with a name that is not told here' if name == UNKNOWN else name
+            for name in self._names})
+        return f'somebody else (node {" or ".join(names)})'
+
+    def _hear(self, data: bytes) -> None:
+        now, zero = time.monotonic(), is_zero(data)
+        if self._publisher.sent.accounts_for(data, zero, now) or (zero and self._is_latched()):
+            return
+        self._heard = now
+        if not self._is_asked:
+            self._on_message(self.sender())

@@ -1,0 +1,198 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The one that drives keeps the robot: newcomers on this machine and on others."""
+
+import os
+import signal
+import time
+
+from program import COMMAND, is_running, program, script
+import pytest
+from ros_support import bridge, BridgeProcess, wait_until
+
+pytestmark = pytest.mark.ros
+pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+
+#: A movement of our own speed, so that it is known whose a velocity is.
+DRIVE = """
+import rclpy
+from kachaka_simple_control import KachakaSimpleControl
+rclpy.init()
+node = KachakaSimpleControl()
+node.move_robot({speed}, 0.0, {duration})
+"""
+#: A script as on another machine: no kernel decides, and the topic is used.
+ELSEWHERE = """
+from kachaka_simple_control.execution.machine_claim import MachineClaim
+from kachaka_simple_control.ros import claim
+MachineClaim.take = lambda self, name, who: None
+claim.is_kept_to_this_machine = lambda: False
+"""
+#: One that discovery lets hear of others only when it is too late.
+UNAWARE = """
+from kachaka_simple_control.execution.claims import Claims
+claim.LOOK = claim.SETTLE = 0.0
+Claims.rival = lambda self, now: None
+"""
+
+
+def folders(tmp_path, *names):
+    """Return folders, one a program."""
+    made = [tmp_path / name for name in names]
+    for folder in made:
+        folder.mkdir()
+    return made
+
+
+def speeds(listener):
+    """Return which velocities moved the robot."""
+    return {heard.linear_x for heard in listener.heard if heard.linear_x}
+
+
+def test_a_newcomer_is_refused_and_the_one_that_drives_finishes(listener, tmp_path):
+    one, two = folders(tmp_path, 'one', 'two')
+    with script(DRIVE.format(speed=0.1, duration=5.0), one) as first:
+        listener.wait_for(lambda heard: heard.moves)
+        with program(COMMAND, two) as second:
+            assert second.end() == 3
+        assert first.process.poll() is None, 'the newcomer is refused at once'
+        assert first.end() == 0
+    line = second.text.splitlines()[-1]
+    assert f'/kachaka_simple_control (process {first.process.pid}, since ' in line
+    assert 'drives the robot on /kachaka/manual_control/cmd_vel, so nothing was sent' in line
+    assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 50)]
+    # Nothing between the velocities of the first, no zero either; and one taking, one giving back.
+    assert not [heard for heard in listener.heard
+                if not heard.moves and moved(listener)[0] < heard.time < moved(listener)[-1]]
+    assert [enabled for _, enabled in listener.answered] == [True, False]
+
+
+def moved(listener):
+    """Return when velocities that move were sent."""
+    return [heard.time for heard in listener.heard if heard.moves]
+
+
+def test_of_two_that_start_in_the_same_moment_one_drives(listener, tmp_path):
+    one, two = folders(tmp_path, 'one', 'two')
+    with script(DRIVE.format(speed=0.1, duration=2.0), one) as first, \
+            script(DRIVE.format(speed=0.2, duration=2.0), two) as second:
+        ends = sorted((first.end(), second.end()))
+    assert len(speeds(listener)) == 1
+    assert [move.count for move in listener.moves()] == [20]
+    # A script of one's own ends by the error as Python has it.
+    assert ends == [0, 1]
+
+
+def test_a_program_that_is_frozen_keeps_the_robot(listener, tmp_path):
+    one, two = folders(tmp_path, 'one', 'two')
+    with script(DRIVE.format(speed=0.1, duration=20.0), one) as first:
+        listener.wait_for(lambda heard: heard.moves)
+        first.send(signal.SIGSTOP)
+        with program(COMMAND, two) as second:
+            assert second.end() == 3
+        first.send(signal.SIGCONT)
+    assert f'process {first.process.pid}, which does not answer' in second.text
+    assert speeds(listener) == {0.1}
+
+
+def test_after_a_kill_the_robot_is_free_as_soon_as_the_guardian_is_gone(listener, tmp_path):
+    one, two = folders(tmp_path, 'one', 'two')
+    with script(DRIVE.format(speed=0.1, duration=20.0), one) as first:
+        listener.wait_for(lambda heard: heard.moves)
+        first.send(signal.SIGKILL)
+        killed = time.time()
+        with script(DRIVE.format(speed=0.2, duration=0.5), two) as second:
+            assert second.end() == 0
+    assert [(move.linear_x, move.count) for move in listener.moves()][-1] == (0.2, 5)
+    # The stop of the first was over by then.
+    zeros = [heard.time for heard in listener.heard if not heard.moves and heard.time > killed]
+    begun = next(heard.time for heard in listener.heard if heard.linear_x == 0.2)
+    assert len([at for at in zeros if at < begun]) >= 20
+
+
+def test_a_program_that_stands_by_takes_nothing_until_it_drives(listener, tmp_path):
+    one, two = folders(tmp_path, 'one', 'two')
+    with program([*COMMAND, 'straight', '--wait'], one) as standing_by:
+        standing_by.wait_for_text('Standing by')
+        with script(DRIVE.format(speed=0.1, duration=0.5), two) as other:
+            assert other.end() == 0
+        listener.heard.clear()
+        assert listener.call('run').success
+        listener.wait_for(lambda heard: heard.moves)
+
+
+def test_a_second_bridge_under_the_same_name_is_refused():
+    with bridge() as first:
+        assert wait_until(lambda: 'ready: ' in first.text)
+        second = BridgeProcess('--sim')
+        try:
+            assert second.wait() == 3
+            (line,) = second.text.splitlines()
+        finally:
+            second.end()
+        assert is_running(first.process.pid)
+    assert f'/kachaka/kachaka_bridge (process {first.process.pid}, since ' in line
+    assert 'shows a robot on /kachaka/manual_control/cmd_vel' in line
+    with bridge() as again:
+        assert wait_until(lambda: 'ready: ' in again.text)
+
+
+def test_bridges_of_two_names_stand_side_by_side():
+    with bridge() as first, bridge('--namespace', 'other') as second:
+        assert wait_until(lambda: 'ready: ' in first.text and 'ready: ' in second.text)
+
+
+def test_from_another_machine_a_newcomer_yields(listener, tmp_path):
+    one, two = folders(tmp_path, 'one', 'two')
+    with script(ELSEWHERE + DRIVE.format(speed=0.1, duration=6.0), one) as first:
+        listener.wait_for(lambda heard: heard.moves)
+        with script(ELSEWHERE + DRIVE.format(speed=0.2, duration=1.0), two) as second:
+            assert second.end() == 1
+        assert first.end() == 0
+    assert f'(process {first.process.pid} on {os.uname().nodename}, since ' in second.text
+    assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 60)]
+
+
+def test_of_two_newcomers_on_two_machines_one_drives(listener, tmp_path):
+    one, two = folders(tmp_path, 'one', 'two')
+    with script(ELSEWHERE + DRIVE.format(speed=0.1, duration=2.0), one) as first, \
+            script(ELSEWHERE + DRIVE.format(speed=0.2, duration=2.0), two) as second:
+        ends = sorted((first.end(), second.end()))
+    assert len(speeds(listener)) == 1
+    assert ends == [0, 1]
+
+
+def test_a_driver_on_another_machine_that_was_killed_keeps_nothing(listener, tmp_path):
+    """DDS lists it for 20 s; it tells of no claim any more."""
+    one, two = folders(tmp_path, 'one', 'two')
+    with script(ELSEWHERE + DRIVE.format(speed=0.1, duration=20.0), one) as first:
+        listener.wait_for(lambda heard: heard.moves)
+        first.send(signal.SIGKILL)
+        with script(ELSEWHERE + DRIVE.format(speed=0.2, duration=0.5), two) as second:
+            assert second.end() == 0
+    assert [(move.linear_x, move.count) for move in listener.moves()][-1] == (0.2, 5)
+
+
+def test_two_that_find_each_other_too_late_both_stop(listener, tmp_path):
+    one, two = folders(tmp_path, 'one', 'two')
+    text = ELSEWHERE + UNAWARE
+    with script(text + DRIVE.format(speed=0.1, duration=30.0), one) as first:
+        listener.wait_for(lambda heard: heard.moves)
+        with script(text + DRIVE.format(speed=0.2, duration=30.0), two) as second:
+            assert (first.end(), second.end()) == (1, 1)
+    for text in (first.text, second.text):
+        assert 'another program drives the robot as well' in text or (
+            'somebody else (node kachaka_simple_control) sends velocities' in text)
+    assert not listener.heard[-1].moves

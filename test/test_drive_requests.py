@@ -1,0 +1,136 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Drives that are asked for, and stops that come before they begin."""
+
+import threading
+
+from fake_time import FakeTime, Wire
+from kachaka_simple_control.errors import MotionRefusedError
+from kachaka_simple_control.execution.drive_requests import DriveRequests
+from kachaka_simple_control.execution.latch import Latch
+from kachaka_simple_control.execution.publisher_edge import PublisherEdge
+from kachaka_simple_control.motion.limits import Limits
+import pytest
+
+PERIOD = 0.1
+STOPPED = MotionRefusedError('stopped from outside')
+
+
+class Bench:
+    """Requests, the edge they go to, and a clock."""
+
+    def __init__(self):
+        """Have a robot that is ours."""
+        self.time = FakeTime()
+        self.edge = PublisherEdge(
+            Wire(self.time).transmit, Limits(0.3, 1.57), Latch(), None, self.time.clock,
+            self.time.clock)
+        self.edge.admit()
+        self.requests = DriveRequests(self.edge, PERIOD, self.time.clock)
+
+    def stop(self):
+        """Stop as a session does."""
+        self.requests.note_stop(STOPPED)
+        self.edge.cancel(STOPPED)
+
+    def stop_from_outside(self):
+        """Do it in another thread."""
+        thread = threading.Thread(target=self.stop)
+        thread.start()
+        thread.join()
+
+    def drive(self, is_whole=True):
+        """Begin and end a drive."""
+        request = self.requests.accept()
+        self.edge.begin(0.2, request.run)
+        self.requests.finish(request, is_whole)
+
+
+@pytest.fixture
+def bench():
+    """Return a bench."""
+    return Bench()
+
+
+def test_one_drive_at_a_time(bench):
+    first = bench.requests.accept()
+    with pytest.raises(MotionRefusedError, match='running already'):
+        bench.requests.accept()
+    bench.requests.finish(first, is_whole=True)
+    bench.drive()
+
+
+def test_a_drive_that_has_not_begun_is_ended_by_a_stop(bench):
+    request = bench.requests.accept()
+    bench.stop_from_outside()
+    with pytest.raises(MotionRefusedError, match='from outside'):
+        bench.edge.begin(0.2, request.run)
+
+
+def test_after_such_a_stop_one_may_ask_anew(bench):
+    request = bench.requests.accept()
+    bench.stop_from_outside()
+    bench.requests.finish(request, is_whole=False)
+    bench.drive()
+
+
+def test_a_stop_between_two_movements_that_follow_at_once_refuses_the_second(bench):
+    bench.drive()
+    bench.time.now += 0.9 * PERIOD
+    bench.stop_from_outside()
+    with pytest.raises(MotionRefusedError, match='from outside'):
+        bench.drive()
+    # Whoever goes on nevertheless asks anew.
+    bench.drive()
+
+
+def test_a_stop_at_the_last_moment_of_a_movement_refuses_the_next(bench):
+    request = bench.requests.accept()
+    bench.edge.begin(0.2, request.run)
+    bench.stop_from_outside()
+    bench.requests.finish(request, is_whole=True)
+    with pytest.raises(MotionRefusedError, match='from outside'):
+        bench.drive()
+
+
+def test_a_movement_some_time_after_a_stop_is_asked_for_anew(bench):
+    bench.drive()
+    bench.stop_from_outside()
+    bench.time.now += 1.1 * PERIOD
+    bench.drive()
+
+
+def test_who_drives_and_stops_by_itself_may_go_on(bench):
+    bench.drive()
+    bench.stop()
+    bench.drive()
+
+
+def test_another_thread_than_the_one_that_was_stopped_asks_anew(bench):
+    bench.drive()
+    thread = threading.Thread(target=bench.drive)
+    bench.stop()
+    thread.start()
+    thread.join()
+    bench.drive()
+
+
+def test_a_refused_drive_lets_the_next_be_asked_for(bench):
+    bench.drive()
+    bench.stop_from_outside()
+    for _ in range(2):
+        with pytest.raises(MotionRefusedError, match='from outside'):
+            bench.drive()
+        bench.drive()
+        bench.stop_from_outside()
