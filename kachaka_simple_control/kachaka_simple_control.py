@@ -21,6 +21,7 @@ import atexit
 from collections.abc import Callable
 import signal
 import sys
+import threading
 import time
 from typing import Any
 
@@ -30,7 +31,7 @@ if __name__ == '__main__':
 
 from kachaka_simple_control import command_line
 from kachaka_simple_control.audience.audience import Audience
-from kachaka_simple_control.errors import ControlError, MotionRefusedError
+from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.execution.drive_requests import DriveRequest
 from kachaka_simple_control.execution.signals import WATCH
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
@@ -52,8 +53,10 @@ from kachaka_simple_control.ros.spinner import wake_main_thread
 from kachaka_simple_control.ros.velocity_message import VelocityMessage
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 import rclpy
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 import rclpy.signals
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 
@@ -103,7 +106,9 @@ class KachakaSimpleControl(Node):
         self._showing.follow(self.audience, self._session.lookout)
         self._session.edge.on_sent = self._on_sent
         self._session.edge.on_began = self._on_began
-        self.create_service(Trigger, '~/stop', self._on_stop)
+        # In a group of its own: its callback waits for the stop, and others go on meanwhile.
+        self.create_service(
+            Trigger, '~/stop', self._on_stop, callback_group=MutuallyExclusiveCallbackGroup())
         self._wake = self.create_guard_condition(lambda: None)
         self._leave_nothing_moving()
 
@@ -270,15 +275,26 @@ class KachakaSimpleControl(Node):
     def _on_began(self, now: float) -> None:
         self.audience.tell(Began(now))
 
-    def _on_stop(
+    async def _on_stop(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request
+        stopped = Future()
+
+        def stop() -> None:
+            try:
+                self.stop_robot()
+                response.success = True
+            except Exception as error:  # whoever asked must have an answer
+                response.message = str(error)
+            stopped.set_result(None)
+            self._wake.trigger()
+
+        # In a thread of its own: odometry is heard meanwhile, and tells whether the robot obeys.
         try:
-            self.stop_robot()
-        except ControlError as error:
-            response.message = str(error)
-        else:
-            response.success = True
+            threading.Thread(target=stop, name='stop', daemon=True).start()
+        except RuntimeError:  # no thread can start, as at Python's end from 3.12 on
+            stop()
+        await stopped
         return response
 
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
