@@ -43,8 +43,10 @@ claim.is_kept_to_this_machine = lambda: False
 #: One that discovery lets hear of others only when it is too late.
 UNAWARE = """
 from kachaka_simple_control.execution.claims import Claims
+from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 claim.LOOK = claim.SETTLE = 0.0
 Claims.rival = lambda self, now: None
+ForeignMessages.listen = lambda self, *check: False
 """
 
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from benchmarks.stop_matrix.scene import Scene
 
 Cause = Callable[['Scene'], float]
-#: How fast somebody else drives [m/s].
-OTHERS = 0.05
 #: A stop is over after this time [s]: the hold, 0.1 s, and as much for a busy machine.
 STOP = 0.7
 #: A robot that was told nothing moves less than this [m].
@@ -142,6 +140,16 @@ def by_itself(scene: Scene) -> float:
     return fault
 
 
+def by_its_stop(_scene: Scene) -> float:
+    """
+    Let the program stop itself.
+
+    :param _scene: whose program
+    :returns: now [s, system clock]
+    """
+    return time.time()
+
+
 def hung_up(scene: Scene) -> float:
     """
     Let the reader of its output end, which is no reason to stop.
@@ -227,40 +235,6 @@ def new_robot_stands_still(scene: Scene, _fault: float) -> list[str]:
     # The new one begins at the origin again: only its own samples count.
     driven = scene.ears.driven(scene.changed, alone=True)
     return [f'the new robot drove {driven:.3f} m'] if driven and driven > STILL else []
-
-
-def somebody_else(scene: Scene) -> float:
-    """
-    Let somebody else publish velocities.
-
-    :param scene: whose robot
-    :returns: when that publisher came [s, system clock]
-    """
-    came, scene.other = scene.ears.drive(OTHERS, count=45)
-    return came
-
-
-def somebody_else_drives(scene: Scene) -> None:
-    """
-    Let somebody else drive for 4.5 s, and go.
-
-    :param scene: whose robot
-    """
-    assert scene.other is not None
-    scene.other()
-
-
-def not_fought(scene: Scene, fault: float) -> list[str]:
-    """
-    See whether our zeros ended, and let the other drive.
-
-    :param scene: whose robot
-    :param fault: when the other came [s, system clock]
-    :returns: a sentence if they did not
-    """
-    zeros = [heard.time for heard in scene.ears.since(fault) if not heard.moves]
-    fought = bool(zeros) and zeros[-1] - zeros[0] > STOP
-    return ['it fought the other with zeros'] if fought else []
 
 
 def switched_off(scene: Scene) -> float:

@@ -32,6 +32,37 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 
+class Stranger:
+    """Somebody who has a publisher of velocities for a robot that is driven already."""
+
+    def __init__(self, node: Node, topic: str) -> None:
+        """
+        Have the publisher, and send nothing.
+
+        :param node: whose it is
+        :param topic: where the robot takes velocities
+        """
+        self._node = node
+        self._publisher = node.create_publisher(Twist, topic, 10)
+
+    def send(self, velocity: float) -> float:
+        """
+        Send a velocity.
+
+        :param velocity: how fast [m/s]
+        :returns: when [s, system clock]
+        """
+        message = Twist()
+        message.linear.x = velocity
+        now = time.time()
+        self._publisher.publish(message)
+        return now
+
+    def leave(self) -> None:
+        """Have no publisher any more."""
+        self._node.destroy_publisher(self._publisher)
+
+
 class Ears:
     """
     What is heard of one robot.
@@ -130,25 +161,9 @@ class Ears:
         self._control.call_async(SetBool.Request(data=False))
         return now
 
-    def drive(self, velocity: float, count: int) -> tuple[float, Callable[[], None]]:
-        """
-        Drive the robot as somebody else would: ten times a second.
-
-        :param velocity: how fast [m/s]
-        :param count: how many velocities
-        :returns: when this publisher came [s, system clock], and what makes it drive, and go
-        """
-        came = time.time()
-        publisher = self._node.create_publisher(Twist, self._topic, 10)
-
-        def publish() -> None:
-            message = Twist()
-            message.linear.x = velocity
-            for _ in range(count):
-                publisher.publish(message)
-                time.sleep(0.1)
-            self._node.destroy_publisher(publisher)
-        return came, publish
+    def somebody_else(self) -> Stranger:
+        """Return somebody else who has a publisher of velocities for the robot."""
+        return Stranger(self._node, self._topic)
 
     def _hear(self, message: Twist) -> None:
         self.heard.append(Heard(time.time(), message.linear.x, message.angular.z))

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from benchmarks.stop_matrix import faults, scripts
+from benchmarks.stop_matrix import faults, others, scripts
 from benchmarks.stop_matrix.promise import Promise, Zero
 
 if TYPE_CHECKING:
@@ -29,7 +29,11 @@ NODE, GUARDIAN, NOBODY = 'the node', 'the guardian', 'nothing to stop: it runs o
 HOLD = "nobody: only the robot's own hold helps"
 #: Bars [s]: of a signal, of SIGKILL, of SIGSTOP (design: "Speed"); of what docs/safety.md says.
 SIGNAL, KILLED, FROZEN = 0.02, 0.05, 0.15
-ODOMETRY, NEWCOMER, GRAPH = 1.3, 3.0, 23.0
+ODOMETRY, GRAPH = 1.3, 23.0
+#: Bars of what others send [s]: from somebody just found, and from somebody listened to already.
+COMES, HEARD = 0.5, 0.05
+#: Between two claims of a program 0.5 s pass.
+TOLD = 1.0
 LONG = 600.0
 
 
@@ -136,9 +140,28 @@ ROWS = (
     Row(Promise('listener leaves, and another comes', NODE, (143,)),
         faults.robot_gets('SIGTERM'), scripts.STAYING, after=faults.robot_back,
         check=faults.new_robot_stands_still, harms=True, alone=False, tells_way=False),
-    Row(Promise('somebody else publishes', NODE, (1,), bar=NEWCOMER), faults.somebody_else,
-        after=faults.somebody_else_drives, check=faults.not_fought, alone=False,
+    Row(Promise('somebody else comes, and sends velocities', NODE, (1,), bar=COMES),
+        others.comes_and_sends, after=others.goes_on, check=others.not_fought, alone=False,
         tells_way=False),
+    Row(Promise('somebody else, silent so far, sends velocities', NODE, (1,), bar=HEARD),
+        others.sends_after_silence, after=others.goes_on, check=others.not_fought, alone=False,
+        tells_way=False),
+    _runs_on('somebody else has a publisher, and never sends', others.never_sends),
+    _runs_on('a second program wants the robot', others.wants_the_robot, duration=8.0,
+             check=others.was_refused),
+    Row(Promise('a second program on another machine, found late: both stop', NODE, (1,),
+                bar=TOLD),
+        # Without zeros before its motion, so that the first zero is one of a stop.
+        others.drives_as_well, scripts.ELSEWHERE, options=('prime_time:=0.0',),
+        check=others.both_stopped, alone=False, tells_way=False),
+    Row(Promise('stopped before its first velocity', 'nothing moves', (0,), Zero.NONE),
+        faults.by_its_stop, scripts.NOT_BEGUN, drives=False, tells_way=False),
+    Row(Promise('odometry begins in mid-run, then its robot is killed', NODE, (1,),
+                bar=ODOMETRY),
+        faults.robot_gets('SIGKILL'), scripts.LATE_ODOMETRY, harms=True, tells_way=False,
+        alone=False),
+    Row(Promise('odometry never comes to rest', NODE, (1,), Zero.ON_TIME), faults.at_its_end,
+        scripts.RESTLESS, duration=0.6, tells_way=False),
     _runs_on('manual control switched off from outside', faults.switched_off),
     _runs_on('`use_sim_time`, nobody publishes `/clock`', faults.at_its_end,
              options=('use_sim_time:=true',)),

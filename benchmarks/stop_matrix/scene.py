@@ -20,6 +20,7 @@ import time
 
 from benchmarks.stop_matrix.cast import Member
 from benchmarks.stop_matrix.message import message
+from benchmarks.stop_matrix.observer import Stranger
 from benchmarks.stop_matrix.program import Program
 from benchmarks.stop_matrix.promise import Zero
 from benchmarks.stop_matrix.rows import Row
@@ -55,8 +56,10 @@ class Scene:
         self.first = 0.0
         #: when something else happened to the robot [s, system clock]
         self.changed = 0.0
-        #: lets somebody else drive
-        self.other: Callable[[], None] | None = None
+        #: somebody else who has a publisher of velocities
+        self.stranger: Stranger | None = None
+        #: another program of ours for the same robot
+        self.second: Program | None = None
 
     def wait_until_ready(self) -> bool:
         """
@@ -117,18 +120,31 @@ class Scene:
             tuple(self.broken))
 
     def end(self) -> None:
-        """End what is left of the program, whatever became of it."""
-        if self.program.folder.exists():
-            self.program.end()
+        """End what is left of the programs, whatever became of them."""
+        for program in filter(None, (self.program, self.second)):
+            if program.folder.exists():
+                program.end()
 
-    def _program(self) -> Program:
+    def start_another(self, script: str, **variables: str) -> Program:
+        """
+        Start one more program for the same robot.
+
+        :param script: the program
+        :param variables: what is added to its environment
+        :returns: the program, which somebody has to wait for
+        """
+        return self._program(script, variables)
+
+    def _program(
+            self, script: str | None = None, more: dict[str, str] | None = None) -> Program:
         options = ['--ros-args']
         for option in (f'robot_namespace:={self.ears.namespace}', 'robot_timeout:=30.0',
                        *self.row.options):
             options += ['-p', option]
         variables = {
-            'DURATION': str(self.row.duration), 'ROS_DOMAIN_ID': str(self._member.domain)}
-        return Program(self.row.script, options, variables, self.row.outlet)
+            'DURATION': str(self.row.duration), 'ROS_DOMAIN_ID': str(self._member.domain),
+            **(more or {})}
+        return Program(script or self.row.script, options, variables, self.row.outlet)
 
     def _driven(self, fault: float) -> float | None:
         tells = self.row.tells_way and self.row.promise.zero is not Zero.ON_TIME

@@ -60,6 +60,69 @@ gate()
 node.move_robot(0.1, 0.0, DURATION)
 """
 
+#: Stopped while it still waits for its robot, or sends its first zeros.
+NOT_BEGUN = BEGIN + """
+import rclpy
+from kachaka_simple_control import ControlError, KachakaSimpleControl
+
+def move():
+    try:
+        node.move_robot(0.1, 0.0, DURATION)
+    except ControlError as error:
+        print(error, file=sys.stderr, flush=True)
+
+rclpy.init()
+node = KachakaSimpleControl()
+gate()
+driving = threading.Thread(target=move)
+driving.start()
+time.sleep(random.uniform(0.0, 0.5))
+node.stop_robot()
+driving.join()
+time.sleep(2.0)
+"""
+
+#: Odometry as it might come: patched where it arrives.
+ODOMETRY = """
+from kachaka_simple_control.execution.stillness import Stillness
+from kachaka_simple_control.motion.kinematics import Velocity
+hear, begun = Stillness.hear, []
+"""
+
+LATE_ODOMETRY = ODOMETRY + """
+Stillness.hear = lambda self, now, velocity: begun and hear(self, now, velocity)
+""" + USER + """
+gate()
+threading.Timer(0.1, begun.append, [True]).start()
+node.move_robot(0.1, 0.0, DURATION)
+"""
+
+RESTLESS = ODOMETRY + """
+Stillness.hear = lambda self, now, velocity: hear(
+    self, now, Velocity(0.1, 0.0) if begun else velocity)
+""" + COMMAND.replace('gate()\n    robot', 'gate()\n    begun.append(True)\n    robot')
+
+#: As on another machine: no kernel decides, and neither claims nor velocities of others are heard
+#: before a file is there.
+ELSEWHERE = """
+import os
+from pathlib import Path
+from kachaka_simple_control.execution.claims import Claims
+from kachaka_simple_control.execution.machine_claim import MachineClaim
+from kachaka_simple_control.ros import claim
+from kachaka_simple_control.ros.foreign_messages import ForeignMessages
+
+HEARD = Path(os.environ.get('HEARD', 'heard')).resolve()
+MachineClaim.take = lambda self, name, who: None
+ForeignMessages.update = lambda self: False
+claim.is_kept_to_this_machine = lambda: False
+hear = Claims.hear
+Claims.hear = lambda self, claim, now: HEARD.exists() and hear(self, claim, now)
+""" + USER.replace('node.move_robot(0.0, 0.0, 0.2)', '') + """
+gate()
+node.move_robot(float(os.environ.get('SPEED', '0.08')), 0.0, DURATION)
+"""
+
 IDLE = USER + """
 gate()
 rclpy.spin(node)

@@ -120,6 +120,7 @@ class BridgeNode(Node):
         executor.add_node(self)
         try:
             self._claim.take(lambda: executor.spin_once(timeout_sec=0.0))
+            self._claim.hold()
         finally:
             executor.remove_node(self)
             executor.shutdown()

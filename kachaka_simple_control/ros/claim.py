@@ -89,7 +89,9 @@ class RobotClaim:
 
     def take(self, check: Callable[[], None]) -> None:
         """
-        Take the claim, unless it is held already; nothing was published before.
+        Take the claim on this machine, and tell others that it is wanted.
+
+        Nothing happens if it is held already.  Follow it with ``hold``, or with ``withdraw``.
 
         :param check: called while waiting; what it raises ends the wait
         :raises RobotTakenError: if another program holds the claim, with who that is
@@ -104,6 +106,16 @@ class RobotClaim:
             rival = self._told.take(f'{who} on {socket.gethostname()}, {since}', check)
             if rival is not None:
                 raise self._taken(rival)
+
+    def hold(self) -> None:
+        """Tell other machines that the robot is ours from now on."""
+        if self._told is not None:
+            self._told.hold()
+
+    def withdraw(self) -> None:
+        """Tell other machines that the robot is not wanted any more."""
+        if self._told is not None:
+            self._told.withdraw()
 
     def require(self) -> None:
         """
@@ -147,7 +159,7 @@ class _ToldClaim:
         self._telling = threading.Thread(target=self._tell_on, name='claim', daemon=True)
 
     def take(self, who: str, check: Callable[[], None]) -> str | None:
-        """Take the claim, or return who keeps us from it."""
+        """Say that the claim is wanted, and return who keeps us from it."""
         if self._state == HELD:
             return self.holder()
         self._who = who
@@ -165,11 +177,21 @@ class _ToldClaim:
         try:
             wait_until(is_decided, LOOK + SETTLE, check)
         except BaseException:
-            self._tell(NOTHING)
+            self.withdraw()
             raise
-        rival = self._rival()
-        self._tell(HELD if rival is None else NOTHING)
+        if (rival := self._rival()) is not None:
+            self.withdraw()
         return rival
+
+    def hold(self) -> None:
+        """Hold the claim from now on."""
+        if self._state != HELD:
+            self._tell(HELD)
+
+    def withdraw(self) -> None:
+        """Want it no more; one that is held is not given back before the end."""
+        if self._state == WANTED:
+            self._tell(NOTHING)
 
     def holder(self) -> str | None:
         """Return who else holds the claim."""

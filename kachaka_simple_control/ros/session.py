@@ -245,9 +245,14 @@ class Session:
 
     def _meet(self) -> None:
         self._link.wait(self._settings.robot_timeout, self._require_wanted)
-        # Nothing may have been published or asked for before these two.
+        # Nothing may have been published or asked for before this is settled.
         self._claim.take(self._require_wanted)
-        self._foreign.require_silence(self._require_wanted)
+        try:
+            self._foreign.require_silence(self._require_wanted)
+        except BaseException:
+            self._claim.withdraw()
+            raise
+        self._claim.hold()
         if self._manual_control.is_needed:
             self._switch_manual_control_on()
         self._link.wait_for_guardian(self._settings.robot_timeout, self._require_wanted)
@@ -306,7 +311,10 @@ class Session:
             self._stopper.stop(reason)
         except Exception as error:  # the context is gone: nobody can publish any more
             return f'the stop could not be sent: {error}'
-        if self.odometry.moves(time.monotonic()):
+        now = time.monotonic()
+        # It may well move if it is not ours, or somebody else drives it by now.
+        is_ours = self.edge.access is Access.OPEN and not self._foreign.is_heard(now)
+        if is_ours and self.odometry.moves(now):
             return ('the stop is unconfirmed: zeros were sent, and odometry still sees the robot '
                     'move')
         return None
