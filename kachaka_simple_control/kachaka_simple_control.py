@@ -42,8 +42,10 @@ from kachaka_simple_control.robot.robot_profile import profile_of
 from kachaka_simple_control.ros.before_shutdown import before_shutdown
 from kachaka_simple_control.ros.isolation import avoid_shared_memory
 from kachaka_simple_control.ros.names import names_of
+from kachaka_simple_control.ros.node_names import check_names
 from kachaka_simple_control.ros.odometry import listen_to_odometry
 from kachaka_simple_control.ros.opening import opened
+from kachaka_simple_control.ros.quality import SERVICES
 from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.settings import declare, declare_robot
 from kachaka_simple_control.ros.showing import Showing
@@ -69,9 +71,10 @@ class KachakaSimpleControl(Node):
         Make the node; nothing is sent before the first movement.
 
         :param node_options: options of ``rclpy.node.Node``, such as ``namespace``
-        :raises UsageError: if a parameter has a value that cannot work
+        :raises UsageError: if a parameter has a value, or something a name, that cannot work
         """
         avoid_shared_memory()
+        check_names('kachaka_simple_control', **node_options)
         super().__init__('kachaka_simple_control', **node_options)
         try:
             self._set_up()
@@ -102,7 +105,7 @@ class KachakaSimpleControl(Node):
         self._showing.follow(self.audience, self._session.lookout)
         self._session.edge.on_sent = self._on_sent
         self._session.edge.on_began = self._on_began
-        self.create_service(Trigger, '~/stop', self._on_stop)
+        self.create_service(Trigger, '~/stop', self._on_stop, qos_profile=SERVICES)
         self._wake = self.create_guard_condition(lambda: None)
         self._leave_nothing_moving()
 

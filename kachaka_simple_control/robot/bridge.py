@@ -21,13 +21,16 @@ from concurrent.futures import ThreadPoolExecutor
 import contextlib
 import sys
 import time
-from typing import NoReturn, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
+from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.one_line_parser import OneLineParser
 from kachaka_simple_control.robot.ending import Ending
 from kachaka_simple_control.robot.fidelity import Fidelity
 from kachaka_simple_control.robot.fidelity_options import add_figures, fidelity
 from kachaka_simple_control.robot.real.address import Address, PORT
 from kachaka_simple_control.robot.real.reach import UnreachableError
+from kachaka_simple_control.robot.robot_profile import KACHAKA
 from kachaka_simple_control.robot.sim_command import MISSING
 from kachaka_simple_control.robot.simulated import SimulatedKachaka
 from kachaka_simple_control.robot.simulation import PARTICIPANT
@@ -36,6 +39,7 @@ from kachaka_simple_control.ros.isolation import (
     is_told_to_stay,
     stay_on_this_machine,
 )
+from kachaka_simple_control.ros.names import LONGEST_NAMESPACE, require_namespace, RobotNames
 
 if TYPE_CHECKING:
     from kachaka_simple_control.robot.bridge_node import BridgeNode
@@ -43,18 +47,6 @@ if TYPE_CHECKING:
 
 PROGRAM = 'kachaka_bridge'
 DONE, FAULTED, BAD_USAGE, NO_ROBOT = 0, 1, 2, 3
-
-
-class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line."""
-
-    def error(self, message: str) -> NoReturn:
-        """
-        End the program.
-
-        :param message: what is wrong
-        """
-        self.exit(BAD_USAGE, f'{PROGRAM}: {message}\n')
 
 
 class _EndedError(Exception):
@@ -88,7 +80,7 @@ def main(args: Sequence[str] | None = None) -> int:
         try:
             _main([*(sys.argv[1:] if args is None else args)], ending)
         except _EndedError as ended:
-            print(f"{PROGRAM}: {' '.join(str(ended).split())}", file=sys.stderr)
+            print(f"{PROGRAM}: {escaped(' '.join(str(ended).split()), 400)}", file=sys.stderr)
             return ended.code
         return DONE
 
@@ -96,26 +88,25 @@ def main(args: Sequence[str] | None = None) -> int:
 def _main(args: list[str], ending: Ending) -> None:
     try:
         import rclpy
-        from rclpy.exceptions import NameValidationException
-        from rclpy.signals import SignalHandlerOptions
         from rclpy.utilities import remove_ros_args
-        from rclpy.validate_namespace import validate_namespace
     except ImportError as error:
         raise _EndedError(FAULTED, f'ROS 2 is missing here ({error})') from None
     verdict = _Verdict(ending)
     try:
-        options, how = _parse(remove_ros_args(args))
+        from kachaka_simple_control.ros.starting import check_arguments, start_ros
+        options, how = _parse(check_arguments(args, remove_ros_args))
         namespace = '/' + options.namespace.strip('/')
-        validate_namespace(namespace)
+        require_namespace(namespace, '--namespace', LONGEST_NAMESPACE)
         make = _real(options, verdict) if options.address else _simulated(options, how)
         if is_told_to_stay():
             stay_on_this_machine()
         avoid_shared_memory()
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        start_ros(args)
+        _check_names(namespace)
         node = make(namespace)
     except UnreachableError as error:
         raise _EndedError(NO_ROBOT, error) from None
-    except (RuntimeError, NameValidationException) as error:
+    except (RuntimeError, UnicodeError) as error:
         raise _EndedError(BAD_USAGE, error) from None
     try:
         _serve(node, ending, options.with_parent)
@@ -125,6 +116,16 @@ def _main(args: list[str], ending: Ending) -> None:
         rclpy.try_shutdown()
     if verdict.text:
         raise _EndedError(FAULTED, verdict.text)
+
+
+def _check_names(namespace: str) -> None:
+    """Make sure that the names of the node to be made are names, each of one thing."""
+    from kachaka_simple_control.robot.bridge_node import NODE, ODOMETRY_TOPICS
+    from kachaka_simple_control.ros.rehearsal import check_node_names, rehearsal
+    robot = RobotNames(
+        KACHAKA.velocity_topic, KACHAKA.odometry_topic, KACHAKA.manual_control_service)
+    with rehearsal(NODE, namespace=namespace) as node:
+        check_node_names(node, robot, (*ODOMETRY_TOPICS[1:], '/diagnostics'), ())
 
 
 def _simulated(
@@ -182,8 +183,8 @@ def _address(text: str) -> Address:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def _parser() -> _Parser:
-    parser = _Parser(
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
         prog=PROGRAM, allow_abbrev=False,
         description="Show a robot to ROS 2 under the names of Kachaka's official bridge.",
         epilog='ROS arguments follow after --ros-args.')

@@ -19,6 +19,8 @@ from collections.abc import Callable
 import threading
 
 from kachaka_simple_control.errors import ControlError
+from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.ros.quality import SERVICES
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
@@ -36,7 +38,7 @@ class RunService:
         self._node = node
         self._drive = drive
         self._driving = threading.Lock()
-        service = node.create_service(Trigger, '~/run', self._on_request)
+        service = node.create_service(Trigger, '~/run', self._on_request, qos_profile=SERVICES)
         node.get_logger().info(f'Standing by: call {service.srv_name} to start, ~/stop to stop')
 
     def _on_request(
@@ -53,6 +55,6 @@ class RunService:
         try:
             self._drive()
         except ControlError as error:
-            self._node.get_logger().error(str(error))
+            self._node.get_logger().error(escaped(error, 600))
         finally:
             self._driving.release()

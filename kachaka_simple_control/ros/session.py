@@ -21,6 +21,7 @@ import threading
 import time
 
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, RunFaultError
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.execution.playing import play
 from kachaka_simple_control.execution.publisher_edge import Access, PublisherEdge
 from kachaka_simple_control.execution.renewal import Renewal
@@ -276,7 +277,7 @@ class Session:
                 'that wait for it. Start it in a thread, or from the main program')
 
     def _callback_failed(self, error: BaseException) -> None:
-        self.halt(RunFaultError(f'a callback failed: {type(error).__name__}: {error}'))
+        self.halt(RunFaultError(f'a callback failed: {type(error).__name__}: {escaped(error)}'))
 
 
 def _reason(error: BaseException) -> ControlError:
