@@ -22,11 +22,15 @@ import sys
 import traceback
 
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError, UsageError
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.execution.signals import WATCH
 from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.one_line_parser import OneLineParser
 from kachaka_simple_control.robot.real.address import Address
 
 NAME = 'kachaka_simple_control'
+#: The longest line that is printed of an error [characters]; a path may be long.
+LONGEST_LINE = 1000
 DONE, FAULTED, BAD_USAGE, NO_ROBOT, SIGNALLED = 0, 1, 2, 3, 128
 
 EPILOG = """
@@ -98,8 +102,8 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     return options
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
         prog=NAME, epilog=EPILOG, allow_abbrev=False,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Drive a motion, exactly timed; without a name, the seven movements of the '
@@ -200,7 +204,9 @@ def _is_expected(error: Exception) -> bool:
 
 def _text(error: Exception) -> str:
     if _is_expected(error):
-        return str(error)
+        # A file that is wrong in several places has a line for each.
+        return '\n'.join(escaped(line, LONGEST_LINE) for line in str(error).split('\n'))
     where = traceback.extract_tb(error.__traceback__)[-1]
-    return (f'unexpected {type(error).__name__}: {error} ({where.filename}:{where.lineno}); the '
+    text = escaped(error, LONGEST_LINE)
+    return (f'unexpected {type(error).__name__}: {text} ({where.filename}:{where.lineno}); the '
             'robot was stopped')

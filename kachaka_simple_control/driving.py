@@ -31,9 +31,9 @@ from kachaka_simple_control.report.table import table
 from kachaka_simple_control.robot.robot_profile import KACHAKA, profile_of
 from kachaka_simple_control.ros.isolation import is_told_to_stay, stay_on_this_machine
 from kachaka_simple_control.ros.settings import check_names
+from kachaka_simple_control.ros.starting import start_ros
 import rclpy
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 
 if TYPE_CHECKING:
     from kachaka_simple_control.motion_file import MotionFile
@@ -80,19 +80,6 @@ def drive(options: Options) -> None:
                 rclpy.try_shutdown()
     if options.brings_robot and robot_control.record.movements:
         print(table(robot_control.record, still_after))
-
-
-def start_ros(arguments: tuple[str, ...]) -> None:
-    """
-    Initialise ROS, without the signal handlers of its own.
-
-    :param arguments: what ROS is told, from ``--ros-args`` on
-    :raises UsageError: if ROS does not understand it
-    """
-    try:
-        rclpy.init(args=[*arguments], signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        raise UsageError(str(error).splitlines()[0]) from None
 
 
 def _start_listeners(told: Listeners, options: Options, is_lesson: bool) -> None:

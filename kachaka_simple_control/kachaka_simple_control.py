@@ -44,8 +44,10 @@ from kachaka_simple_control.robot.robot_profile import profile_of
 from kachaka_simple_control.ros.before_shutdown import before_shutdown
 from kachaka_simple_control.ros.isolation import avoid_shared_memory
 from kachaka_simple_control.ros.names import names_of
+from kachaka_simple_control.ros.node_names import check_node_names, refused_in_one_line
 from kachaka_simple_control.ros.odometry import listen_to_odometry
 from kachaka_simple_control.ros.opening import opened
+from kachaka_simple_control.ros.quality import SERVICE_QUALITY
 from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.settings import declare, declare_robot
 from kachaka_simple_control.ros.showing import Showing
@@ -58,6 +60,11 @@ from rclpy.node import Node
 import rclpy.signals
 from rclpy.task import Future
 from std_srvs.srv import Trigger
+
+NAME = 'kachaka_simple_control'
+#: What the node has of its own, beside what every node has.
+TOPICS = ('~/planned_path', '~/driven_path', '~/commanded_velocity', '/diagnostics')
+SERVICES = ('~/stop', '~/run')
 
 
 class KachakaSimpleControl(Node):
@@ -73,10 +80,11 @@ class KachakaSimpleControl(Node):
         Make the node; nothing is sent before the first movement.
 
         :param node_options: options of ``rclpy.node.Node``, such as ``namespace``
-        :raises UsageError: if a parameter has a value that cannot work
+        :raises UsageError: if a parameter has a value, or something a name, that cannot work
         """
         avoid_shared_memory()
-        super().__init__('kachaka_simple_control', **node_options)
+        with refused_in_one_line(NAME):
+            super().__init__(NAME, **node_options)
         try:
             self._set_up()
         except BaseException:
@@ -90,6 +98,7 @@ class KachakaSimpleControl(Node):
         self.settings = declare(self, self.profile)
         self.names = names = names_of(
             self.profile, self.settings.robot_namespace, self.settings.manual_control)
+        check_node_names(self, names, TOPICS, SERVICES)
         message = VelocityMessage(
             self.profile.message_type, self.profile.frame,
             lambda: self.get_clock().now().to_msg())
@@ -108,7 +117,8 @@ class KachakaSimpleControl(Node):
         self._session.edge.on_began = self._on_began
         # In a group of its own: its callback waits for the stop, and others go on meanwhile.
         self.create_service(
-            Trigger, '~/stop', self._on_stop, callback_group=MutuallyExclusiveCallbackGroup())
+            Trigger, '~/stop', self._on_stop, qos_profile=SERVICE_QUALITY,
+            callback_group=MutuallyExclusiveCallbackGroup())
         self._wake = self.create_guard_condition(lambda: None)
         self._leave_nothing_moving()
 

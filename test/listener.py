@@ -64,7 +64,8 @@ class Listener:
 
     def __init__(
             self, namespace: str = 'kachaka', serves: bool = True, grants: bool = True,
-            delay: float = 0.0) -> None:
+            delay: float = 0.0, reason: str = 'not today',
+            quality: QoSProfile = QUALITY) -> None:
         """
         Note nothing yet.
 
@@ -72,10 +73,12 @@ class Listener:
         :param serves: whether there is a service at all
         :param grants: what the service answers
         :param delay: how long the service takes to answer [s]
+        :param reason: what it says when it refuses
+        :param quality: what the subscription asks for
         """
         self.heard: list[Heard] = []
         self.answered: list[tuple[float, bool]] = []
-        self._grants, self._delay = grants, delay
+        self._grants, self._delay, self._reason = grants, delay, reason
         self._context = Context()
         self._context.init(args=[])
         self._node = Node(
@@ -83,7 +86,7 @@ class Listener:
             start_parameter_services=False)
         self._subscription = self._node.create_subscription(
             Twist, 'manual_control/cmd_vel',
-            self._hear_with_info if KNOWS_SOURCE_TIME else self._hear, QUALITY)
+            self._hear_with_info if KNOWS_SOURCE_TIME else self._hear, quality)
         if serves:
             self._node.create_service(SetBool, 'manual_control/set_enabled', self._answer)
         self._executor = SingleThreadedExecutor(context=self._context)
@@ -167,7 +170,7 @@ class Listener:
 
     def _answer(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         time.sleep(self._delay)
-        response.success, response.message = self._grants, '' if self._grants else 'not today'
+        response.success, response.message = self._grants, '' if self._grants else self._reason
         self.answered.append((time.time(), request.data))
         return response
 

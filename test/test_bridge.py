@@ -28,6 +28,7 @@ pytest.importorskip('rclpy')
 pytest.importorskip('nav_msgs')
 #: What a hold of 0.3 s at 0.1 m/s drives [m].
 ONE_HOLD = 0.03
+VELOCITY = '/kachaka/manual_control/cmd_vel'
 
 
 @pytest.fixture(scope='module')
@@ -212,8 +213,15 @@ def test_end_of_the_parent_ends_it():
     (('--sim', '--lag', '-1'), 'lag is -1.0; it must be a finite number, 0 or more'),
     (('--sim', '--velocity-noise', 'much'), "invalid float value: 'much'"),
     (('--sim', '--speed', '3'), 'unrecognized arguments: --speed 3'),
-    (('--sim', '--namespace', 'a-b'), 'Invalid namespace'),
-    (('--sim', '--ros-args', '-p'), 'Failed to parse ROS arguments')])
+    (('--sim', '--namespace', 'a-b'), "--namespace is '/a-b'; a namespace begins with a slash"),
+    (('--sim', '--namespace', 'a' * 230), 'characters; ROS takes 247 at most'),
+    (('--sim', '--namespace', b'\xff'), 'surrogates not allowed'),
+    (('--sim', '--ros-args', '-r', '__ns:=/a b'), "the namespace in -r __ns:= is '/a b'"),
+    (('--sim', '--ros-args', '-r', f'/rosout:={VELOCITY}'), f'to {VELOCITY}, which moves'),
+    (('--sim', '--ros-args', '--log-level', 'loud'), 'levels are debug, info, warn, error'),
+    (('--sim', '--\x1b'), r'unrecognized arguments: --\x1b'),
+    (('--address', 'a' * 5000), 'it has at most 261 characters'),
+    (('--sim', '--ros-args', '-p'), 'ROS could not be started')])
 def test_bad_arguments_are_one_line(options, text):
     """Exit code 2."""
     process = BridgeProcess(*options)

@@ -30,7 +30,8 @@ pytest.importorskip('diagnostic_msgs', reason='needs diagnostic_msgs')
 from rcl_interfaces.msg import Parameter as ParameterMessage  # noqa: E402, I100
 from rcl_interfaces.msg import ParameterValue  # noqa: E402, I100
 from rcl_interfaces.srv import DescribeParameters, SetParameters  # noqa: E402, I100
-from rclpy.qos import ReliabilityPolicy  # noqa: E402, I100
+from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402, I100
+from std_srvs.srv import Trigger  # noqa: E402, I100
 from watcher import ODOMETRY, SHOWN, VELOCITY  # noqa: E402, I100
 
 
@@ -113,6 +114,37 @@ def test_parameters_are_described_with_their_ranges(watcher, make):
         spans = [(span.from_value, span.to_value) for span in told.floating_point_range]
         wanted = setting.metadata['range']
         assert spans == ([pytest.approx(wanted)] if wanted else [])
+
+
+def test_a_name_that_cannot_be_is_an_error_and_no_node(make, watcher):
+    for arguments in (('-r', '__ns:=/' + 'a' * 230), ('-r', '__node:=' + 'a' * 300),
+                      ('-r', f'/rosout:={VELOCITY}')):
+        with pytest.raises(UsageError, match='^[^\n]{1,300}$'):
+            make(*arguments)
+    assert watcher.node.count_publishers(VELOCITY) == 0
+    assert wait_until(lambda: watcher.node.get_node_names() == ['watcher'])
+
+
+@pytest.mark.parametrize('clients', [1, 6])
+def test_every_call_of_a_storm_is_answered(make, watcher, clients):
+    """The default queue keeps ten requests: most of these were never answered."""
+    node = make()
+    executor = rclpy.executors.SingleThreadedExecutor()
+    executor.add_node(node)
+    each = [watcher.node.create_client(
+        Trigger, '/kachaka_simple_control/stop', qos_profile=QoSProfile(depth=600))
+        for _ in range(clients)]
+    for client in each:
+        assert client.wait_for_service(10.0)
+    calls = [client.call_async(Trigger.Request()) for _ in range(600 // clients)
+             for client in each]
+    thread = threading.Thread(target=executor.spin, daemon=True)
+    thread.start()
+    try:
+        assert wait_until(lambda: all(call.done() for call in calls))
+    finally:
+        executor.shutdown()
+        thread.join()
 
 
 def test_a_node_that_was_refused_leaves_nothing_behind(make, watcher):

@@ -22,6 +22,12 @@ pytestmark = pytest.mark.ros
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 from listener import Listener  # noqa: E402, I100
+from rclpy.duration import Duration  # noqa: E402, I100
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile  # noqa: E402, I100
+
+VELOCITY = '/kachaka/manual_control/cmd_vel'
+ODOMETRY = '/kachaka/odometry/odometry'
+ENABLED = '/kachaka/manual_control/set_enabled'
 
 
 def with_parameters(*settings):
@@ -135,8 +141,84 @@ def test_parameters_of_ros_and_of_others_are_none_of_our_business(tmp_path, sett
 def test_arguments_that_ros_does_not_understand_are_bad_usage(tmp_path):
     with program(with_parameters('nonsense'), tmp_path) as started:
         assert started.end() == 2
-    assert "Couldn't parse" in started.text.splitlines()[-1]
-    assert 'Traceback' not in started.text
+        assert started.text == (
+            "kachaka_simple_control: ROS cannot read the parameter override rule '-p nonsense': "
+            'write -p NAME:=VALUE, with a value as in YAML\n')
+
+
+LONG = 'a' * 230
+
+
+@pytest.mark.parametrize('arguments, text', [
+    (('-p', 'robot_namespace:=a b'), "robot_namespace is '/a b'; a namespace begins with"),
+    (('-p', f'robot_namespace:=/{LONG}'), 'which has 231 characters; it may have 220'),
+    (('-r', '__ns:=/a b'), "the namespace in -r __ns:= is '/a b'"),
+    (('-r', f'__ns:=/{LONG}'), 'characters; ROS takes 247 at most'),
+    (('-r', f'{VELOCITY}:=/{"a" * 3000}'), 'has 3001 characters; ROS takes 247 at most'),
+    (('-r', f'/rosout:={VELOCITY}'), f'/rosout is remapped to {VELOCITY}, which moves the robot'),
+    (('-r', f'/diagnostics:={ODOMETRY}'), f"remapped to {ODOMETRY}, the robot's odometry"),
+    (('-r', f'~/stop:={ENABLED}'), f"remapped to {ENABLED}, the robot's manual control"),
+    (('-r', f'{VELOCITY}:={ODOMETRY}'), f'{VELOCITY} is remapped to {ODOMETRY}'),
+    (('-r', 'nonsense'), "'nonsense' is no remap rule: write -r FROM:=TO"),
+    (('--nonsense',), "ROS does not know '--nonsense' among its arguments"),
+    (('--log-level', 'loud'), 'levels are debug, info, warn, error and fatal'),
+    (('-p', f'qos_overrides.{ODOMETRY}.subscription.depth:=-1'),
+     'depth is -1; it must be from 1 to 100000'),
+    (('-p', f'qos_overrides.{ODOMETRY}.subscription.depth:=0'), 'must be from 1 to 100000'),
+    (('-p', 'use_sim_time:=7'), "'use_sim_time' to '7'"),
+])
+def test_names_and_qualities_that_cannot_work_are_refused_in_one_line(tmp_path, arguments, text):
+    """Before there is a node: nothing that ROS itself prints comes out, and nothing is sent."""
+    with program([*COMMAND, '--ros-args', *arguments], tmp_path) as started:
+        assert started.end() == 2
+        (line,) = started.text.splitlines()
+    assert line.startswith('kachaka_simple_control: ')
+    assert text in line
+    assert len(line) < 400
+
+
+@pytest.mark.parametrize('name, value, text', [
+    ('ROS_DOMAIN_ID', 'abc', 'it must be a whole number from 0 to 232'),
+    ('ROS_DOMAIN_ID', '-1', 'it must be a whole number from 0 to 232'),
+    ('ROS_DOMAIN_ID', '300', 'it must be a whole number from 0 to 232'),
+    ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'near', 'one of SUBNET, LOCALHOST, OFF, SYSTEM_DEFAULT'),
+    ('RCUTILS_COLORIZED_OUTPUT', '7', 'it must be one of 0, 1'),
+])
+def test_an_environment_that_ros_cannot_use_is_refused_in_one_line(
+        tmp_path, monkeypatch, name, value, text):
+    monkeypatch.setenv(name, value)
+    with program(COMMAND, tmp_path) as started:
+        assert started.end() == 2
+        (line,) = started.text.splitlines()
+    assert line.startswith(f'kachaka_simple_control: {name} is {value!r}; ')
+    assert text in line
+
+
+@pytest.mark.parametrize('reason, shown', [
+    ('no\x1b[2J\nnot today', r'refused manual control: no\x1b[2J\nnot today'),
+    ('no' * 50_000, 'nonon...')])
+def test_what_a_robot_says_is_shown_in_one_line(tmp_path, reason, shown):
+    with Listener(grants=False, reason=reason), program(COMMAND, tmp_path) as started:
+        assert started.end() == 3
+        last = started.text.splitlines()[-1]
+    assert shown in last
+    assert len(last) < 300
+
+
+@pytest.mark.parametrize('policies, text', [
+    ({'durability': DurabilityPolicy.TRANSIENT_LOCAL},
+     'durability (it asks for transient_local, and volatile is offered); change'),
+    ({'deadline': Duration(nanoseconds=100_000_000)},
+     'deadline (it asks for 0.1 s, and none is offered); change'),
+    ({'liveliness': LivelinessPolicy.MANUAL_BY_TOPIC},
+     'liveliness (it asks for manual_by_topic, and automatic is offered); change'),
+])
+def test_a_quality_of_service_that_does_not_fit_is_named(tmp_path, policies, text):
+    command = with_parameters('robot_timeout:=3')
+    with Listener(quality=QoSProfile(depth=10, **policies)), program(command, tmp_path) as started:
+        assert started.end() == 3
+    assert (f'a subscriber is there (node listener), but its quality of service does not fit: '
+            f'{text}') in started.text
 
 
 def test_a_whole_number_is_a_number(tmp_path):

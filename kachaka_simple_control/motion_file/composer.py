@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import re
 from typing import Any
 
+from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.motion_file.document import Document, Node
 from kachaka_simple_control.motion_file.problems import (
     dotted,
@@ -28,7 +29,6 @@ from kachaka_simple_control.motion_file.problems import (
     UnreadableFileError,
 )
 from kachaka_simple_control.motion_file.scalars import resolve, ScalarError
-from kachaka_simple_control.motion_file.units import quoted
 
 #: How many values and keys a file may have.
 MAX_VALUES = 100_000

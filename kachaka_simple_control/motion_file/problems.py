@@ -19,13 +19,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 import re
 
+from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.motion.errors import InvalidMotionError
-from kachaka_simple_control.motion_file.units import quoted
 
 #: How many lines a person is shown.
 MAX_LINES = 100
 #: After so many problems the rest of a file is not looked at.
 MAX_PROBLEMS = 1000
+#: How much of the name of a file they are shown [characters].
+MAX_NAME = 300
 #: What is said to whom a library is missing.
 INSTALL = (
     'to read files, PyYAML and jsonschema are needed: pip install PyYAML jsonschema, or '
@@ -106,7 +108,8 @@ def report(source: str, problems: Sequence[Problem]) -> str:
     :param problems: what is wrong with it, in order
     :returns: a line for each, as in ``square.yaml:7: steps[2].turn: ...``
     """
-    name = source if source and source.isprintable() else quoted(source)
+    is_short = source and source.isprintable() and len(source) <= MAX_NAME
+    name = source if is_short else quoted(source, MAX_NAME)
     lines = [f'{place(name, problem.line)}: {problem}' for problem in problems[:MAX_LINES]]
     more = len(problems) - len(lines)
     many = 'many' if len(problems) >= MAX_PROBLEMS else more

@@ -18,7 +18,8 @@ from __future__ import annotations
 import math
 import re
 
-from kachaka_simple_control.motion_file.units import DIGITS, quoted
+from kachaka_simple_control.escaping import quoted
+from kachaka_simple_control.motion_file.units import DIGITS
 
 #: More characters than this no number needs: the longest float has 24.
 MAX_NUMBER = 100

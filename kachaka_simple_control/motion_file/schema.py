@@ -22,9 +22,10 @@ from importlib.resources import files
 import json
 from typing import Any
 
+from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.motion_file.document import Document
 from kachaka_simple_control.motion_file.problems import INSTALL, Problem, UnreadableFileError
-from kachaka_simple_control.motion_file.units import QUANTITIES, quoted, UnitError
+from kachaka_simple_control.motion_file.units import QUANTITIES, UnitError
 
 PACKAGE = 'kachaka_simple_control'
 

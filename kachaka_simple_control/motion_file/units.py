@@ -20,6 +20,8 @@ from enum import Enum
 import math
 import re
 
+from kachaka_simple_control.escaping import quoted
+
 #: A number without its sign.  A text matches in one way only, or a long one would take hours.
 DIGITS = r'([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][-+]?[0-9]+)?'
 _PARTS = re.compile(f'(?P<number>[-+]?{DIGITS}) *(?P<unit>.*)', re.DOTALL)
@@ -107,16 +109,6 @@ class Quantity:
     def _hint(self, text: str) -> str:
         is_clock = self.units is _SECOND and _CLOCK.search(text)
         return 'write 1:30 as 90 s or 1.5 min' if is_clock else f'it must be {self.wanted}'
-
-
-def quoted(text: str) -> str:
-    """
-    Return a text from a file in quotes, in one line and not too long.
-
-    :param text: the text
-    :returns: what to print of it
-    """
-    return repr(text if len(text) <= 40 else text[:37] + '...')
 
 
 def _per(units: dict[str, tuple[float, float]], by: str) -> dict[str, tuple[float, float]]:

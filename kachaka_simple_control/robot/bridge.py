@@ -21,9 +21,11 @@ from concurrent.futures import ThreadPoolExecutor
 import contextlib
 import sys
 import time
-from typing import NoReturn, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from kachaka_simple_control.errors import RobotTakenError
+from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.one_line_parser import OneLineParser
 from kachaka_simple_control.robot.ending import Ending
 from kachaka_simple_control.robot.fidelity import Fidelity
 from kachaka_simple_control.robot.fidelity_options import add_figures, fidelity
@@ -37,6 +39,7 @@ from kachaka_simple_control.ros.isolation import (
     is_told_to_stay,
     stay_on_this_machine,
 )
+from kachaka_simple_control.ros.names import LONGEST_NAMESPACE, require_namespace
 
 if TYPE_CHECKING:
     from kachaka_simple_control.robot.bridge_node import BridgeNode
@@ -44,18 +47,6 @@ if TYPE_CHECKING:
 
 PROGRAM = 'kachaka_bridge'
 DONE, FAULTED, BAD_USAGE, NO_ROBOT = 0, 1, 2, 3
-
-
-class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line."""
-
-    def error(self, message: str) -> NoReturn:
-        """
-        End the program.
-
-        :param message: what is wrong
-        """
-        self.exit(BAD_USAGE, f'{PROGRAM}: {message}\n')
 
 
 class _EndedError(Exception):
@@ -92,7 +83,7 @@ def main(args: Sequence[str] | None = None) -> int:
         try:
             _main([*(sys.argv[1:] if args is None else args)], ending)
         except _EndedError as ended:
-            print(f"{PROGRAM}: {' '.join(str(ended).split())}", file=sys.stderr)
+            print(f"{PROGRAM}: {escaped(' '.join(str(ended).split()), 400)}", file=sys.stderr)
             return ended.code
         return DONE
 
@@ -100,27 +91,25 @@ def main(args: Sequence[str] | None = None) -> int:
 def _main(args: list[str], ending: Ending) -> None:
     try:
         import rclpy
-        from rclpy.exceptions import NameValidationException
-        from rclpy.signals import SignalHandlerOptions
         from rclpy.utilities import remove_ros_args
-        from rclpy.validate_namespace import validate_namespace
     except ImportError as error:
         raise _EndedError(FAULTED, f'ROS 2 is missing here ({error})') from None
     verdict = _Verdict(ending)
     try:
-        options, how = _parse(remove_ros_args(args))
+        from kachaka_simple_control.ros.starting import check_arguments, start_ros
+        options, how = _parse(check_arguments(args, remove_ros_args))
         namespace = '/' + options.namespace.strip('/')
-        validate_namespace(namespace)
+        require_namespace(namespace, '--namespace', LONGEST_NAMESPACE)
         make = (_real(options, verdict) if options.address
                 else _simulated(options, how, verdict))
         if is_told_to_stay():
             stay_on_this_machine()
         avoid_shared_memory()
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        start_ros(args)
         node = make(namespace)
     except (UnreachableError, RobotTakenError) as error:
         raise _EndedError(NO_ROBOT, error) from None
-    except (RuntimeError, NameValidationException) as error:
+    except (RuntimeError, UnicodeError) as error:
         raise _EndedError(BAD_USAGE, error) from None
     try:
         _serve(node, ending, options.with_parent)
@@ -188,8 +177,8 @@ def _address(text: str) -> Address:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def _parser() -> _Parser:
-    parser = _Parser(
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
         prog=PROGRAM, allow_abbrev=False,
         description="Show a robot to ROS 2 under the names of Kachaka's official bridge.",
         epilog='ROS arguments follow after --ros-args.')

@@ -30,6 +30,8 @@ from kachaka_simple_control.robot.simulated import (
 from kachaka_simple_control.robot.spinners import NodeSpinner, Spinner
 from kachaka_simple_control.ros import messages
 from kachaka_simple_control.ros.claim import RobotClaim
+from kachaka_simple_control.ros.names import RobotNames
+from kachaka_simple_control.ros.node_names import check_node_names, refused_in_one_line
 from nav_msgs.msg import Odometry
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
@@ -58,8 +60,14 @@ class BridgeNode(Node):
         :param namespace: where its topics and its service are
         :param on_rival: called with who else does, when that turns out later
         :raises RobotTakenError: if another bridge does
+        :raises UsageError: if a name cannot be one, or is taken by something else of the node
         """
-        super().__init__(NODE, namespace=namespace, start_parameter_services=False)
+        with refused_in_one_line(NODE):
+            super().__init__(NODE, namespace=namespace, start_parameter_services=False)
+        check_node_names(
+            self, RobotNames(
+                KACHAKA.velocity_topic, KACHAKA.odometry_topic, KACHAKA.manual_control_service),
+            (*ODOMETRY_TOPICS[1:], '/diagnostics'), ())
         self._claim = RobotClaim(
             self, self.resolve_topic_name(KACHAKA.velocity_topic), 'bridge', on_rival)
         self._take_claim()

@@ -19,8 +19,9 @@ import argparse
 from collections.abc import Sequence
 import sys
 import time
-from typing import NoReturn
 
+from kachaka_simple_control.escaping import escaped, quoted
+from kachaka_simple_control.one_line_parser import OneLineParser
 from kachaka_simple_control.robot.ending import Ending
 from kachaka_simple_control.robot.fidelity import Fidelity
 from kachaka_simple_control.robot.fidelity_options import add_figures, fidelity
@@ -32,18 +33,6 @@ PROGRAM = 'kachaka_sim'
 MISSING = (
     'the SDK of the robot is missing here ({error}); install it with: '
     "pip install 'kachaka_simple_control[kachaka]' && pip install --no-deps kachaka-api")
-
-
-class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line."""
-
-    def error(self, message: str) -> NoReturn:
-        """
-        End the program.
-
-        :param message: what is wrong
-        """
-        self.exit(2, f'{PROGRAM}: {message}\n')
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -70,14 +59,15 @@ def _main(args: Sequence[str], ending: Ending) -> int:
                 lambda: server.call(SimulatedKachaka.press_power_button)):
             print(f'ready: simulated Kachaka at {server.address}', flush=True)
             ending.wait(options.with_parent)
-    except OSError as error:
-        reason = error.strerror or error
-        return _failure(f'cannot listen at {options.host}:{options.grpc_port}: {reason}', 2)
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        where = f'{escaped(options.host, 60)}:{options.grpc_port}'
+        return _failure(f'cannot listen at {where}: {reason}', 2)
     return 0
 
 
 def _failure(message: str, code: int) -> int:
-    print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
+    print(f"{PROGRAM}: {escaped(' '.join(message.split()), 400)}", file=sys.stderr)
     return code
 
 
@@ -91,14 +81,14 @@ def _parse(args: Sequence[str]) -> tuple[argparse.Namespace, Fidelity]:
 
 
 def _port(text: str) -> int:
-    port = int(text)
-    if not 0 <= port <= 65535:
-        raise ValueError(text)
-    return port
+    if not (text.isascii() and text.isdigit() and len(text) < 10 and int(text) <= 65535):
+        raise argparse.ArgumentTypeError(
+            f'{quoted(text, 60)} is no port; it must be a whole number from 0 to 65535')
+    return int(text)
 
 
-def _parser() -> _Parser:
-    parser = _Parser(
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
         prog=PROGRAM, allow_abbrev=False,
         description='Simulate a Kachaka that speaks gRPC as the real one does.  Needs no ROS.',
         epilog='Signal USR1 presses its power button: a pause, or its end.')

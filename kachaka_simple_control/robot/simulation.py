@@ -23,6 +23,7 @@ import threading
 import time
 
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.execution import child
 from kachaka_simple_control.robot.robot_profile import KACHAKA
 
@@ -207,7 +208,7 @@ class SimulationProcess:
             if line.startswith(PARTICIPANT):
                 self.participant = bytes.fromhex(line.removeprefix(PARTICIPANT))
                 continue
-            self._last_line = line.strip() or self._last_line
+            self._last_line = escaped(line.strip(), 1000) or self._last_line
             if READY in line:
                 self._ready.set()
             if not line.startswith(LAST_WORDS):  # whoever is told of its end hears them

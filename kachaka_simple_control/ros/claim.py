@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import hashlib
 import os
 import socket
 import threading
@@ -34,6 +35,7 @@ from kachaka_simple_control.execution.claims import (
 from kachaka_simple_control.execution.machine_claim import ClaimedError, MachineClaim
 from kachaka_simple_control.ros.endpoints import own_participant
 from kachaka_simple_control.ros.isolation import is_kept_to_this_machine
+from kachaka_simple_control.ros.names import LONGEST
 from kachaka_simple_control.ros.waiting import wait_until
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -81,7 +83,7 @@ class RobotClaim:
         self._node_name = node.get_fully_qualified_name()
         self._taken_text = TAKEN[role].format(topic=topic, who='{who}')
         self._told = None if is_kept_to_this_machine() else _ToldClaim(
-            node, f'{topic}/_{role}', on_rival)
+            node, _topic(topic, role), on_rival)
 
     def fileno(self) -> int:
         """Return the descriptor that keeps the claim, for a child to inherit."""
@@ -134,6 +136,13 @@ class RobotClaim:
 
     def _taken(self, who: str) -> RobotTakenError:
         return RobotTakenError(self._taken_text.replace('{who}', who))
+
+
+def _topic(velocities: str, role: str) -> str:
+    topic = f'{velocities}/_{role}'
+    if len(topic) <= LONGEST:
+        return topic
+    return f'/_kachaka_simple_control/_{hashlib.sha256(velocities.encode()).hexdigest()}/_{role}'
 
 
 class _ToldClaim:

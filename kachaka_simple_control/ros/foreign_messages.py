@@ -19,6 +19,7 @@ from collections.abc import Callable
 import time
 
 from kachaka_simple_control.errors import RobotTakenError
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.ros.velocity_message import is_zero
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.ros.waiting import wait_until
@@ -130,7 +131,7 @@ class ForeignMessages:
         if UNKNOWN in self._names:
             self._names = self._others() or self._names  # discovery tells names last
         names = sorted({
-            'with a name that is not told here' if name == UNKNOWN else name
+            'with a name that is not told here' if name == UNKNOWN else escaped(name, 60)
             for name in self._names})
         return f'somebody else (node {" or ".join(names)})'
 

@@ -21,6 +21,7 @@ import time
 from typing import Any
 
 from kachaka_simple_control.errors import RobotNotFoundError
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.ros.waiting import wait_until
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -52,7 +53,7 @@ class ServiceAnswer:
     def refusal(self) -> str | None:
         """Why manual control was refused; None if it was granted."""
         response = self._future.result()
-        return None if response.success else response.message or 'no reason given'
+        return None if response.success else escaped(response.message) or 'no reason given'
 
 
 class ManualControl:

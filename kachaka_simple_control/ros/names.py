@@ -16,8 +16,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import re
 
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.robot.robot_profile import RobotProfile
+
+#: The longest name of a topic or a service: RMW_TOPIC_MAX_NAME_LENGTH, which is what DDS takes
+#: (255) without the room for the prefixes of ROS [characters].
+LONGEST = 247
+#: Likewise of a namespace: RMW_NAMESPACE_MAX_LENGTH, which leaves room for a name in it.
+LONGEST_NAMESPACE = 245
+_NAMESPACE = re.compile('(/+[A-Za-z_][A-Za-z0-9_]*)*/*')
 
 
 @dataclass(frozen=True)
@@ -43,7 +53,12 @@ def names_of(profile: RobotProfile, namespace: str, manual_control: bool) -> Rob
     :param namespace: the ROS namespace of this one
     :param manual_control: whether to use its manual control, if it has one
     :returns: its names
+    :raises UsageError: if the namespace is none, or so long that the names cannot be used
     """
+    longest = max(len(name) for name in (
+        profile.velocity_topic, profile.odometry_topic, profile.manual_control_service) if name)
+    require_namespace(f'/{namespace}', 'robot_namespace', LONGEST - 1 - longest)
+
     def absolute(name: str | None) -> str | None:
         return f'/{namespace.strip("/")}/{name}'.replace('//', '/') if name else None
 
@@ -53,3 +68,24 @@ def names_of(profile: RobotProfile, namespace: str, manual_control: bool) -> Rob
         velocity=velocity,
         odometry=absolute(profile.odometry_topic),
         manual_control=absolute(profile.manual_control_service) if manual_control else None)
+
+
+def require_namespace(namespace: str, what: str, longest: int) -> None:
+    """
+    Make sure that a namespace can be one of ROS.
+
+    :param namespace: the namespace
+    :param what: what people call it
+    :param longest: how many characters it may have at most, from its first slash on
+    :raises UsageError: if it cannot
+    """
+    # fullmatch: a line break at the end would pass otherwise.
+    if not _NAMESPACE.fullmatch(namespace):
+        raise UsageError(
+            f'{what} is {quoted(namespace, 60)}; a namespace begins with a slash and has words '
+            'between slashes, of letters, digits and _, with no digit first, as in /kachaka')
+    if (length := len(namespace.strip('/')) + 1) > longest:
+        raise UsageError(
+            f'{what} is {quoted(namespace, 60)}, which has {length} characters; it may have '
+            f'{longest}, for the names in it must not be longer than the {LONGEST} that ROS '
+            'takes: take a shorter one')

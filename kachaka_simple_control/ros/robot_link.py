@@ -18,10 +18,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.execution.guardian import Guardian, Unguarded
 from kachaka_simple_control.ros.endpoints import own_participant, participants
 from kachaka_simple_control.ros.manual_control import ManualControl
 from kachaka_simple_control.ros.names import RobotNames
+from kachaka_simple_control.ros.quality import misfit
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.ros.waiting import wait_until
 from rclpy.node import Node
@@ -149,7 +151,8 @@ class RobotLink:
         :returns: the names of their nodes, where the graph tells them
         """
         infos = self._node.get_publishers_info_by_topic(self._publisher.topic_name)
-        return [info.node_name for info, participant in zip(infos, participants(infos))
+        return [escaped(info.node_name, 60)
+                for info, participant in zip(infos, participants(infos))
                 if not self._is_ours(participant)]
 
     def _is_ours(self, participant: bytes) -> bool:
@@ -199,10 +202,19 @@ class RobotLink:
     def _no_subscriber(self) -> str:
         wanted = self._publisher.msg_type.__name__
         topic = self._publisher.topic_name
-        types = {
-            info.topic_type for info in self._node.get_subscriptions_info_by_topic(topic)}
-        if types and not any(kind.endswith('/' + wanted) for kind in types):
-            return f'its subscriber takes {", ".join(sorted(types))}, not {wanted}'
+        infos = self._node.get_subscriptions_info_by_topic(topic)
+        types = {info.topic_type for info in infos}
+        fitting = [info for info in infos if info.topic_type.endswith('/' + wanted)]
+        if types and not fitting:
+            return f'its subscriber takes {escaped(", ".join(sorted(types)))}, not {wanted}'
+        # As the graph tells both: a publisher itself says 0 s for a deadline that is not set.
+        own = self._node.get_publishers_info_by_topic(topic)
+        offered = [info.qos_profile for info, participant in zip(own, participants(own))
+                   if participant == self._participant]
+        for info in fitting:
+            if offered and (reason := misfit(offered[0], info.qos_profile)):
+                return (f'a subscriber is there (node {escaped(info.node_name, 60)}), but its '
+                        f'quality of service does not fit: {reason}; change that of the robot')
         return 'nobody subscribes to it'
 
     def _not_one(self, robots: int) -> str:

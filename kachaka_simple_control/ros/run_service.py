@@ -19,6 +19,7 @@ from collections.abc import Callable
 import threading
 
 from kachaka_simple_control.errors import ControlError
+from kachaka_simple_control.ros.quality import SERVICE_QUALITY
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
@@ -36,7 +37,8 @@ class RunService:
         """
         self._node = node
         self._prepare = prepare
-        service = node.create_service(Trigger, '~/run', self._on_request)
+        service = node.create_service(
+            Trigger, '~/run', self._on_request, qos_profile=SERVICE_QUALITY)
         node.get_logger().info(f'Standing by: call {service.srv_name} to start, ~/stop to stop')
 
     def _on_request(

@@ -21,6 +21,7 @@ import threading
 import time
 
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, RunFaultError
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.execution.drive_requests import DriveRequest, DriveRequests
 from kachaka_simple_control.execution.playing import play
 from kachaka_simple_control.execution.publisher_edge import Access, PublisherEdge
@@ -356,7 +357,7 @@ class Session:
             self.edge.zero(after=run)
 
     def _callback_failed(self, error: BaseException) -> None:
-        self.halt(RunFaultError(f'a callback failed: {type(error).__name__}: {error}'))
+        self.halt(RunFaultError(f'a callback failed: {type(error).__name__}: {escaped(error)}'))
 
 
 def _reason(error: BaseException) -> ControlError:

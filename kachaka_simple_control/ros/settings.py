@@ -22,6 +22,7 @@ from itertools import pairwise
 from typing import Any
 
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.escaping import escaped, quoted
 from kachaka_simple_control.execution.playing import HIGHEST_RATE, lowest_rate
 from kachaka_simple_control.robot.robot_profile import KACHAKA, RobotProfile
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
@@ -85,8 +86,9 @@ def check_names(arguments: Sequence[str]) -> None:
         if name not in known and not name.startswith(QUALITIES):
             like = get_close_matches(name, known, 1)
             raise UsageError(
-                f'there is no parameter {name}' + (f'; did you mean {like[0]}?' if like else (
-                    ': ' + ', '.join(setting.name for setting in fields(Settings)))))
+                f'there is no parameter {escaped(name, 60)}' + (
+                    f'; did you mean {like[0]}?' if like else (
+                        ': ' + ', '.join(setting.name for setting in fields(Settings)))))
 
 
 def declare_robot(node: Node) -> str:
@@ -135,13 +137,15 @@ def _declare_one(
         value = node.declare_parameter(setting.name, default, descriptor).value
     except ParameterException as error:
         allowed = f' It must be from {bounds[0]:g} to {bounds[1]:g}.' if bounds else ''
-        raise UsageError(f'{error}{allowed}') from None
+        raise UsageError(f'{escaped(error)}{allowed}') from None
     return _number(setting.name, value, bounds) if bounds else value
 
 
 def _number(name: str, value: Any, bounds: tuple[float, float]) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise UsageError(f'parameter {name} is {value!r}; it must be a number')
+        raise UsageError(
+            f'parameter {name} is {quoted(str(value), 60) if isinstance(value, str) else value}; '
+            'it must be a number')
     if not bounds[0] <= value <= bounds[1]:
         raise UsageError(
             f'parameter {name} is {value}; it must be from {bounds[0]:g} to {bounds[1]:g}')

@@ -17,8 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
+import warnings
 
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import ParameterException
@@ -26,6 +28,10 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+
+#: The deepest queue that can be asked for; DDS takes memory for it [messages].
+DEEPEST = 100_000
+_DEPTHS = f'from 1 to {DEEPEST}'
 
 
 class Unwatched:
@@ -85,11 +91,30 @@ def with_quality(
     :returns: what was made
     :raises UsageError: if a parameter asks for a quality that cannot be had
     """
+    def checked(quality: QoSProfile) -> SetParametersResult:
+        possible = _refuse_depth(quality)
+        return check(quality) if check is not None and possible.successful else possible
+
     try:
-        return make(QoSOverridingOptions.with_default_policies(callback=check))
-    except (InvalidQosOverridesError, ParameterException, RuntimeError, TypeError) as error:
+        with warnings.catch_warnings():
+            # For a depth of 0 rclpy takes another one, and only warns.
+            warnings.simplefilter('error', UserWarning)
+            return make(QoSOverridingOptions.with_default_policies(callback=checked))
+    except (InvalidQosOverridesError, ParameterException, RuntimeError, TypeError,
+            UserWarning) as error:
         # Of several lines only the first says what is wrong.
-        raise UsageError(str(error).splitlines()[0]) from None
+        text = escaped(str(error).splitlines()[0], 400)
+        if isinstance(error, (TypeError, UserWarning)):
+            text = f'a quality of service cannot be had: {text}; the depth must be {_DEPTHS}'
+        raise UsageError(text) from None
+
+
+def _refuse_depth(quality: QoSProfile) -> SetParametersResult:
+    # Of this DDS would print a dozen lines.
+    is_possible = 1 <= quality.depth <= DEEPEST
+    return SetParametersResult(
+        successful=is_possible,
+        reason='' if is_possible else f'depth is {quality.depth}; it must be {_DEPTHS}')
 
 
 def _refuse_to_wait(quality: QoSProfile) -> SetParametersResult:

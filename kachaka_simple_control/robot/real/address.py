@@ -17,8 +17,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from kachaka_simple_control.escaping import quoted
+
 #: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).
 PORT = 26400
+#: The longest name of a host has 253 characters; brackets and a port may come with it.
+LONGEST = 261
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,10 @@ class Address:
         :raises ValueError: if it is none, in one line
         """
         host, port = _split(text.strip())
+        if len(text) > LONGEST or not text.isprintable():
+            raise ValueError(
+                f'{quoted(text, 60)} is no address of a robot; it has at most {LONGEST} '
+                'characters, all of them visible')
         if not host or any(c.isspace() or c == '/' for c in text.strip()) or set('[]') & set(host):
             raise ValueError(
                 f'{text!r} is no address of a robot; write HOST or HOST:{PORT}, for example '

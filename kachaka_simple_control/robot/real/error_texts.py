@@ -21,6 +21,8 @@ from enum import IntEnum
 import json
 from typing import Any
 
+from kachaka_simple_control.escaping import escaped
+
 
 class Level(IntEnum):
     """How bad something is; the numbers are those of ``diagnostic_msgs``."""
@@ -101,4 +103,4 @@ def _entries(text: str) -> Iterator[tuple[int, ErrorText]]:
 def _either(entry: dict[str, Any], key: str) -> str:
     """Return a text in English if the robot has it, else in its own language; in one line."""
     value = entry.get(f'{key}_en') or entry.get(key) or ''
-    return ' '.join(str(value).split()).rstrip('.')
+    return escaped(' '.join(str(value).split()).rstrip('.'))

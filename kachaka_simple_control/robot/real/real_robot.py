@@ -21,6 +21,7 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.robot.real.command import Command
 from kachaka_simple_control.robot.real.error_texts import ErrorTexts, Level
 from kachaka_simple_control.robot.real.helm import Helm, Kind, Order
@@ -173,7 +174,8 @@ class RealRobot:
         try:
             outcome = self._perform(order)
         except Exception as error:  # whatever it is, the next zero must be able to leave
-            outcome = Outcome(trouble=Trouble.FAILED, text=f'{type(error).__name__}: {error}')
+            text = escaped(f'{type(error).__name__}: {error}')
+            outcome = Outcome(trouble=Trouble.FAILED, text=text)
         finally:
             self._changed.acquire()
         was_barred = self._helm.is_barred

@@ -21,6 +21,7 @@ from typing import Any
 import grpc
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiStub
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.robot.real.address import Address
 from kachaka_simple_control.robot.real.outcome import Outcome, Trouble
 
@@ -116,8 +117,10 @@ class RobotClient:
         if serial is None:
             return outcome, ''
         outcome, version = _outcome(self._stub.GetRobotVersion, pb2.GetRequest(), deadline)
-        text = '' if version is None else f'{serial.serial_number}, software {version.version}'
-        return outcome, text
+        if version is None:
+            return outcome, ''
+        return outcome, (
+            f'{escaped(serial.serial_number, 60)}, software {escaped(version.version, 60)}')
 
     def odometry(self, cursor: int, deadline: float) -> tuple[Outcome, Any]:
         """
@@ -152,7 +155,7 @@ def _outcome(
     except grpc.RpcError as error:
         return _trouble(error, deadline), None
     except ValueError as error:  # the channel was closed
-        return Outcome(trouble=Trouble.GONE, text=str(error)), None
+        return Outcome(trouble=Trouble.GONE, text=escaped(error)), None
     result = getattr(answer, 'result', None)
     # Some robots leave the code of an error at 0: what was no success is not taken for one.
     code = 0 if result is None or result.success else result.error_code or -1
@@ -167,4 +170,4 @@ def _trouble(error: Any, deadline: float) -> Outcome:
     if text.startswith('failed to connect'):
         # What the system said comes last, after names of layers and the address.
         text = text.rpartition(': ')[2]
-    return Outcome(trouble=trouble, text=text)
+    return Outcome(trouble=trouble, text=escaped(text))

@@ -1,0 +1,167 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Start ROS in a program of ours, or say in one line why it cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+import contextlib
+from itertools import pairwise
+import os
+import re
+import sys
+import tempfile
+
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.escaping import escaped, quoted
+from kachaka_simple_control.ros.names import LONGEST, LONGEST_NAMESPACE, require_namespace
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+
+#: The highest domain that DDS has ports for.
+HIGHEST_DOMAIN = 232
+#: The longest name of a node that ROS takes.
+LONGEST_NODE_NAME = 255
+#: What ROS would take for something else, in dozens of lines or none.
+SWITCHES = {
+    'ROS_AUTOMATIC_DISCOVERY_RANGE': ('SUBNET', 'LOCALHOST', 'OFF', 'SYSTEM_DEFAULT'),
+    **dict.fromkeys(('RCUTILS_COLORIZED_OUTPUT', 'RCUTILS_LOGGING_USE_STDOUT',
+                     'RCUTILS_LOGGING_BUFFERED_STREAM'), ('0', '1')),
+}
+#: What to write, by the first words of what ROS says that it could not parse.
+HINTS = {
+    'remap': 'write -r FROM:=TO, with names as in /kachaka/cmd_vel',
+    'parameter': 'write -p NAME:=VALUE, with a value as in YAML',
+    'params': 'name a file of parameters that is there and is YAML',
+    'log': 'levels are debug, info, warn, error and fatal',
+}
+_UNREADABLE = re.compile(r"Couldn't parse ([a-z ]+): '(.*?)'\. Error: ", re.DOTALL)
+_PLACES = re.compile(r', at /\S+:[0-9]+')
+
+
+def start_ros(arguments: Sequence[str]) -> None:
+    """
+    Initialise ROS, without the signal handlers of its own.
+
+    Call it before the program has other threads: what ROS itself prints is held back meanwhile.
+
+    :param arguments: what ROS is told, from ``--ros-args`` on; others are left alone
+    :raises UsageError: if ROS does not understand it, or the environment it finds
+    """
+    check_environment()
+    check_remaps(arguments)
+    try:
+        with held_back():
+            rclpy.init(args=[*arguments], signal_handler_options=SignalHandlerOptions.NO)
+    except (RuntimeError, UnicodeError) as error:
+        raise UsageError(_explained(str(error))) from None
+
+
+def check_arguments(
+        arguments: Sequence[str], remove: Callable[[list[str]], list[str]]) -> list[str]:
+    """
+    Return what is not for ROS, after a look at what is.
+
+    :param arguments: of the process
+    :param remove: rclpy's ``remove_ros_args``
+    :returns: the others
+    :raises UsageError: if ROS does not understand its own
+    """
+    check_environment()
+    check_remaps(arguments)
+    try:
+        with held_back():
+            return remove([*arguments])
+    except (RuntimeError, UnicodeError) as error:
+        raise UsageError(_explained(str(error))) from None
+
+
+def check_environment() -> None:
+    """
+    Make sure that ROS can use what the environment tells it.
+
+    :raises UsageError: if it cannot
+    """
+    domain = os.environ.get('ROS_DOMAIN_ID', '')
+    if domain and not (re.fullmatch('[0-9]{1,9}', domain) and int(domain) <= HIGHEST_DOMAIN):
+        raise UsageError(
+            f'ROS_DOMAIN_ID is {quoted(domain, 60)}; it must be a whole number from 0 to '
+            f'{HIGHEST_DOMAIN}')
+    for name, values in SWITCHES.items():
+        value = os.environ.get(name, '')
+        if value and value not in values:
+            raise UsageError(
+                f'{name} is {quoted(value, 60)}; it must be one of {", ".join(values)}')
+
+
+def check_remaps(arguments: Sequence[str]) -> None:
+    """
+    Make sure that names on the command line are names: what ROS says of others is no help.
+
+    :param arguments: what ROS is told, from ``--ros-args`` on
+    :raises UsageError: if one is not
+    """
+    inside = False
+    for option, rule in pairwise([*arguments, '']):
+        inside = (inside or option == '--ros-args') and option != '--'
+        if not inside or option not in ('-r', '--remap'):
+            continue
+        match, is_rule, name = rule.partition(':=')
+        kind = match.rpartition(':')[2]
+        if not is_rule:
+            raise UsageError(f'{quoted(rule, 60)} is no remap rule: {HINTS["remap"]}')
+        if kind == '__ns':
+            require_namespace(name, 'the namespace in -r __ns:=', LONGEST_NAMESPACE)
+        most = LONGEST_NODE_NAME if kind in ('__node', '__name') else LONGEST
+        if len(name) > most:
+            raise UsageError(
+                f'{quoted(match, 60)} is remapped to {quoted(name, 60)}, which has {len(name)} '
+                f'characters; ROS takes {most} at most: take a shorter name')
+
+
+def _explained(text: str) -> str:
+    """Return what ROS says, without the places in its source, and with what to do."""
+    if text.startswith('['):
+        return (f'ROS does not know {escaped(text.strip("[]"), 100)} among its arguments: after '
+                '--ros-args stand -p NAME:=VALUE, -r FROM:=TO, --params-file FILE and the like; '
+                'arguments of the command itself come before')
+    found = _UNREADABLE.search(text)
+    if found is None:
+        return f'ROS could not be started: {escaped(_PLACES.sub("", text))}'
+    hint = HINTS.get(found[1].split()[0], 'see `ros2 run --help`')
+    return f'ROS cannot read the {found[1]} {quoted(found[2], 60)}: {hint}'
+
+
+@contextlib.contextmanager
+def held_back() -> Iterator[None]:
+    """
+    Print what comes out of ROS's C code only if all goes well; one line tells the rest.
+
+    :returns: a context manager
+    """
+    sys.stderr.flush()
+    try:
+        terminal = os.dup(2)
+    except OSError:  # it is closed
+        yield
+        return
+    with tempfile.TemporaryFile() as printed:
+        os.dup2(printed.fileno(), 2)
+        try:
+            yield
+            printed.seek(0)
+            os.write(terminal, printed.read())
+        finally:
+            os.dup2(terminal, 2)
+            os.close(terminal)
