@@ -19,6 +19,7 @@ import os
 import socket
 import subprocess
 import sys
+import time
 
 from kachaka_simple_control.execution import child
 from kachaka_simple_control.ros import isolation
@@ -49,6 +50,48 @@ for link in pathlib.Path('/proc/self/fd').iterdir():
         pass
 sockets = [line.split() for line in open('/proc/net/udp').readlines()[1:]]
 print(json.dumps([threads, [s[1] for s in sockets if 'socket:[%s]' % s[9] in mine]]))
+"""
+#: Programs of somebody else: a robot, which only listens, and many other nodes, each a participant
+#: of its own.
+ROBOT = """
+import rclpy
+from geometry_msgs.msg import Twist
+rclpy.init()
+node = rclpy.create_node('robot')
+node.create_subscription(Twist, '/robot', print, 10)
+print(flush=True)
+rclpy.spin(node)
+"""
+CROWD = """
+import rclpy, sys
+nodes = []
+for number in range(40):
+    context = rclpy.Context()
+    context.init(args=[])
+    nodes.append(rclpy.create_node(f'node_{number}', context=context))
+print(flush=True)
+sys.stdin.read()
+"""
+#: Newcomers of ours, one after the other, and how long [s] each took to meet the robot.
+NEWCOMERS = """
+import json, sys, time
+from kachaka_simple_control.ros.isolation import stay_on_this_machine
+stay_on_this_machine()
+import rclpy
+from geometry_msgs.msg import Twist
+took = []
+for _ in range(int(sys.argv[1])):
+    began = time.monotonic()
+    context = rclpy.Context()
+    context.init(args=[])
+    node = rclpy.create_node('newcomer', context=context)
+    publisher = node.create_publisher(Twist, '/robot', 10)
+    while not publisher.get_subscription_count() and time.monotonic() < began + 15:
+        time.sleep(0.01)
+    took.append(time.monotonic() - began)
+    node.destroy_node()
+    context.shutdown()
+print(json.dumps(took))
 """
 #: 127.0.0.1, and 239.255.0.1 where all announcements are heard; as the kernel writes them.
 LOOPBACK, ANNOUNCEMENTS = '0100007F', '0100FFEF'
@@ -95,14 +138,17 @@ def test_what_stays_here_sends_from_the_loopback_interface(chosen):
     assert addresses == {LOOPBACK, ANNOUNCEMENTS}
 
 
-@pytest.mark.parametrize('way', ['avoid_shared_memory', 'stay_on_this_machine'])
-def test_a_newcomer_is_announced_until_everybody_has_heard_it(way):
+@pytest.mark.parametrize(('way', 'offset'), [
+    ('avoid_shared_memory', 0), ('stay_on_this_machine', 0),
+    # Where the 32nd participant of this machine listens, of those that ROS's range greets.
+    ('stay_on_this_machine', 10 + 2 * 31)])
+def test_a_newcomer_is_announced_until_everybody_has_heard_it(way, offset):
     """By itself Fast DDS does so five times, and then every three seconds."""
     needs_fast_dds()
     domain, patience = 99, 4.0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
         ear.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        ear.bind(('', 7400 + 250 * domain))  # by the DDS specification
+        ear.bind(('', 7400 + 250 * domain + offset))  # by the DDS specification
         ear.setsockopt(
             socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP,
             socket.inet_aton('239.255.0.1') + socket.inet_aton('127.0.0.1'))
@@ -116,6 +162,49 @@ def test_a_newcomer_is_announced_until_everybody_has_heard_it(way):
                 with contextlib.suppress(TimeoutError):
                     announced += ear.recv(65536).startswith(b'RTPS')
     assert announced > 20
+
+
+@contextlib.contextmanager
+def elsewhere(code):
+    """Run somebody's program with ROS's own range LOCALHOST, until the end of the block."""
+    with subprocess.Popen(
+            [sys.executable, '-c', code], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            env=environment(**{isolation.RANGE: 'LOCALHOST'})) as program:
+        try:
+            assert program.stdout.readline()
+            yield
+        finally:
+            program.kill()
+
+
+def meet(newcomers):
+    """Return how long [s] each of some newcomers took to meet the robot, in order."""
+    told = subprocess.run(
+        [sys.executable, '-c', NEWCOMERS, str(newcomers)], timeout=120, capture_output=True,
+        env=environment(**{isolation.RANGE: 'LOCALHOST'}), check=True, text=True)
+    return json.loads(told.stdout)
+
+
+@pytest.mark.slow
+def test_a_robot_with_the_range_localhost_need_not_be_waited_for():
+    """
+    It hears no multicast, and announces itself every 3 s.
+
+    Whoever waits for that takes 3 s each but the first.  Of those that greet it, half are quick
+    enough for its answer, even where it has nothing else to do; so two of eight must be.
+    """
+    needs_fast_dds()
+    with elsewhere(ROBOT):
+        time.sleep(1.0)  # at first it announces itself more often
+        assert sorted(meet(8))[1] < 1.5
+
+
+@pytest.mark.slow
+def test_a_robot_with_the_range_localhost_is_met_among_many_nodes():
+    """It announces itself to the first 32 participants alone, and the newcomer is none of them."""
+    needs_fast_dds()
+    with elsewhere(ROBOT), elsewhere(CROWD):
+        assert max(meet(1)) < 10.0  # as long as the command waits for a robot
 
 
 @pytest.fixture
