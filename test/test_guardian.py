@@ -115,6 +115,58 @@ node.move_robot(0.1, 0.0, 20.0)
         assert zeros_after(listener, sent)[0] - sent < 0.4
 
 
+SLOW_GRAPH = """
+import ctypes, threading
+wait = ctypes.PyDLL(None).usleep  # as rclpy asks the graph: no other thread of Python runs
+def slow(ask, seconds):
+    def asked(*args):
+        wait(int(seconds * 1e6))
+        return ask(*args)
+    return asked
+"""
+
+
+def test_a_graph_that_takes_long_to_answer_ends_no_healthy_run(listener, tmp_path):
+    """Others join and leave; discovery has the graph, and who asks it waits with Python's lock."""
+    text = BEGIN + SLOW_GRAPH + """
+node._session._link.require_alone = slow(node._session._link.require_alone, 0.3)
+node.move_robot(0.1, 0.0, 3.0)
+"""
+    with script(text, tmp_path) as started:
+        assert started.end() == 0, started.text
+
+
+def test_a_graph_that_never_answers_is_found_out(listener, tmp_path):
+    text = BEGIN + SLOW_GRAPH + """
+ask = node._session._link.require_alone
+def hang():
+    node._session._link.require_alone = slow(ask, 3.0)
+    print('hangs', flush=True)
+threading.Timer(4.0, hang).start()
+node.move_robot(0.1, 0.0, 20.0)
+"""
+    with script(text, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        assert started.end() == 1
+    assert 'the guardian stopped the robot: the node fell silent' in started.text
+    moves = [heard.time for heard in listener.heard if heard.moves]
+    zeros = [heard.time for heard in listener.heard if not heard.moves and heard.time > moves[0]]
+    # A few of the motion's own signs may come late; the guardian's bound is 0.5 s.
+    assert zeros[0] - moves[-1] < 0.8
+
+
+def test_a_node_frozen_while_it_asks_the_graph_is_no_slow_graph(listener, tmp_path):
+    text = BEGIN + SLOW_GRAPH + """
+node._session._link.require_listener = slow(node._session._link.require_listener, 0.045)
+node.move_robot(0.1, 0.0, 20.0)
+"""
+    with script(text, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        time.sleep(0.25)
+        sent = started.send(signal.SIGSTOP)
+        assert zeros_after(listener, sent)[0] - sent < 0.4
+
+
 def test_a_process_is_frozen_from_sigstop_to_sigcont():
     with subprocess.Popen(['sleep', '20']) as process:
         assert not is_frozen(process.pid)

@@ -13,9 +13,12 @@
 # limitations under the License.
 """Playing a plan through the edge, on a clock that the test moves."""
 
+from itertools import pairwise
+
 from fake_time import FakeTime, Wire
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
 from kachaka_simple_control.execution.latch import Latch
+from kachaka_simple_control.execution.pacing import NAP
 from kachaka_simple_control.execution.playing import max_gap, play
 from kachaka_simple_control.execution.publisher_edge import PublisherEdge
 from kachaka_simple_control.motion.kinematics import Velocity, ZERO
@@ -86,6 +89,48 @@ def test_it_shows_a_sign_of_life_every_20_ms():
     bench = Bench(Move(0.1, 0.0, 1.0), rate=5.0)
     bench.play()
     assert bench.companion.beats >= 50
+
+
+def test_a_motion_that_is_always_late_shows_signs_of_life_all_the_same():
+    """Others join and leave, and handing over each message takes longer than a period."""
+    bench = Bench(Move(0.1, 0.0, 1.0), rate=50.0)
+    transmit, beats, late = bench.edge._transmit, [], 0.03
+
+    def held_up(velocity):
+        transmit(velocity)
+        bench.time.now += late
+
+    bench.edge._transmit = held_up
+    bench.companion.beat = lambda: beats.append(bench.time.now)
+    bench.play()
+    gaps = [after - before for before, after in pairwise(beats)]
+    assert max(gaps) <= late + NAP + 1e-6
+
+
+def test_a_graph_that_answers_slowly_ends_no_healthy_run():
+    bench = Bench(Move(0.1, 0.0, 1.0), rate=50.0)
+    flags = []
+
+    def ask():
+        flags.append(bench.edge._sending.is_set)
+        bench.time.now += 0.3 if len(flags) % 10 == 5 else 0.0
+
+    bench.companion.beat = ask
+    bench.play()
+    assert bench.wire.sent[-1][1] == ZERO
+    assert all(flags)
+
+
+def test_a_graph_that_does_not_answer_for_too_long_ends_the_run():
+    bench = Bench(Move(0.1, 0.0, 1.0), rate=50.0)
+
+    def ask():
+        bench.time.now += 0.7 if len(bench.wire.sent) == 3 else 0.0
+
+    bench.companion.beat = ask
+    with pytest.raises(RunFaultError, match='nothing was sent for .* ms, more than the 620 ms'):
+        bench.play()
+    assert len(bench.wire.sent) == 3
 
 
 def test_a_gap_beyond_the_limit_is_a_fault_and_sends_nothing():

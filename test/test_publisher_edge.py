@@ -189,6 +189,50 @@ def test_the_flag_is_up_while_dds_has_the_message():
     assert not flag.is_set
 
 
+def test_the_flag_is_up_while_dds_is_asked_something_and_down_again_when_that_fails(edge):
+    flag, seen = Flag(), []
+    edge = PublisherEdge(lambda _: None, Limits(0.3, 1.57), Latch(), flag)
+    edge.admit()
+    run = edge.begin(0.2)
+
+    def ask():
+        seen.append(flag.is_set)
+        raise RunFaultError('the robot left')
+
+    with pytest.raises(RunFaultError, match='the robot left'):
+        edge.wait_for_dds(run, ask)
+    assert seen == [True]
+    assert not flag.is_set
+
+
+@pytest.mark.parametrize('waits, ends', [([0.3], False), ([0.1] * 4, False), ([0.8], True),
+                                         ([0.3] * 3, True)])
+def test_what_dds_takes_to_answer_is_no_gap_within_a_bound(edge, time, wire, waits, ends):
+    """The bound is for all questions between two messages together."""
+    edge.admit()
+    run = edge.begin(0.12)
+    edge.send(run, FORWARD)
+    for wait in waits:
+        edge.wait_for_dds(run, lambda wait=wait: time.sleep(wait))
+    if ends:
+        with pytest.raises(RunFaultError, match='nothing was sent for .* more than the 620 ms'):
+            edge.send(run, FORWARD)
+    else:
+        edge.send(run, FORWARD)
+    assert len(wire.sent) == 1 + (not ends)
+
+
+def test_a_wait_for_dds_before_a_message_excuses_no_gap_after_it(edge, time):
+    edge.admit()
+    run = edge.begin(0.12)
+    edge.send(run, FORWARD)
+    edge.wait_for_dds(run, lambda: time.sleep(0.3))
+    edge.send(run, FORWARD)
+    time.sleep(0.2)
+    with pytest.raises(RunFaultError, match='more than the 120 ms'):
+        edge.send(run, FORWARD)
+
+
 def test_what_dds_takes_is_no_gap(time):
     """Somebody joined the graph, and publishing took a third of a second."""
     def transmit(_):

@@ -29,14 +29,17 @@ def sleep_until(
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep) -> None:
     """
-    Sleep until a deadline, in naps; a deadline that has passed costs nothing.
+    Sleep until a deadline, in naps; nobody sleeps for one that has passed.
 
     :param deadline: when to wake [s on the clock]
-    :param beat: called after each nap; what it raises ends the wait
+    :param beat: called after each nap, and once if there is none: a motion that is always late,
+        because publishing takes longer than a period, is alive, too; what it raises ends the wait
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
     """
     left = deadline - clock()
+    if left <= 0.0:
+        beat()
     while left > 0.0:
         sleep(min(left, NAP))
         beat()

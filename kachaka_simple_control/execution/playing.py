@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 import time
 from typing import Protocol
 
@@ -32,7 +33,7 @@ HIGHEST_RATE = 1000.0
 
 
 class Companion(Protocol):
-    """What goes along with a run, in its thread; each call returns at once."""
+    """What goes along with a run, in its thread; each call returns as soon as DDS lets it."""
 
     def tick(self, rest: float) -> None:
         """
@@ -91,14 +92,14 @@ def play(
 
     def beat() -> None:
         edge.check(run)
-        companion.beat()
+        edge.wait_for_dds(run, companion.beat)
 
     beat()
     player = Player(plan)
     due = player.due(0.0)
     while due is not None:
         edge.send(run, due.velocity)
-        companion.tick(due.rest)
+        edge.wait_for_dds(run, partial(companion.tick, due.rest))
         sleep_until(run.began + due.deadline, beat, clock, sleep)
         # The deadline has passed, even if the difference of two clock readings rounds below it.
         due = player.due(max(clock() - run.began, due.deadline))

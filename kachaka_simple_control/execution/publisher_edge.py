@@ -24,6 +24,7 @@ import time
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, RunFaultError
 from kachaka_simple_control.execution.clocks import awake_or_asleep
 from kachaka_simple_control.execution.latch import Flag, Latch
+from kachaka_simple_control.execution.watchdog import STALL
 from kachaka_simple_control.motion.errors import InvalidMotionError
 from kachaka_simple_control.motion.kinematics import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
@@ -54,6 +55,8 @@ class Run:
         self.began = math.nan
         #: when the last one was out [s on the clock for gaps]
         self.last_sent: float | None = None
+        #: for how long since then this program has waited for DDS [s]
+        self.waited = 0.0
         #: why it may not send, or send any more; None as long as it may
         self.ended_by: ControlError | None = None
 
@@ -80,7 +83,8 @@ class PublisherEdge:
         :param transmit: puts a velocity on the wire
         :param limits: what is never exceeded, whoever planned it
         :param latch: once set, nothing but zeros leaves
-        :param sending: up while a message is handed to DDS, which may take its time
+        :param sending: up while DDS is handed a message or asked something, which may take its
+            time
         :param clock: the steady clock [s]
         :param gap_clock: the clock that gaps are measured with [s]; it runs on while the machine
             sleeps
@@ -172,10 +176,27 @@ class PublisherEdge:
                 self.on_began(sent)
             # Afterwards: what DDS takes while somebody joins the graph, 0.3 s at worst, is no sign
             # that this program was held up.
-            run.last_sent = self._gap_clock()
+            run.last_sent, run.waited = self._gap_clock(), 0.0
             # Frozen while DDS had the message, this program has been stopped by now: then nothing
             # is to be waited for, and the stop follows at once.
             self._check(run)
+
+    def wait_for_dds(self, run: Run, ask: Callable[[], None]) -> None:
+        """
+        Do what may have to wait for DDS: that is no sign that this program was held up.
+
+        While others join or leave, asking the graph was seen to take a sixth of a second.
+
+        :param run: the run in whose thread it is done
+        :param ask: what to do; what it raises is passed on
+        """
+        began = self._gap_clock()
+        self._sending.raise_up()
+        try:
+            ask()
+        finally:
+            self._sending.lower()
+            run.waited += self._gap_clock() - began
 
     def check(self, run: Run) -> None:
         """
@@ -252,9 +273,11 @@ class PublisherEdge:
         if run.last_sent is None:
             return
         gap = self._gap_clock() - run.last_sent
-        if gap > run.max_gap:
+        # DDS may take no longer than the guardian lets it, however often it is asked.
+        allowed = run.max_gap + min(run.waited, STALL)
+        if gap > allowed:
             raise RunFaultError(
-                f'nothing was sent for {gap * 1e3:.0f} ms, more than the {run.max_gap * 1e3:.0f} '
+                f'nothing was sent for {gap * 1e3:.0f} ms, more than the {allowed * 1e3:.0f} '
                 'ms allowed: the program was held up, so the motion was given up')
 
 

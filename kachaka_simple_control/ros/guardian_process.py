@@ -49,7 +49,7 @@ class GuardianProcess:
 
         :param publisher: where zeros go
         :param shared: the node's memory: the latch, which is set before the first zero of a stop,
-            and the flag that is up while the node hands a message to DDS
+            and the flag that is up while the node hands a message to DDS or asks it something
         :param hold: how long the robot keeps a velocity without a new one [s]
         """
         self._publisher = publisher

@@ -1,0 +1,176 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Drive while other nodes come and go: nothing is wrong with that, and a run is to reach its end.
+
+Beside a simulated robot there are many other ROS nodes, of which some are restarted each second,
+so that discovery always has something to do.  ``python -m benchmarks.churn`` drives there, and
+tells how many runs reached their end, and what ended the others.  Forty such nodes take all the
+time of two processors: with ``--nice -10`` (as root) the drive comes first.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+import contextlib
+import os
+import random
+import subprocess
+import sys
+import time
+
+from geometry_msgs.msg import Twist
+from kachaka_simple_control.execution import child
+from kachaka_simple_control.robot.simulation import simulation
+from kachaka_simple_control.ros.isolation import stay_on_this_machine
+import rclpy
+from rclpy.node import Node
+
+from benchmarks.machine import describe
+from benchmarks.process import ROOT
+from benchmarks.progress import show
+
+#: The other nodes are in so many processes, each in a context of its own: a DDS participant.
+PROCESSES = 4
+#: How long they have to find each other before the first run [s].
+SETTLING = 15.0
+#: A run takes no longer than this, with start, discovery and stop [s].
+LONGEST = 120.0
+
+
+def come_and_go(count: int, rate: float, seconds: float) -> None:
+    """
+    Be many nodes, and restart one after the other.
+
+    :param count: how many
+    :param rate: how many restarts a second
+    :param seconds: for how long [s]
+    """
+    end = time.monotonic() + seconds
+    leave = [_come(number) for number in range(count)]
+    due = time.monotonic()
+    for number in range(count, count + round(seconds * rate)):
+        # What could not be done in time is not made up for.
+        due = max(due + 1.0 / rate, time.monotonic())
+        if due >= end:
+            return
+        time.sleep(due - time.monotonic())
+        leave.pop(random.randrange(count))()
+        leave.append(_come(number))
+
+
+def _come(number: int) -> Callable[[], None]:
+    """Enter the graph; return what leaves it."""
+    context = rclpy.Context()
+    context.init(args=[])
+    node = Node(
+        f'other_{os.getpid()}_{number}', context=context, start_parameter_services=False,
+        enable_rosout=False)
+    node.create_publisher(Twist, f'other_{number % 5}', 10)
+    node.create_subscription(Twist, f'other_{(number + 1) % 5}', lambda _: None, 10)
+
+    def leave() -> None:
+        node.destroy_node()
+        context.try_shutdown()
+    return leave
+
+
+@contextlib.contextmanager
+def others(nodes: int, restarts: float, longest: float) -> Iterator[None]:
+    """
+    Have other nodes come and go beside the ``with`` block.
+
+    :param nodes: how many there are
+    :param restarts: how many of them are restarted each second
+    :param longest: after what time they end in any case [s]
+    """
+    share = (str(nodes // PROCESSES), str(restarts / PROCESSES), str(longest))
+    processes = [
+        subprocess.Popen([sys.executable, '-m', 'benchmarks.churn', '--be-others', *share],
+                         cwd=ROOT) for _ in range(PROCESSES)]
+    try:
+        time.sleep(SETTLING)
+        yield
+    finally:
+        # Killed, they would leave locks of shared memory behind.
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(10.0)
+            process.kill()
+            process.wait()
+
+
+def measure(motion: str, rate: float, runs: int, nice: int) -> Counter[str]:
+    """
+    Drive some runs.
+
+    :param motion: which of the library
+    :param rate: how often a velocity is sent [Hz]
+    :param runs: how many
+    :param nice: what is added to the niceness of each
+    :returns: what they ended with, and how often; nothing for a run that reached its end
+    """
+    command = [*child.command('kachaka_simple_control.__main__'), motion, '--quiet',
+               '--rate', str(rate)]
+    ends: Counter[str] = Counter()
+    for index in range(runs):
+        done = subprocess.run(
+            ['nice', '-n', str(nice), *command] if nice else command, cwd=ROOT,
+            env=child.environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE, text=True, timeout=LONGEST, check=False)
+        said = ''.join(done.stderr.splitlines()[-1:]) or f'exit code {done.returncode}'
+        ends[said if done.returncode else ''] += 1
+        show('runs', index + 1, runs)
+    return ends
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Measure, print, and judge.
+
+    :param arguments: the arguments without the program's name; None for those of the process
+    :returns: the exit code: 1 if a run did not reach its end
+    """
+    parser = argparse.ArgumentParser(prog='benchmarks.churn', description=__doc__)
+    parser.add_argument('--motion', default='square', help='of the library (default: square)')
+    parser.add_argument('--rate', type=float, default=50.0, help='[Hz] (default: 50)')
+    parser.add_argument('--runs', type=int, default=5, help='(default: 5)')
+    parser.add_argument('--nodes', type=int, default=40, help='other nodes (default: 40)')
+    parser.add_argument('--restarts', type=float, default=3.0, help='a second (default: 3)')
+    parser.add_argument('--nice', type=int, default=0, help='of the drive (default: 0)')
+    parser.add_argument('--be-others', nargs=3, type=float, help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    if options.be_others:
+        come_and_go(int(options.be_others[0]), *options.be_others[1:])
+        return 0
+    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    # The other nodes are started before, and have ROS's own transports.
+    with others(options.nodes, options.restarts, SETTLING + LONGEST * options.runs):
+        stay_on_this_machine()
+        with simulation():
+            ends = measure(options.motion, options.rate, options.runs, options.nice)
+    print(f'{ends.pop("", 0)} of {options.runs} runs reached their end, beside {options.nodes} '
+          f'nodes of which {options.restarts:g} a second are restarted '
+          f'({describe()["cores"]} processors)')
+    for said, count in ends.most_common():
+        print(f'{count} of {options.runs}: {said}')
+    return 1 if ends else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
