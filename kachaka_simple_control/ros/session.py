@@ -121,8 +121,9 @@ class Session:
         :raises ControlError: if the robot cannot be taken or the run could not go on
         """
         try:
-            self._stopper.keep_quiet()
             self._take()
+            # Only now: until the robot is taken, the stop of the movement before must not wait.
+            self._stopper.keep_quiet()
             run = play(plan, self.edge, self._hold, self._attendant)
             self._guardian.rest()
             self._stopper.stop_unless_more(run, within=plan.period)
