@@ -23,6 +23,7 @@ import sys
 import time
 from typing import NoReturn, TYPE_CHECKING
 
+from kachaka_simple_control.execution.output import never_wait_for_log
 from kachaka_simple_control.robot.ending import Ending
 from kachaka_simple_control.robot.fidelity import Fidelity
 from kachaka_simple_control.robot.fidelity_options import add_figures, fidelity
@@ -84,6 +85,7 @@ def main(args: Sequence[str] | None = None) -> int:
     :param args: the arguments without the program's name; those of the command line by default
     :returns: the exit code
     """
+    never_wait_for_log()
     with Ending() as ending:
         try:
             _main([*(sys.argv[1:] if args is None else args)], ending)
