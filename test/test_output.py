@@ -296,19 +296,37 @@ def test_the_command_stops_the_robot_and_ends_though_nobody_reads(listener, sign
 
 @needs_ros
 @pytest.mark.parametrize('full', [('stderr',), ('stdout', 'stderr')])
-def test_the_result_and_the_last_line_hold_nobody_up(full):
+def test_the_result_and_the_last_line_hold_nobody_up(full, tmp_path):
     """The robot is brought along, so that a table follows; and a fault, so that a line does."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     pytest.importorskip('jsonschema', reason='needs jsonschema')
-    with piped([*COMMAND, 'straight', '--sim'], *full) as started:
+    report = tmp_path / 'report'
+    command = [*COMMAND, 'straight', '--sim', '--report', str(report)]
+    with piped(command, *full) as started:
         os.read(started.reader, 4096)
         started.fill()
-        assert started.end(30.0) == 0
+        assert started.end(40.0) == 0
+    assert (report / 'report.html').exists()
     with piped([*COMMAND, '--ros-args', '-p', 'robot_timeout:=2.0'], *full) as started:
         os.read(started.reader, 4096)
         started.fill()
         assert started.end(12.0) == 3
+
+
+@needs_ros
+def test_a_bridge_whose_log_nobody_reads_goes_on():
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+    bridge = [sys.executable, '-m', 'kachaka_simple_control.robot.bridge', '--sim']
+    with piped([*bridge, '--namespace', 'unread'], 'stderr') as shown:
+        os.read(shown.reader, 4096)
+        shown.fill()
+        drive = [*COMMAND, '--ros-args', '-p', 'robot_namespace:=/unread']
+        assert subprocess.run(
+            drive, env=environment(), timeout=40.0, check=False).returncode == 0
+        shown.process.terminate()
+        assert shown.end(SOON) == 0
 
 
 @needs_ros
