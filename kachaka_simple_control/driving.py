@@ -24,6 +24,7 @@ from kachaka_simple_control.audience.listeners import Listeners, listeners, REPO
 from kachaka_simple_control.audience.report_folder import report_folder
 from kachaka_simple_control.command_line import Options
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.execution.output import never_wait, STDERR, STDOUT
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.looking import check_rate
 from kachaka_simple_control.report.bag.bag import lacking
@@ -48,6 +49,7 @@ def drive(options: Options) -> None:
     :raises ControlError: if it could not be done; the robot was stopped
     :raises InvalidMotionError: if it cannot be done; nothing has moved
     """
+    never_wait(STDOUT, STDERR)
     motion_file = _motion_file(options)
     check_names(options.ros_arguments)
     # Started last, a bridge ends last: after its robot was stopped and given back.

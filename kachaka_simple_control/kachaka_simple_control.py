@@ -33,6 +33,7 @@ from kachaka_simple_control import command_line
 from kachaka_simple_control.audience.audience import Audience
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.execution.drive_requests import DriveRequest
+from kachaka_simple_control.execution.output import discard_what_nobody_reads, never_wait_for_log
 from kachaka_simple_control.execution.signals import WATCH
 from kachaka_simple_control.motion.kinematics import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
@@ -83,6 +84,7 @@ class KachakaSimpleControl(Node):
         :raises UsageError: if a parameter has a value, or something a name, that cannot work
         """
         avoid_shared_memory()
+        never_wait_for_log()
         with refused_in_one_line(NAME):
             super().__init__(NAME, **node_options)
         try:
@@ -321,7 +323,15 @@ class KachakaSimpleControl(Node):
                 'main thread, or call stop_robot() on the way out')
         WATCH.reinstall()
         before_shutdown(self.context, self._session.close)
+        # The last registered is the first called: the robot is given back before.
+        atexit.unregister(_discard_if_stopped)
+        atexit.register(_discard_if_stopped)
         atexit.register(self._session.close)
+
+
+def _discard_if_stopped() -> None:
+    if WATCH.signum is not None:
+        discard_what_nobody_reads()
 
 
 def _reason(error: BaseException) -> str:

@@ -102,6 +102,30 @@ def test_a_frozen_node_hears_one_stop_and_moves_no_more_when_it_wakes(listener, 
     assert len(listener.released) == 1
 
 
+@pytest.mark.parametrize('hold_up', [
+    'os.kill(os.getpid(), signal.SIGSTOP)',
+    'import ctypes; ctypes.PyDLL(None).sleep(4)'])  # with the interpreter's lock, as C may do
+def test_a_node_held_up_between_its_one_zero_and_its_whole_stop_is_stopped(
+        listener, tmp_path, hold_up):
+    text = BEGIN + f"""
+node.move_robot(0.1, 0.0, 0.5)
+{hold_up}
+node.move_robot(0.1, 0.0, 0.5)
+"""
+    with script(text, tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        time.sleep(3.5)
+        end = max(heard.time for heard in listener.heard if heard.moves)
+        zeros = [heard.time for heard in listener.heard if heard.time > end]
+        assert zeros[0] - end < 0.4  # its own
+        assert_whole_stop(zeros[1:])
+        assert zeros[1] - zeros[0] < 1.5
+        started.send(signal.SIGCONT)
+        assert started.end() == 1
+    assert 'the guardian stopped the robot: the node fell silent' in started.text
+    assert len(listener.moves()) == 1
+
+
 def test_a_node_frozen_while_it_hands_a_message_to_dds_is_no_slow_dds(listener, tmp_path):
     """Its flag stays up; the guardian must not take that for a third of a second of DDS."""
     text = BEGIN + """

@@ -252,6 +252,32 @@ def test_manual_control_that_grew_old_between_movements_is_renewed_first(
     assert listener.enabled[1] < second.time
 
 
+def test_a_movement_that_waits_for_the_robot_does_not_hold_up_the_stop_before_it(
+        listener, make, monkeypatch):
+    node = make()
+    node.move_robot(0.1, 0.0, 0.3)
+    monkeypatch.setattr(node._session._renewal, 'is_stale', lambda now: True)
+    listener._delay = 1.5
+    node.move_robot(-0.1, 0.0, 0.3)
+    second = listener.wait_for(lambda heard: heard.linear_x < 0.0).time
+    first = max(heard.time for heard in listener.heard if heard.linear_x > 0.0)
+    zeros = [heard.time for heard in listener.heard if first < heard.time < second]
+    assert len(zeros) >= 15
+    assert 0.35 < zeros[-1] - zeros[0] < second - zeros[0] - 0.5
+    # A node that waits is not taken for one that is held up.
+    assert node._session._guardian.stopped_because is None
+
+
+def test_between_two_movements_that_follow_at_once_one_zero_is_sent(listener, make):
+    node = make()
+    for _ in range(5):
+        node.move_robot(0.1, 0.0, 0.2)
+    last = max(heard.time for heard in listener.heard if heard.moves)
+    begun = listener.heard.index(next(heard for heard in listener.heard if heard.moves))
+    zeros = [heard for heard in listener.heard[begun:] if not heard.moves and heard.time < last]
+    assert len(zeros) == 4
+
+
 def test_a_renewal_slower_than_the_hold_is_a_fault(make, monkeypatch):
     from listener import Listener
     monkeypatch.setattr(renewal, 'AT_REST', 0.5)

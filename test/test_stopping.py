@@ -173,14 +173,51 @@ def test_the_guardian_is_told_before_and_after():
     """Before, or it would stop too; after, or it would stop again when the program ends."""
     bench = Bench()
     bench.stopper.stop(REASON)
-    assert bench.guard.heard == ['rest', 'stopped']
+    heard = bench.guard.heard
+    assert heard == ['rest'] * len(bench.zeros) + ['stopped']
+
+
+def test_the_guardian_hears_of_each_zero_before_it_leaves():
+    """Whoever is held up before the last one must not pass for done."""
+    bench = Bench()
+    bench.end = bench.time.now + 1.0
+    bench.moves = lambda: bench.time.now < bench.end
+    told = []
+    transmit = bench.wire.transmit
+
+    def count(velocity):
+        told.append(bench.guard.heard.count('rest'))
+        transmit(velocity)
+
+    bench.edge._transmit = count
+    bench.stopper.stop(REASON)
+    assert told == [*range(1, len(told) + 1)]
+    assert 'stopped' not in bench.guard.heard[:-1]
+
+
+def test_a_stop_that_comes_late_does_not_end_the_run_that_begins_just_then():
+    bench = Bench()
+    edge, begun = bench.edge, []
+
+    class Late:
+        """Has another run begin after it was asked for the newest."""
+
+        def __getattr__(self, name):
+            found = getattr(edge, name)
+            if name == 'run' and not begun:
+                begun.append(edge.begin(0.2))
+            return found
+
+    bench.stopper._edge = Late()
+    bench.stopper._stop_if_newest(bench.run)
+    edge.send(begun[0], Velocity(0.2, 0.0))
 
 
 def test_a_stop_that_was_cut_short_leaves_the_guardian_ready():
     bench = Bench()
     bench.time.on_sleep = bench.edge.close
     bench.stopper.stop(REASON)
-    assert bench.guard.heard == ['rest']
+    assert set(bench.guard.heard) == {'rest'}
 
 
 def test_zeros_go_on_while_the_robot_is_seen_to_move():

@@ -22,10 +22,14 @@ import signal
 import time
 from typing import TYPE_CHECKING
 
+from benchmarks.stop_matrix.robot_process import RobotProcess
+
 if TYPE_CHECKING:
     from benchmarks.stop_matrix.scene import Scene
 
 Cause = Callable[['Scene'], float]
+#: A robot keeps its last velocity for this long [s].
+HOLD = 0.3
 #: A stop is over after this time [s]: the hold, 0.1 s, and as much for a busy machine.
 STOP = 0.7
 #: A robot that was told nothing moves less than this [m].
@@ -169,6 +173,34 @@ def hung_up_at_once(scene: Scene) -> float:
     :returns: when [s, system clock]
     """
     return scene.program.hang_up()
+
+
+def not_read(signum: str | None = None) -> Cause:
+    """
+    Return what leaves no room in the program's output, and lets it end all the same.
+
+    :param signum: the signal that ends it; None for its own end
+    :returns: the cause; its time is that of the signal, or when the motion should end
+    """
+    def cause(scene: Scene) -> float:
+        scene.program.read_no_more()
+        return signals(signum)(scene) if signum else at_its_end(scene)
+    return cause
+
+
+def given_back(scene: Scene, _fault: float) -> list[str]:
+    """
+    See whether the stop lasted longer than the hold, and the robot was given back after it.
+
+    :param scene: whose robot
+    :returns: sentences if it was not so
+    """
+    assert isinstance(scene.robot, RobotProcess)
+    zeros = [one.time for one in scene.ears.since(scene.first + 0.01) if not one.moves]
+    is_whole = bool(zeros) and zeros[-1] - zeros[0] > HOLD
+    is_back = scene.robot.given_back_since(zeros[-1] if zeros else scene.first)
+    return ([] if is_whole else ['the stop was not sent whole']) + (
+        [] if is_back else ['manual control was not given back'])
 
 
 def robot_gets(name: str) -> Cause:

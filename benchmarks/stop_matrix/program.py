@@ -26,7 +26,7 @@ import tempfile
 import termios
 import time
 
-from program import children_of, environment, is_running
+from program import children_of, environment, fill, is_running
 
 #: How long a program may take until it is ready to move [s]; a busy machine has no influence.
 MEETING = 40.0
@@ -49,7 +49,8 @@ class Program:
         :param text: the script
         :param options: its arguments
         :param variables: what is added to its environment
-        :param outlet: what it prints to: 'file', 'pipe', or 'terminal', which is its input, too
+        :param outlet: what it prints to: 'file', 'pipe', 'terminal', which is its input, too, or
+            'full', a pipe that can be filled
         """
         self.folder = Path(tempfile.mkdtemp(prefix='stop_matrix_'))
         self._log = self.folder / 'log.txt'
@@ -60,7 +61,7 @@ class Program:
         ours, theirs = os.openpty() if outlet == 'terminal' else os.pipe()
         self._output = ours
         with self._log.open('w') as log:
-            out = {'file': log.fileno(), 'pipe': theirs, 'terminal': theirs}[outlet]
+            out = log.fileno() if outlet == 'file' else theirs
             self.process = subprocess.Popen(
                 [sys.executable, str(script), *options], cwd=self.folder,
                 stdin=theirs if outlet == 'terminal' else subprocess.PIPE, stdout=out,
@@ -69,7 +70,9 @@ class Program:
                 # that the child would need.
                 preexec_fn=_take_terminal if outlet == 'terminal' else None,  # noqa: PLW1509
                 env={**environment(), **variables})
-        os.close(theirs)
+        self._inlet = theirs if outlet == 'full' else -1
+        if self._inlet < 0:
+            os.close(theirs)
         self._children: list[int] = []
 
     def wait_until_ready(self) -> None:
@@ -100,13 +103,19 @@ class Program:
 
         :returns: when [s, system clock]
         """
-        os.set_blocking(self._output, False)
-        with contextlib.suppress(OSError):
-            self._printed = os.read(self._output, 65536).decode(errors='replace')
+        self._read()
         now = time.time()
         os.close(self._output)
         self._output = -1
         return now
+
+    def read_no_more(self) -> None:
+        """Leave no room in what it prints to: the pipe is full, or Ctrl+S stops the terminal."""
+        self._read()
+        if self._outlet == 'full':
+            fill(self._inlet)
+        else:
+            os.write(self._output, b'\x13')
 
     def send(self, signum: int) -> float:
         """
@@ -140,6 +149,7 @@ class Program:
     @property
     def text(self) -> str:
         """Return what it has printed."""
+        self._read()
         return self._printed + self._log.read_text()
 
     def wait(self, timeout: float) -> int | None:
@@ -169,8 +179,9 @@ class Program:
         for child in left:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(child, signal.SIGKILL)
-        if self._output >= 0:
-            os.close(self._output)
+        for descriptor in (self._output, self._inlet):
+            if descriptor >= 0:
+                os.close(descriptor)
         if self.process.stdin is not None:
             with contextlib.suppress(OSError):
                 self.process.stdin.close()
@@ -178,6 +189,14 @@ class Program:
             file.unlink()
         self.folder.rmdir()
         return not left
+
+    def _read(self) -> None:
+        if self._output < 0:
+            return
+        os.set_blocking(self._output, False)
+        with contextlib.suppress(OSError):
+            while part := os.read(self._output, 65536):
+                self._printed += part.decode(errors='replace')
 
 
 def _take_terminal() -> None:

@@ -16,8 +16,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+import re
 import subprocess
 import sys
+import tempfile
 
 from kachaka_simple_control.execution import child
 
@@ -25,6 +27,8 @@ from benchmarks.process import ROOT
 
 #: How long it may take to end [s].
 PATIENCE = 2.0
+#: What the bridge logs when manual control is given back, with the time [s, system clock].
+RELEASED = re.compile(r'\[([\d.]+)\] \[[\w./]+\]: manual control disabled')
 
 
 class RobotProcess:
@@ -41,10 +45,12 @@ class RobotProcess:
         real = [*child.command('kachaka_simple_control.robot.bridge'), '--sim', '--with-parent',
                 '--namespace', namespace]
         slow = [sys.executable, '-m', 'benchmarks.stop_matrix.slow_bridge', namespace, str(log)]
+        # To append: this process reads by the same opened file.
+        self._log = tempfile.TemporaryFile('a+')  # noqa: SIM115 (as long as the process)
         # Its standard input is a pipe that only this process holds: it ends with us.
         self._process = subprocess.Popen(
             slow if log else real, cwd=ROOT, stdin=subprocess.PIPE,
-            env={**child.environment(), 'ROS_DOMAIN_ID': str(domain)}, stderr=subprocess.DEVNULL,
+            env={**child.environment(), 'ROS_DOMAIN_ID': str(domain)}, stderr=self._log,
             start_new_session=True)
 
     def send(self, signum: int) -> None:
@@ -54,6 +60,16 @@ class RobotProcess:
         :param signum: the signal
         """
         self._process.send_signal(signum)
+
+    def given_back_since(self, since: float) -> bool:
+        """
+        Tell whether its manual control was switched off.
+
+        :param since: after this time [s, system clock]
+        :returns: whether it was, by its log
+        """
+        self._log.seek(0)
+        return any(float(at) > since for at in RELEASED.findall(self._log.read()))
 
     def end(self) -> None:
         """End it; harmless if it is over."""
@@ -65,3 +81,4 @@ class RobotProcess:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        self._log.close()

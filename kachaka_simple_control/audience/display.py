@@ -33,9 +33,9 @@ from kachaka_simple_control.audience.progress import Progress
 from kachaka_simple_control.audience.screen import Screen, screen_for
 from kachaka_simple_control.audience.stream import events
 from kachaka_simple_control.execution.frozen import is_frozen
+from kachaka_simple_control.execution.output import STDERR, wait_again
 from kachaka_simple_control.report.events import Event, Sent
 
-STDERR = 2
 #: How long a process that was killed may take to be gone [s].
 FAREWELL = 0.5
 #: How long a frame waits for a velocity to be sent [s].
@@ -158,6 +158,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     del args
     parent = os.getppid()
+    wait_again(STDERR)  # half a frame would spoil the terminal
     step_aside()  # a frame that comes late is no harm, and a velocity is
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:

@@ -23,9 +23,9 @@ from kachaka_simple_control.audience import terminal
 from kachaka_simple_control.audience.screen import has_terminal
 from kachaka_simple_control.audience.teller import Teller
 from kachaka_simple_control.execution import child
+from kachaka_simple_control.execution.output import has_room, STDERR
 
 DISPLAY = 'kachaka_simple_control.audience.display'
-STDERR = 2
 #: How long it may take to clear the terminal [s]; there is nothing worth waiting for.
 PATIENCE = 1.0
 
@@ -35,7 +35,8 @@ class DisplayTeller(Teller):
     Tells a display what happens, and sees to it that the terminal is left as it was found.
 
     A display that was killed cannot do that: it is done in its place, at once, so that nobody
-    takes for news what it drew last.  One that hangs in the end is killed.
+    takes for news what it drew last.  One that hangs in the end is killed; but one that waits for
+    a terminal which takes nothing, after Ctrl+S, clears it when it does.
     """
 
     def __init__(self) -> None:
@@ -49,12 +50,13 @@ class DisplayTeller(Teller):
         Tell it that nothing follows, and wait for its end.
 
         :param patience: how long to wait at most [s]
-        :returns: its exit code
+        :returns: its exit code; None if it waits for the terminal
         """
         if super().close(min(patience, PATIENCE)) is None:
+            if not has_room(STDERR):
+                return None
             self._process.kill()
         code = self._process.wait()
-        # A terminal may take nothing, after Ctrl+S.
         self._clearing.join(PATIENCE)
         return code
 

@@ -32,6 +32,7 @@ from typing import BinaryIO
 from kachaka_simple_control.audience.audience import Audience
 from kachaka_simple_control.audience.background import step_back
 from kachaka_simple_control.audience.stream import events
+from kachaka_simple_control.execution.output import never_wait, STDERR
 from kachaka_simple_control.report.bag.bag import Bag
 from kachaka_simple_control.report.events import Event
 from kachaka_simple_control.report.record import Record
@@ -137,6 +138,7 @@ def main() -> int:
 
     :returns: the exit code: 0 if all was written, else 1
     """
+    never_wait(STDERR)
     step_back()
     outlive()
     folder = Path(sys.argv[1])

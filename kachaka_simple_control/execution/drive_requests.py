@@ -65,6 +65,11 @@ class DriveRequests:
         self._busy = threading.Lock()
         self._newest: DriveRequest | None = None
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether a drive is under way."""
+        return self._busy.locked()
+
     def accept(self) -> DriveRequest:
         """
         Accept a drive; ``finish`` ends it.

@@ -67,8 +67,8 @@ class Guardian:
     """
     One process's side of its guardian.
 
-    The guardian hears signs of life over a pipe.  The pipe's end before the whole stop was told,
-    or silence in the middle of a run, makes it set the latch and stop the robot.  The pipe
+    The guardian hears signs of life over a pipe.  The pipe's end or silence, before the whole stop
+    was told, makes it set the latch and stop the robot.  The pipe
     belongs to this process alone: it is closed in every child, so that its end is this process's
     end.
     """
@@ -131,7 +131,7 @@ class Guardian:
             self._tell(Sign.BEAT)
 
     def rest(self) -> None:
-        """Say that the run is over; its zero was sent."""
+        """Say that the run is over, and that its stop goes on."""
         self._tell_if_there(Sign.REST)
 
     def stopped(self) -> None:

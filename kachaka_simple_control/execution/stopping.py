@@ -20,7 +20,7 @@ import threading
 import time
 from typing import Protocol
 
-from kachaka_simple_control.errors import ControlError, MotionRefusedError
+from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.execution.publisher_edge import PublisherEdge, Run
 
 #: Zeros sent back to back at first: the deepest queue in the way (a publisher of depth 10).
@@ -37,10 +37,10 @@ class Guard(Protocol):
     """Who stops the robot if this process cannot."""
 
     def rest(self) -> None:
-        """Hear that the robot was or is being sent to rest: silence means nothing from here."""
+        """Hear that the robot is being sent to rest: with each zero, until the whole stop was."""
 
     def stopped(self) -> None:
-        """Hear that the whole stop was sent."""
+        """Hear that the whole stop was sent: silence means nothing from here."""
 
 
 def send_stop(
@@ -120,36 +120,40 @@ class Stopper:
         :param run: the run that has just ended
         :param within: how long to wait for the next [s]
         """
-        over = MotionRefusedError('this run is over')
-        self._later = threading.Timer(within, self._stop_if_newest, (run, over))
+        self._later = threading.Timer(within, self._stop_if_newest, (run,))
         self._later.daemon = True
         try:
             self._later.start()
         except RuntimeError:  # no thread can start, as at Python's end from 3.12 on
-            self._stop_if_newest(run, over)
+            self._stop_if_newest(run)
 
     def keep_quiet(self) -> None:
-        """Forget a stop that waits for its time: another run begins."""
+        """Forget a stop that waits for its time: another run begins at once."""
         if self._later is not None:
             self._later.cancel()
 
-    def _stop_if_newest(self, run: Run, reason: ControlError) -> None:
+    def _stop_if_newest(self, run: Run) -> None:
+        # Not by stop(): a run that begins right now is not the one to be ended.
         if self._edge.run is run:
-            self.stop(reason)
+            self._send_stop(run)
 
     def _send_stop(self, run: Run | None) -> None:
         with self._lock:
             if self._stopped is run:
                 return
             self.begun = self._clock()
-            self._guard.rest()
-            if send_stop(lambda: self._edge.zero(run), self._hold, self._clock, self._sleep):
+            if send_stop(lambda: self._zero(run), self._hold, self._clock, self._sleep):
                 self._insist(run)
                 self._stopped = run
                 self._guard.stopped()
 
+    def _zero(self, run: Run | None) -> bool:
+        # Told first: whoever is held up before its last zero is not to be taken for done.
+        self._guard.rest()
+        return self._edge.zero(run)
+
     def _insist(self, run: Run | None) -> None:
         """Send more zeros while the robot does not obey: a lossy link may have lost them all."""
         end = self._clock() + INSISTENCE
-        while self._still_moves() and self._clock() < end and self._edge.zero(run):
+        while self._still_moves() and self._clock() < end and self._zero(run):
             self._sleep(INTERVAL)

@@ -21,6 +21,10 @@ from enum import Enum
 SILENCE = 0.1
 #: How long the node may be handing one message to DDS [s].
 STALL = 0.5
+#: From the one zero at the end of a run to the last zero of the stop, the node may be silent for
+#: this long [s]: for 0.2 s it waits for a next movement, and DDS, or a user's code that keeps the
+#: interpreter, may hold it up for more than SILENCE.  The robot has had a zero by then.
+PAUSE = 1.0
 #: How often silence is looked at [s].
 LOOK = 0.02
 SLIVER = 1e-6
@@ -33,7 +37,7 @@ class Sign(bytes, Enum):
     PRIME = b'p'
     #: a run is on, and its thread is alive
     BEAT = b'b'
-    #: the run is over and its zero was sent; silence means nothing from here
+    #: the run is over, a zero of its end or of the stop is sent, and more will follow
     REST = b'r'
     #: the whole stop was sent: nothing to do if the node ends now
     STOPPED = b's'
@@ -42,6 +46,8 @@ class Sign(bytes, Enum):
 class Watchdog:
     """
     Decides when the guardian stops the robot: once, and never after the node's own whole stop.
+
+    From the first sign of a run to the last zero of its stop, the node must go on showing signs.
 
     Silence counts only while the guardian itself is awake.  A machine that stands still for a
     moment holds up node and guardian alike, and is no reason to end a healthy run; what the robot
@@ -53,7 +59,7 @@ class Watchdog:
 
     def __init__(self, silence: float = SILENCE) -> None:
         """Watch over a node that has not moved anything."""
-        self._allowed = silence
+        self._silence = self._allowed = silence
         self._silent = 0.0
         self._stalled = 0.0
         self._looked: float | None = None
@@ -68,12 +74,12 @@ class Watchdog:
         :param sign: one byte
         :param now: when it was heard [s]
         """
-        if sign == Sign.BEAT:
+        if sign == Sign.BEAT or (sign == Sign.REST and self._unstopped):
             self._looked, self._silent, self._stalled = now, 0.0, 0.0
+            self._allowed = self._silence if sign == Sign.BEAT else PAUSE
             self._unstopped = True
-        elif sign in (Sign.REST, Sign.STOPPED):
-            self._looked = None
-            self._unstopped = self._unstopped and sign == Sign.REST
+        elif sign == Sign.STOPPED:
+            self._unstopped, self._looked = False, None
 
     def lost(self) -> bool:
         """
@@ -87,7 +93,7 @@ class Watchdog:
 
     def is_silent(self, now: float, sending: bool = False) -> bool:
         """
-        Tell, once, that a run has fallen silent; asked after each patience without a sign.
+        Tell, once, that a run or its stop fell silent; asked after each patience without a sign.
 
         :param now: the time [s]
         :param sending: whether the node is awake, and handing a message to DDS

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 from kachaka_simple_control.errors import RobotTakenError
 from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.execution.output import never_wait_for_log
 from kachaka_simple_control.one_line_parser import OneLineParser
 from kachaka_simple_control.robot.ending import Ending
 from kachaka_simple_control.robot.fidelity import Fidelity
@@ -79,6 +80,7 @@ def main(args: Sequence[str] | None = None) -> int:
     :param args: the arguments without the program's name; those of the command line by default
     :returns: the exit code
     """
+    never_wait_for_log()
     with Ending() as ending:
         try:
             _main([*(sys.argv[1:] if args is None else args)], ending)

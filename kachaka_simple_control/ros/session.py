@@ -151,8 +151,9 @@ class Session:
         """
         self._request, self._is_told = request, False
         try:
-            self._stopper.keep_quiet()
             self._take()
+            # Only now: until the robot is taken, the stop of the movement before must not wait.
+            self._stopper.keep_quiet()
             run = play(plan, self.edge, self._hold, self._attendant, prepared=request.run)
             self._guardian.rest()
             self._stopper.stop_unless_more(run, within=plan.period)
@@ -352,6 +353,9 @@ class Session:
             f'another program drives the robot as well: {rival}; both stop'))
 
     def _end_run(self, reason: ControlError) -> None:
+        # Without a drive nothing of ours moves, and whoever drives is not to be fought.
+        if not self._requests.is_busy:
+            return
         run = self.edge.cancel(reason)
         if run is not None and run.ended_by is reason:
             self.edge.zero(after=run)

@@ -1,0 +1,398 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Output that nobody reads: it holds neither the robot's stop up, nor the program's end."""
+
+import contextlib
+import os
+from pathlib import Path
+import pty
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+from kachaka_simple_control.execution.output import PATIENCE
+from program import children_of, COMMAND, environment, fill, is_running
+import pytest
+from terminals import at_terminal
+
+BEGIN = """
+import os, sys, time
+from kachaka_simple_control.execution.output import never_wait
+"""
+
+
+class Piped:
+    """A program whose output goes to a pipe that somebody holds and may not read."""
+
+    def __init__(self, command, full=('stdout', 'stderr'), log=None):
+        """Start it; what does not go to the pipe goes to a file."""
+        self.reader, self._pipe = os.pipe()
+        out = dict.fromkeys(full, self._pipe)
+        with Path(log or os.devnull).open('w') as file:
+            self.process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=out.get('stdout', file),
+                stderr=out.get('stderr', file), start_new_session=True,
+                # A buffer is what Python has to empty in the end.
+                env={**environment(), 'PYTHONUNBUFFERED': ''})
+
+    def fill(self):
+        """Let it find no room."""
+        fill(self._pipe)
+
+    def end(self, timeout):
+        """Wait for its end, and return its exit code as a shell tells it."""
+        code = self.process.wait(timeout)
+        return 128 - code if code < 0 else code
+
+    def text(self):
+        """Return what the program and its children wrote, once they are gone."""
+        self._close('_pipe')
+        text = b''
+        while select.select([self.reader], [], [], 5.0)[0] and (
+                part := os.read(self.reader, 65536)):
+            text += part
+        return text.decode()
+
+    def close(self):
+        """Leave nothing of it behind."""
+        children = children_of(self.process.pid)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        self._close('_pipe')
+        self._close('reader')
+        end = time.monotonic() + 3.0
+        while any(map(is_running, children)) and time.monotonic() < end:
+            time.sleep(0.02)
+
+    def _close(self, name):
+        descriptor = getattr(self, name)
+        setattr(self, name, -1)
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
+@contextlib.contextmanager
+def piped(command, *full, log=None):
+    """Run a command whose output, or the streams named, go to a pipe."""
+    started = Piped(command, full or ('stdout', 'stderr'), log)
+    try:
+        yield started
+    finally:
+        started.close()
+
+
+def code(text):
+    """Return what runs a program."""
+    return [sys.executable, '-c', BEGIN + text]
+
+
+def run(text, **options):
+    """Run a program to its end."""
+    return subprocess.run(code(text), env=environment(), timeout=20.0, check=True, **options)
+
+
+def test_text_for_nobody_is_dropped_after_one_wait():
+    begun = time.monotonic()
+    with piped(code("""
+never_wait(1, 2)
+for line in range(2000):
+    print('x' * 99)
+    print('y' * 99, file=sys.stderr)
+sys.exit(7)
+""")) as started:
+        assert started.end(20.0) == 7
+    assert time.monotonic() - begun < 2 * PATIENCE + 2.0
+
+
+def test_a_reader_who_is_slow_gets_all():
+    with piped(code("""
+never_wait(1, 2)
+for line in range(5000):
+    print(f'{line:09}')
+    print(f'{line:09}', file=sys.stderr, flush=True)
+""")) as started:
+        time.sleep(PATIENCE)
+        lines = started.text().split()
+    assert sorted(lines) == sorted(2 * [f'{line:09}' for line in range(5000)])
+
+
+def test_the_terminal_or_pipe_of_a_shell_goes_on_waiting():
+    """The flag belongs to all that share an opened file."""
+    leader, follower = pty.openpty()
+    reader, writer = os.pipe()
+    for shared in (follower, writer):
+        run("""
+never_wait(1, 2)
+assert not os.get_blocking(1) and not os.get_blocking(2)
+assert os.get_blocking(0)
+""", stdin=shared, stdout=shared, stderr=shared)
+        assert os.get_blocking(shared)
+    for descriptor in (leader, follower, reader, writer):
+        os.close(descriptor)
+
+
+def test_a_socket_waits_again_in_the_end():
+    """It cannot be opened anew, so that whoever shares it does not wait meanwhile."""
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        run("""
+never_wait(2)
+assert not os.get_blocking(2)
+print('x' * 10 ** 6)
+print('y' * 10 ** 6, file=sys.stderr)
+""", stdout=theirs, stderr=theirs)
+        assert os.get_blocking(theirs.fileno())
+
+
+def test_files_are_left_as_they_are(tmp_path):
+    """Opened anew, one would be written from its beginning."""
+    file = tmp_path / 'log.txt'
+    with file.open('w') as log:
+        log.write('before\n')
+        log.flush()
+        run("""
+never_wait(1, 2)
+assert os.get_blocking(1) and os.get_blocking(2)
+print('after')
+""", stdout=log, stderr=log)
+    assert file.read_text() == 'before\nafter\n'
+
+
+@pytest.mark.parametrize('how', ['os.close(1); os.close(2)', 'sys.stdout = sys.stderr = None'])
+def test_a_program_without_output_has_nothing_to_wait_for(how):
+    run(f'{how}\nnever_wait(1, 2)\n')
+
+
+def test_a_reader_who_is_gone_is_no_error():
+    reader, writer = os.pipe()
+    os.close(reader)
+    run("""
+never_wait(1, 2)
+print('nobody reads this', flush=True)
+print('nor this', file=sys.stderr)
+""", stdout=writer, stderr=writer)
+    os.close(writer)
+
+
+def test_a_stopped_terminal_holds_nobody_up():
+    with at_terminal([sys.executable, '-c', """
+import sys
+from kachaka_simple_control.execution.output import never_wait
+never_wait(1, 2)
+print('begun')
+sys.stdin.readline()
+print('x')
+print('y', file=sys.stderr)
+"""]) as shown:
+        shown.look_for('begun')
+        shown.press(b'\x13\n')
+        assert shown.process.wait(10.0) == 0
+
+
+def test_a_stream_that_somebody_put_in_place_stays():
+    run("""
+import io
+mine = sys.stderr = io.StringIO()
+never_wait(2)
+assert sys.stderr is mine
+print('x', file=sys.stderr)
+assert mine.getvalue() == 'x\\n'
+""", stderr=subprocess.PIPE)
+
+
+def test_a_display_draws_whole_frames_all_the_same():
+    """It has a process of its own, which may wait."""
+    run("""
+from kachaka_simple_control.execution.output import wait_again
+never_wait(2)
+wait_again(2)
+assert os.get_blocking(2)
+""", stderr=subprocess.PIPE)
+
+
+needs_ros = pytest.mark.ros
+SCRIPT = """
+import sys, threading, time
+import rclpy
+from kachaka_simple_control import KachakaSimpleControl
+rclpy.init()
+node = KachakaSimpleControl()
+"""
+#: How long a program may take to end [s].
+SOON = 8.0
+
+
+def assert_stopped_and_given_back(listener, since):
+    """Assert that the whole stop was sent, and the robot given back."""
+    zeros = [heard.time for heard in listener.heard if not heard.moves and heard.time > since]
+    assert len(zeros) >= 15
+    assert zeros[-1] - zeros[0] > 0.35
+    assert len(listener.released) == 1
+    assert listener.released[0] > zeros[-1]
+
+
+def moving(listener):
+    """Return when it moves: the time [s, system clock]."""
+    listener.wait_for(lambda heard: heard.moves)
+    time.sleep(0.2)
+    return time.time()
+
+
+@needs_ros
+def test_ros_s_logger_does_not_hold_python_up(tmp_path):
+    """It writes in C, and keeps the interpreter's lock meanwhile."""
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    with piped([sys.executable, '-c', SCRIPT + """
+beats = [time.monotonic()]
+def beat():
+    while True:
+        time.sleep(0.02)
+        beats.append(time.monotonic())
+threading.Thread(target=beat, daemon=True).start()
+print('ready', flush=True)
+time.sleep(1.0)
+node.get_logger().info('for nobody')
+time.sleep(0.1)
+print('gap', max(two - one for one, two in zip(beats, beats[1:])), flush=True)
+"""], 'stderr', log=tmp_path / 'log.txt') as started:
+        end = time.monotonic() + 20.0
+        while not (tmp_path / 'log.txt').read_text() and time.monotonic() < end:
+            time.sleep(0.02)
+        started.fill()
+        assert started.end(20.0) == 0
+    assert float((tmp_path / 'log.txt').read_text().split()[-1]) < 0.5
+
+
+@needs_ros
+@pytest.mark.parametrize('signum, code', [(None, 0), (signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_the_command_stops_the_robot_and_ends_though_nobody_reads(listener, signum, code):
+    with piped(COMMAND) as started:
+        moved = moving(listener)
+        started.fill()
+        if signum is None:
+            listener.wait_for(lambda heard: heard.angular_z < 0.0)
+            moved = time.time()
+            time.sleep(3.0)
+        else:
+            started.process.send_signal(signum)
+        assert started.end(SOON) == code
+    assert_stopped_and_given_back(listener, moved)
+
+
+@needs_ros
+@pytest.mark.parametrize('full', [('stderr',), ('stdout', 'stderr')])
+def test_the_result_and_the_last_line_hold_nobody_up(full, tmp_path):
+    """The robot is brought along, so that a table follows; and a fault, so that a line does."""
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+    pytest.importorskip('jsonschema', reason='needs jsonschema')
+    report = tmp_path / 'report'
+    command = [*COMMAND, 'straight', '--sim', '--report', str(report)]
+    with piped(command, *full) as started:
+        os.read(started.reader, 4096)
+        started.fill()
+        assert started.end(40.0) == 0
+    assert (report / 'report.html').exists()
+    with piped([*COMMAND, '--ros-args', '-p', 'robot_timeout:=2.0'], *full) as started:
+        os.read(started.reader, 4096)
+        started.fill()
+        assert started.end(12.0) == 3
+
+
+@needs_ros
+def test_a_bridge_whose_log_nobody_reads_goes_on():
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+    bridge = [sys.executable, '-m', 'kachaka_simple_control.robot.bridge', '--sim']
+    with piped([*bridge, '--namespace', 'unread'], 'stderr') as shown:
+        os.read(shown.reader, 4096)
+        shown.fill()
+        drive = [*COMMAND, '--ros-args', '-p', 'robot_namespace:=/unread']
+        assert subprocess.run(
+            drive, env=environment(), timeout=40.0, check=False).returncode == 0
+        shown.process.terminate()
+        assert shown.end(SOON) == 0
+
+
+@needs_ros
+def test_a_result_is_printed_whole_to_one_who_reads_later():
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+    pytest.importorskip('jsonschema', reason='needs jsonschema')
+    with piped([*COMMAND, 'straight', '--sim']) as started:
+        code = started.end(30.0)
+        text = started.text()
+    assert code == 0, text
+    assert 'Motion completed: straight' in text
+    assert text.splitlines()[-1].startswith('Final pose by odometry: ')
+
+
+@needs_ros
+@pytest.mark.parametrize('signum, code', [(None, 0), (signal.SIGINT, 130)])
+def test_a_script_whose_log_nobody_reads_is_as_safe(listener, signum, code):
+    with piped([sys.executable, '-c', SCRIPT + """
+node.move_robot(0.1, 0.0, 2.0)
+node.destroy_node()
+"""], 'stderr') as started:
+        moved = moving(listener)
+        started.fill()
+        if signum is not None:
+            started.process.send_signal(signum)
+        assert started.end(SOON) == code
+    assert_stopped_and_given_back(listener, moved)
+
+
+@needs_ros
+@pytest.mark.parametrize('text', [
+    # In the middle of a print, and with some text left for Python to print in the end.
+    'while True:\n    print("x" * 99)',
+    'time.sleep(2.0)\nfor line in range(40):\n    print("x" * 99)\ntime.sleep(30.0)'])
+def test_a_print_that_waits_for_its_reader_does_not_hold_up_ctrl_c(listener, text):
+    with piped([sys.executable, '-c', SCRIPT + f"""
+threading.Thread(target=node.move_robot, args=(0.1, 0.0, 30.0), daemon=True).start()
+{text}
+"""], 'stdout') as started:
+        moved = moving(listener)
+        started.fill()
+        time.sleep(3.0)
+        started.process.send_signal(signal.SIGINT)
+        assert started.end(SOON) == 130
+    assert_stopped_and_given_back(listener, moved)
+
+
+@needs_ros
+def test_after_ctrl_s_a_drive_ends_and_leaves_the_terminal_clean(listener):
+    pytest.importorskip('rich', reason='needs rich')
+    with at_terminal([*COMMAND, 'square'], 130, 30) as shown:
+        shown.look_for('DRIVING')
+        display = shown.display()
+        shown.press(b'\x13')
+        time.sleep(1.0)
+        told = time.time()
+        shown.process.send_signal(signal.SIGINT)
+        assert shown.process.wait(SOON) == 130
+        assert_stopped_and_given_back(listener, told)
+        shown.press(b'\x11')
+        shown.look(1.0)
+        assert shown.screen.bottom == shown.screen.rows
+        assert shown.screen.cursor_is_shown
+        assert not any('Ctrl+C' in line for line in shown.screen.lines)
+        end = time.monotonic() + 5.0
+        while is_running(display) and time.monotonic() < end:
+            time.sleep(0.02)
+        assert not is_running(display)
