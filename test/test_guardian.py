@@ -153,7 +153,7 @@ def slow(ask, seconds):
 def test_a_graph_that_takes_long_to_answer_ends_no_healthy_run(listener, tmp_path):
     """Others join and leave; discovery has the graph, and who asks it waits with Python's lock."""
     text = BEGIN + SLOW_GRAPH + """
-node._session._link.require_alone = slow(node._session._link.require_alone, 0.3)
+node._session._link.require_one_robot = slow(node._session._link.require_one_robot, 0.3)
 node.move_robot(0.1, 0.0, 3.0)
 """
     with script(text, tmp_path) as started:
@@ -162,9 +162,9 @@ node.move_robot(0.1, 0.0, 3.0)
 
 def test_a_graph_that_never_answers_is_found_out(listener, tmp_path):
     text = BEGIN + SLOW_GRAPH + """
-ask = node._session._link.require_alone
+ask = node._session._link.require_one_robot
 def hang():
-    node._session._link.require_alone = slow(ask, 3.0)
+    node._session._link.require_one_robot = slow(ask, 3.0)
     print('hangs', flush=True)
 threading.Timer(4.0, hang).start()
 node.move_robot(0.1, 0.0, 20.0)
