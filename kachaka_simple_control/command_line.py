@@ -34,8 +34,8 @@ LONGEST_LINE = 1000
 DONE, FAULTED, BAD_USAGE, NO_ROBOT, SIGNALLED = 0, 1, 2, 3, 128
 
 EPILOG = """
-exit codes: 0 done; 1 faulted; 2 bad usage or motion; 3 no robot listens;
-128 + N stopped by signal N (130 after Ctrl+C)
+exit codes: 0 done; 1 faulted; 2 bad usage or motion; 3 no robot listens, or another
+program drives it; 128 + N stopped by signal N (130 after Ctrl+C)
 """
 
 

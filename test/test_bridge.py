@@ -196,7 +196,7 @@ def test_signals_end_it_without_a_traceback(signum):
 def test_end_of_the_parent_ends_it():
     """Its standard input closes; without --with-parent that means nothing."""
     with bridge('--with-parent', stdin=subprocess.PIPE) as child, \
-            bridge(stdin=subprocess.PIPE) as free:
+            bridge('--namespace', 'free', stdin=subprocess.PIPE) as free:
         assert wait_until(lambda: 'ready' in child.text and 'ready' in free.text)
         child.process.stdin.write('anything but an end')
         child.process.stdin.flush()

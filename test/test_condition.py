@@ -42,7 +42,7 @@ def told(tally=None, **changes):
     ({}, Severity.OK, 'nothing to drive yet'),
     ({'odometry_age': None}, Severity.OK, 'nothing to drive yet'),
     ({'listeners': 0}, Severity.WARN, 'nobody takes our velocities'),
-    ({'others': ('joy', 'nav')}, Severity.WARN, 'others publish velocities, too: joy, nav'),
+    ({'others': ('joy', 'nav')}, Severity.WARN, 'others have publishers of velocities: joy, nav'),
     ({'odometry_age': 1.5}, Severity.WARN, 'odometry is silent'),
     ({'guardian': 'stopped the robot because the node fell silent', 'listeners': 0},
      Severity.ERROR, 'the guardian stopped the robot because the node fell silent'),

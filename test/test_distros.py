@@ -35,6 +35,7 @@ COMMON = {
     'rclpy.callback_groups': {'MutuallyExclusiveCallbackGroup'},
     'rclpy.clock': {'Clock', 'ClockType'},
     'rclpy.context': {'Context'},
+    'rclpy.expand_topic_name': {'expand_topic_name'},
     'rclpy.exceptions': {'NameValidationException', 'ParameterException'},
     'rclpy.executors': {'Executor', 'ExternalShutdownException', 'SingleThreadedExecutor'},
     'rclpy.impl.implementation_singleton': {'rclpy_implementation'},
@@ -42,14 +43,17 @@ COMMON = {
     'rclpy.parameter': {'Parameter'},
     'rclpy.publisher': {'Publisher'},
     'rclpy.qos': {
-        'DurabilityPolicy', 'HistoryPolicy', 'qos_profile_sensor_data', 'QoSProfile',
-        'ReliabilityPolicy'},
+        'DurabilityPolicy', 'HistoryPolicy', 'qos_check_compatible', 'qos_profile_sensor_data',
+        'QoSCompatibility',
+        'QoSProfile', 'ReliabilityPolicy'},
     'rclpy.qos_overriding_options': {'InvalidQosOverridesError', 'QoSOverridingOptions'},
     'rclpy.serialization': {'serialize_message'},
     'rclpy.signals': {'SignalHandlerOptions', 'uninstall_signal_handlers'},
     'rclpy.subscription': {'Subscription'},
+    'rclpy.task': {'Future'},
     'rclpy.utilities': {'get_rmw_implementation_identifier', 'remove_ros_args'},
     'rclpy.validate_namespace': {'validate_namespace'},
+    'std_msgs.msg': {'String'},
     'std_srvs.srv': {'SetBool', 'Trigger'},
 }
 #: What came after Humble, by the name it is used under; nothing may depend on any of them.

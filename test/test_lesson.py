@@ -57,7 +57,8 @@ def test_it_takes_nine_seconds(lesson):
 
 
 def test_it_says_what_the_lesson_says_in_its_order(lesson):
-    lines = [line.rpartition(': ')[2] for line in lesson[1].splitlines()]
+    # A warning tells that this robot has no odometry.
+    lines = [line.rpartition(': ')[2] for line in lesson[1].splitlines() if '[INFO]' in line]
     wanted = ['Robot control node has started']
     for x, z, duration in ALL_SEVEN:
         wanted += ['Robot has stopped', f'Forward={x}, Rotation={z}, Time={duration} seconds']

@@ -21,6 +21,7 @@ import sys
 import time
 import uuid
 
+from kachaka_simple_control.execution.frozen import is_frozen
 from kachaka_simple_control.execution.machine_claim import ClaimedError, MachineClaim
 import pytest
 from ros_support import environment, wait_until
@@ -117,6 +118,7 @@ def test_a_program_that_is_frozen_keeps_it(name):
         go(holder)
         assert holder.stdout.readline() == 'taken\n'
         holder.send_signal(signal.SIGSTOP)
+        assert wait_until(lambda: is_frozen(holder.pid))
         assert refused(name) == f'process {holder.pid}, which does not answer'
         holder.send_signal(signal.SIGCONT)
 

@@ -38,7 +38,7 @@ def test_a_straightened_path_passes_all_its_points(points, grain):
 def beside(point, one, two):
     """Return how far a point is from the line between two others."""
     length = math.dist(one, two)
-    along = 0.0 if length == 0.0 else sum(
+    along = 0.0 if length ** 2 == 0.0 else sum(
         (p - a) * (b - a) for p, a, b in zip(point, one, two)) / length ** 2
     along = min(1.0, max(0.0, along))
     return math.dist(point, [a + along * (b - a) for a, b in zip(one, two)])

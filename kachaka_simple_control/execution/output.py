@@ -30,10 +30,7 @@ import select
 import stat
 import sys
 import time
-from typing import TextIO, TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
+from typing import Any, TextIO
 
 STDOUT, STDERR = 1, 2
 STREAMS = {STDOUT: 'stdout', STDERR: 'stderr'}
@@ -134,7 +131,7 @@ class Outlet(io.RawIOBase):
         """Return that it can be written to."""
         return True
 
-    def write(self, data: ReadableBuffer, /) -> int:
+    def write(self, data: Any, /) -> int:
         """
         Write all there is room for, and drop the rest.
 

@@ -92,7 +92,7 @@ def _worst(tally: Tally, standing: Standing, state: str) -> tuple[Severity, str]
         return Severity.WARN, f'the last motion was over before its end: {tally.failure}'
     doubts = [
         ('nobody takes our velocities', not standing.listeners),
-        (f'others publish velocities, too: {", ".join(standing.others)}', standing.others),
+        (f'others have publishers of velocities: {", ".join(standing.others)}', standing.others),
         ('odometry is silent', (standing.odometry_age or 0.0) > OLD),
         ('velocities were skipped', tally.skipped),
     ]

@@ -47,7 +47,7 @@ def refused_in_one_line(name: str) -> Iterator[None]:
             yield
     except (NameValidationException, ParameterException, RuntimeError, UnicodeError) as error:
         text = escaped(str(error).splitlines()[0])
-        if 'Failed to construct ~' in text:
+        if 'Failed to construct ~' in text or 'should not exceed' in text:
             # Of the services that every node has, the longest name does not fit.
             text = (f'with its namespace, a name of its has more than {LONGEST} characters; ROS '
                     f'takes {LONGEST} at most: take a shorter namespace or name')

@@ -65,7 +65,9 @@ class Settings:
         1.0, 'How long odometry may be silent in a run before it is given up [s]; 0: for ever',
         0.0, 60.0)
     allow_other_publishers: bool = _setting(
-        False, 'Drive even while somebody else publishes velocities for the same robot')
+        False,
+        'Drive even while somebody else sends velocities to the same robot; of two programs of '
+        'this kind one drives all the same')
     summary: bool = _setting(
         False, 'Record what is sent and what odometry answers, for the table at the end')
 

@@ -32,7 +32,7 @@ class Standing:
     One look at it.
 
     :param listeners: how many take the node's velocities
-    :param others: who else publishes velocities: the names of their nodes
+    :param others: who else has a publisher of velocities: the names of their nodes
     :param guardian: what became of the guardian
     :param odometry_age: how old the newest odometry is [s]; None if there was none
     :param manual_control: whether manual control is on, as far as this node knows
