@@ -10,7 +10,7 @@
 PYTHON ?= python3
 DISTRO ?=
 DOCS ?= html
-WORKERS ?= 3
+WORKERS ?= 2
 VENV := .venv$(addprefix -,$(filter-out jazzy,$(DISTRO)))
 SET_UP := @$(PYTHON) tools/set_up.py $(addprefix --distro=,$(DISTRO))
 
