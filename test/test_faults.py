@@ -221,7 +221,8 @@ def test_where_somebody_else_drives_already_nothing_begins(listener, tmp_path):
     listener.wait_for(lambda heard: heard.moves)
     with program(COMMAND, tmp_path) as started:
         code = started.end()
-    assert 'somebody else (node listener) sends velocities' in started.text
+    assert 'somebody else (node ' in started.text
+    assert f') sends velocities on {listener._subscription.topic_name}' in started.text
     # 1 where discovery found the publisher after the robot: then zeros were on their way.
     assert code in (3, 1)
     allowed = {Stranger.SPEED} if code == 3 else {Stranger.SPEED, 0.0}

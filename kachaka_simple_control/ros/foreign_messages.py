@@ -122,6 +122,8 @@ class ForeignMessages:
         :raises RobotTakenError: if somebody does
         """
         if self.listen(check):
+            # Discovery tells the names of nodes last, and nothing moves yet.
+            wait_until(lambda: UNKNOWN not in self._others(), LISTEN, check)
             raise RobotTakenError(
                 f'{self.sender()} sends velocities on {self._publisher.topic_name}; nothing was '
                 'sent. Stop that program, or set the parameter allow_other_publishers to true')
