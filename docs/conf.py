@@ -53,7 +53,7 @@ toc_object_entries_show_parents = 'hide'
 nitpick_ignore_regex = [
     (r'py:.*', r'(rclpy|geometry_msgs|nav_msgs|std_srvs|builtin_interfaces|rcl_interfaces)\..*'),
     (r'py:.*', r'(argparse|collections|concurrent|enum|numbers|signal|socket|subprocess)\..*'),
-    (r'py:.*', r'(datetime|threading|types|typing|asyncio|os|pathlib)\..*'),
+    (r'py:.*', r'(datetime|io|threading|types|typing|asyncio|os|pathlib)\..*'),
     (r'py:.*', r'(diagnostic_msgs|kachaka_api|kachaka_api_pb2|rich)\..*'),
     (r'py:.*', r'(kachaka_simple_control\.robot\.grpc_server\.\w+\.T|dict\[str)'),
     (r'py:class', r'(Axes|Figure|Point|kachaka_simple_control\.motion_file\.document\.Node)'),
