@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Whether another process is frozen."""
+"""Whether another process is frozen, or gone."""
 
 from __future__ import annotations
 
@@ -28,9 +28,24 @@ def is_frozen(pid: int) -> bool:
     :param pid: the number of the process
     :returns: whether it was; false where nobody can tell
     """
+    return _state(pid) in STOPPED
+
+
+def is_running(pid: int) -> bool:
+    """
+    Tell whether a process is there and no zombie, which its parent has yet to collect.
+
+    :param pid: the number of the process
+    :returns: whether it is; false where nobody can tell
+    """
+    return _state(pid) not in (None, 'Z')
+
+
+def _state(pid: int) -> str | None:
+    """Return what Linux calls the state of a process; None if nobody can tell."""
     try:
         status = Path(f'/proc/{pid}/stat').read_text()
     except OSError:
-        return False
+        return None
     # Its name comes before, in brackets, and may hold any character.
-    return status.rpartition(')')[2].split()[0] in STOPPED
+    return status.rpartition(')')[2].split()[0]

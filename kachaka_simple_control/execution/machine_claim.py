@@ -19,12 +19,13 @@ import contextlib
 import errno
 import hashlib
 import os
-from pathlib import Path
 import socket
 import struct
 import sys
 import threading
 import time
+
+from kachaka_simple_control.execution.frozen import is_running
 
 #: How long the holder may take to say who it is [s]; one that is frozen never does.
 ANSWER = 0.3
@@ -122,7 +123,7 @@ def _holder(address: bytes) -> tuple[str, bool]:
             if said := asking.recv(LONGEST):
                 return said.decode(errors='replace'), True
     # Frozen; or ended, and its guardian is not; or of a container that counts processes anew.
-    return f'process {process}, which does not answer', process == 0 or _is_running(process)
+    return f'process {process}, which does not answer', process == 0 or is_running(process)
 
 
 def _answer(listening: socket.socket, text: str) -> None:
@@ -134,12 +135,3 @@ def _answer(listening: socket.socket, text: str) -> None:
             return
         with asking, contextlib.suppress(OSError):
             asking.sendall(text.encode())
-
-
-def _is_running(process: int) -> bool:
-    """Tell whether a process is there and no zombie, which its parent has yet to collect."""
-    try:
-        status = Path(f'/proc/{process}/stat').read_text()
-    except OSError:
-        return False
-    return status.rpartition(')')[2].split()[0] != 'Z'
