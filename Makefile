@@ -46,7 +46,7 @@ bench: setup .venv-plots/made  ## measure beside the lesson's loop: half an hour
 	$(VENV)/bin/python -m benchmarks --draw-with .venv-plots/bin/python $(if $(QUICK),--quick) \
 	    $(if $(NO_BARS),--no-bars)
 
-stop-matrix: setup  ## let everything happen to a program that drives: half an hour; QUICK=1: minutes
+stop-matrix: setup  ## let everything happen to a program that drives: an hour; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks.stop_matrix $(if $(QUICK),--quick)
 
 lossy-link: setup  ## stop and move over a bad link, as root: half an hour; QUICK=1: minutes

@@ -35,7 +35,7 @@ import time
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.execution import child
 from kachaka_simple_control.robot.simulation import simulation
-from kachaka_simple_control.ros.isolation import stay_on_this_machine
+from kachaka_simple_control.ros.isolation import CHOICES, RANGE, stay_on_this_machine
 import rclpy
 from rclpy.node import Node
 
@@ -67,7 +67,7 @@ def come_and_go(count: int, rate: float, seconds: float) -> None:
         due = max(due + 1.0 / rate, time.monotonic())
         if due >= end:
             return
-        time.sleep(due - time.monotonic())
+        time.sleep(max(0.0, due - time.monotonic()))
         leave.pop(random.randrange(count))()
         leave.append(_come(number))
 
@@ -89,20 +89,27 @@ def _come(number: int) -> Callable[[], None]:
 
 
 @contextlib.contextmanager
-def others(nodes: int, restarts: float, longest: float) -> Iterator[None]:
+def others(
+        nodes: int, restarts: float, longest: float, domain: int | None = None) -> Iterator[None]:
     """
-    Have other nodes come and go beside the ``with`` block.
+    Have other nodes come and go beside the ``with`` block, which does not wait for them.
+
+    They have ROS's own transports, as other people's nodes do, and reach this machine alone.
 
     :param nodes: how many there are
     :param restarts: how many of them are restarted each second
     :param longest: after what time they end in any case [s]
+    :param domain: their ROS domain; None for that of the environment
     """
+    variables = {name: value for name, value in os.environ.items() if name not in CHOICES}
+    variables[RANGE] = 'LOCALHOST'
+    if domain is not None:
+        variables['ROS_DOMAIN_ID'] = str(domain)
     share = (str(nodes // PROCESSES), str(restarts / PROCESSES), str(longest))
     processes = [
         subprocess.Popen([sys.executable, '-m', 'benchmarks.churn', '--be-others', *share],
-                         cwd=ROOT) for _ in range(PROCESSES)]
+                         cwd=ROOT, env=variables) for _ in range(PROCESSES)]
     try:
-        time.sleep(SETTLING)
         yield
     finally:
         # Killed, they would leave locks of shared memory behind.
@@ -159,8 +166,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         come_and_go(int(options.be_others[0]), *options.be_others[1:])
         return 0
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    # The other nodes are started before, and have ROS's own transports.
     with others(options.nodes, options.restarts, SETTLING + LONGEST * options.runs):
+        time.sleep(SETTLING)
         stay_on_this_machine()
         with simulation():
             ends = measure(options.motion, options.rate, options.runs, options.nice)

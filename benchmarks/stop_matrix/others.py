@@ -15,6 +15,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+import contextlib
 import time
 from typing import TYPE_CHECKING
 
@@ -35,6 +37,12 @@ COMING = 20.0
 SOON = 1.0
 #: The exit code of a program that was refused.
 REFUSED = 3
+#: How many other nodes there are beside a drive, and how many are restarted a second: two
+#: processors have time left.  From 28 on they had none, and a drive came too late.
+NODES, RESTARTS = 20, 3.0
+#: How long they have to find each other before the drive, and to what length a trial may take
+#: longer than its motion [s].
+SETTLING, LONGEST = 10.0, 20.0
 
 
 def comes_and_sends(scene: Scene) -> float:
@@ -154,3 +162,18 @@ def both_stopped(scene: Scene, fault: float) -> list[str]:
     after = [heard for heard in scene.ears.since(fault + SOON) if heard.moves]
     return [*([f'the second program ended with {code}'] if code != 1 else []),
             *(['the second program drove on'] if after else [])]
+
+
+@contextlib.contextmanager
+def come_and_go(scene: Scene) -> Iterator[None]:
+    """
+    Have many other nodes beside the ``with`` block, and restart one after the other.
+
+    :param scene: whose robot
+    """
+    # It loads rclpy, which is too early while rows are only listed.
+    from benchmarks import churn
+    longest = SETTLING + LONGEST + scene.row.duration
+    with churn.others(NODES, RESTARTS, longest, scene.domain):
+        time.sleep(SETTLING)
+        yield

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -52,6 +53,7 @@ class Row:
     :param alone: whether no other trial's measured moment may come before this one's zero
     :param full: how often it is tried in the full form
     :param quick: how often in the quick form
+    :param beside: what goes on beside it, from before its motion
     :param busy: how many busy processes run beside it
     :param outlet: what it prints to
     :param drives: whether it moves at all
@@ -71,6 +73,7 @@ class Row:
     alone: bool = True
     full: int = 20
     quick: int = 1
+    beside: Callable[[Scene], AbstractContextManager[None]] = nullcontext
     busy: int = 0
     outlet: str = 'file'
     drives: bool = True
@@ -155,6 +158,10 @@ ROWS = (
     _runs_on('somebody else has a publisher, and never sends', others.never_sends),
     _runs_on('a second program wants the robot', others.wants_the_robot, duration=8.0,
              check=others.was_refused),
+    # They take much of two processors' time: other trials would wait for them.
+    _runs_on('20 other nodes, of which three a second are restarted', faults.at_its_end,
+             beside=others.come_and_go, options=('rate:=50.0',), duration=12.0, harms=True,
+             together=1, quick=0),
     Row(Promise('a second program on another machine, found late: both stop', NODE, (1,),
                 bar=TOLD),
         # Without zeros before its motion, so that the first zero is one of a stop.

@@ -48,7 +48,7 @@ class Scene:
         """
         self.row, self._member = row, member
         self.robot, self.ears, self.played = member.robot, member.ears, member.played
-        self.observer = member.observer
+        self.observer, self.domain = member.observer, member.domain
         self.program = self._program()
         #: what was promised for this row alone, and not kept
         self.broken: list[str] = []
@@ -142,7 +142,7 @@ class Scene:
                        *self.row.options):
             options += ['-p', option]
         variables = {
-            'DURATION': str(self.row.duration), 'ROS_DOMAIN_ID': str(self._member.domain),
+            'DURATION': str(self.row.duration), 'ROS_DOMAIN_ID': str(self.domain),
             **(more or {})}
         return Program(script or self.row.script, options, variables, self.row.outlet)
 

@@ -92,9 +92,10 @@ def _perform(scenes: Sequence[Scene]) -> list[Trial]:
     stage = threading.Lock()
 
     def perform(scene: Scene) -> Trial:
-        with stage:
-            fault = play(scene, lambda: random.uniform(*BEFORE))
-        return follow(scene, fault)
+        with scene.row.beside(scene):
+            with stage:
+                fault = play(scene, lambda: random.uniform(*BEFORE))
+            return follow(scene, fault)
 
     with ThreadPoolExecutor(max_workers=len(scenes)) as threads:
         return [*threads.map(perform, scenes)]

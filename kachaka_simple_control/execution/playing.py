@@ -88,7 +88,7 @@ def play(
     :returns: the run, which has sent its zero; the stop is the caller's
     :raises ControlError: if the run was stopped or could not go on
     """
-    run = edge.begin(max_gap(plan.period, hold), prepared)
+    run = edge.begin(max_gap(plan.period, hold), prepared, hold)
 
     def beat() -> None:
         edge.check(run)

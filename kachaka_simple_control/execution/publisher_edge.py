@@ -45,12 +45,14 @@ class Run:
     """
     One stretch of motion, from the call that asks for it; only the newest one may send.
 
-    :param max_gap: the longest time between two of its messages [s]
+    :param max_gap: the longest time between two of its messages, without DDS's share [s]
+    :param hold: the longest time with it: how long the robot keeps a velocity [s]
     """
 
-    def __init__(self, max_gap: float = math.inf) -> None:
+    def __init__(self, max_gap: float = math.inf, hold: float = math.inf) -> None:
         """Begin with nothing sent."""
         self.max_gap = max_gap
+        self.hold = hold
         #: when the first message left [s on the steady clock]: t = 0; nan before
         self.began = math.nan
         #: when the last one was out [s on the clock for gaps]
@@ -138,12 +140,15 @@ class PublisherEdge:
             self._pending = run
         return run
 
-    def begin(self, max_gap: float, run: Run | None = None) -> Run:
+    def begin(self, max_gap: float, run: Run | None = None, hold: float = math.inf) -> Run:
         """
         Begin a run; the one before it may send no more.
 
-        :param max_gap: the longest time between two of its messages [s]
+        :param max_gap: the longest time between two of its messages [s]; waiting for DDS is not
+            counted
         :param run: what ``prepare`` returned; None for a run that nobody had to wait for
+        :param hold: how long the robot keeps a velocity without a new one [s]: no gap may be
+            longer, whatever it was spent on, for the robot has stopped by itself by then
         :returns: the run, which ``send`` asks for
         :raises ControlError: if it was cancelled already, the robot is not ours or the latch is
             set
@@ -153,7 +158,7 @@ class PublisherEdge:
             if run.ended_by is not None:
                 raise run.ended_by
             self._require_permission()
-            run.max_gap = max_gap
+            run.max_gap, run.hold = max_gap, hold
             self._run, self._pending = run, None
         return run
 
@@ -274,7 +279,7 @@ class PublisherEdge:
             return
         gap = self._gap_clock() - run.last_sent
         # DDS may take no longer than the guardian lets it, however often it is asked.
-        allowed = run.max_gap + min(run.waited, STALL)
+        allowed = min(run.max_gap + min(run.waited, STALL), run.hold)
         if gap > allowed:
             raise RunFaultError(
                 f'nothing was sent for {gap * 1e3:.0f} ms, more than the {allowed * 1e3:.0f} '
