@@ -151,9 +151,14 @@ def slow(ask, seconds):
 
 
 def test_a_graph_that_takes_long_to_answer_ends_no_healthy_run(listener, tmp_path):
-    """Others join and leave; discovery has the graph, and who asks it waits with Python's lock."""
-    text = BEGIN + SLOW_GRAPH + """
-node._session._link.require_one_robot = slow(node._session._link.require_one_robot, 0.3)
+    """
+    Others join and leave; discovery has the graph, and who asks it waits with Python's lock.
+
+    At 50 Hz that is more than a program may be silent, and less than the robot's hold.
+    """
+    at_50_hz = "rclpy.init(args=['--ros-args', '-p', 'rate:=50.0'])"
+    text = BEGIN.replace('rclpy.init()', at_50_hz) + SLOW_GRAPH + """
+node._session._link.require_one_robot = slow(node._session._link.require_one_robot, 0.18)
 node.move_robot(0.1, 0.0, 3.0)
 """
     with script(text, tmp_path) as started:
