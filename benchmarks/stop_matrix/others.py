@@ -40,8 +40,8 @@ REFUSED = 3
 #: How many other nodes there are beside a drive, and how many are restarted a second: two
 #: processors have time left.  From 28 on they had none, and a drive came too late.
 NODES, RESTARTS = 20, 3.0
-#: How long they have to find each other before the drive, and to what length a trial may take
-#: longer than its motion [s].
+#: How long they have to find each other before the drive, and how much longer than its motion a
+#: trial may take [s].
 SETTLING, LONGEST = 10.0, 20.0
 
 
