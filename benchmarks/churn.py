@@ -35,7 +35,12 @@ import time
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.execution import child
 from kachaka_simple_control.robot.simulation import simulation
-from kachaka_simple_control.ros.isolation import CHOICES, RANGE, stay_on_this_machine
+from kachaka_simple_control.ros.isolation import (
+    CHOICES,
+    LOCALHOST_ONLY,
+    RANGE,
+    stay_on_this_machine,
+)
 import rclpy
 from rclpy.node import Node
 
@@ -92,7 +97,7 @@ def _come(number: int) -> Callable[[], None]:
 def others(
         nodes: int, restarts: float, longest: float, domain: int | None = None) -> Iterator[None]:
     """
-    Have other nodes come and go beside the ``with`` block, which does not wait for them.
+    Have other nodes come and go beside the ``with`` block, which begins at once.
 
     They have ROS's own transports, as other people's nodes do, and reach this machine alone.
 
@@ -102,7 +107,11 @@ def others(
     :param domain: their ROS domain; None for that of the environment
     """
     variables = {name: value for name, value in os.environ.items() if name not in CHOICES}
-    variables[RANGE] = 'LOCALHOST'
+    # The rclpy of Humble does not know the range.
+    if os.environ.get('ROS_DISTRO') == 'humble':
+        variables[LOCALHOST_ONLY] = '1'
+    else:
+        variables[RANGE] = 'LOCALHOST'
     if domain is not None:
         variables['ROS_DOMAIN_ID'] = str(domain)
     share = (str(nodes // PROCESSES), str(restarts / PROCESSES), str(longest))

@@ -38,7 +38,7 @@ SOON = 1.0
 #: The exit code of a program that was refused.
 REFUSED = 3
 #: How many other nodes there are beside a drive, and how many are restarted a second: two
-#: processors have time left.  From 28 on they had none, and a drive came too late.
+#: processors have time left.  With 28 they had none, and half of the runs were ended.
 NODES, RESTARTS = 20, 3.0
 #: How long they have to find each other before the drive, and how much longer than its motion a
 #: trial may take [s].
@@ -165,7 +165,7 @@ def both_stopped(scene: Scene, fault: float) -> list[str]:
 
 
 @contextlib.contextmanager
-def come_and_go(scene: Scene) -> Iterator[None]:
+def nodes_come_and_go(scene: Scene) -> Iterator[None]:
     """
     Have many other nodes beside the ``with`` block, and restart one after the other.
 

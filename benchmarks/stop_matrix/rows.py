@@ -160,7 +160,7 @@ ROWS = (
              check=others.was_refused),
     # They take much of two processors' time: other trials would wait for them.
     _runs_on('20 other nodes, of which three a second are restarted', faults.at_its_end,
-             beside=others.come_and_go, options=('rate:=50.0',), duration=12.0, harms=True,
+             beside=others.nodes_come_and_go, options=('rate:=50.0',), duration=12.0, harms=True,
              together=1, quick=0),
     Row(Promise('a second program on another machine, found late: both stop', NODE, (1,),
                 bar=TOLD),
