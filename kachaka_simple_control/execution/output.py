@@ -22,6 +22,7 @@ that stops a robot.
 from __future__ import annotations
 
 import atexit
+from collections.abc import Iterator
 import contextlib
 import fcntl
 import io
@@ -29,6 +30,7 @@ import os
 import select
 import stat
 import sys
+import tempfile
 import time
 from typing import Any, TextIO
 
@@ -229,3 +231,27 @@ def _replace(descriptor: int) -> None:
     if getattr(sys, name) is original:
         setattr(sys, name, stream)
     setattr(sys, f'__{name}__', stream)
+
+
+@contextlib.contextmanager
+def print_only_on_success() -> Iterator[None]:
+    """
+    Print what comes out of ROS's C code only if all goes well; one line tells the rest.
+
+    :returns: a context manager
+    """
+    sys.stderr.flush()
+    try:
+        terminal = os.dup(2)
+    except OSError:  # it is closed
+        yield
+        return
+    with tempfile.TemporaryFile() as printed:
+        os.dup2(printed.fileno(), 2)
+        try:
+            yield
+            printed.seek(0)
+            os.write(terminal, printed.read())
+        finally:
+            os.dup2(terminal, 2)
+            os.close(terminal)

@@ -20,8 +20,8 @@ import contextlib
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.execution.output import print_only_on_success
 from kachaka_simple_control.ros.names import LONGEST, RobotNames
-from kachaka_simple_control.ros.starting import held_back
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
@@ -43,7 +43,7 @@ def refused_in_one_line(name: str) -> Iterator[None]:
     :raises UsageError: if there can be no such node
     """
     try:
-        with held_back():
+        with print_only_on_success():
             yield
     except (NameValidationException, ParameterException, RuntimeError, UnicodeError) as error:
         text = escaped(str(error).splitlines()[0])

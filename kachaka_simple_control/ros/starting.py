@@ -15,16 +15,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-import contextlib
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 import os
 import re
-import sys
-import tempfile
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped, quoted
+from kachaka_simple_control.execution.output import print_only_on_success
 from kachaka_simple_control.ros.names import LONGEST, LONGEST_NAMESPACE, require_namespace
 import rclpy
 from rclpy.signals import SignalHandlerOptions
@@ -62,7 +60,7 @@ def start_ros(arguments: Sequence[str]) -> None:
     check_environment()
     check_remaps(arguments)
     try:
-        with held_back():
+        with print_only_on_success():
             rclpy.init(args=[*arguments], signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, UnicodeError) as error:
         raise UsageError(_explained(str(error))) from None
@@ -81,7 +79,7 @@ def check_arguments(
     check_environment()
     check_remaps(arguments)
     try:
-        with held_back():
+        with print_only_on_success():
             return remove([*arguments])
     except (RuntimeError, UnicodeError) as error:
         raise UsageError(_explained(str(error))) from None
@@ -141,27 +139,3 @@ def _explained(text: str) -> str:
         return f'ROS could not be started: {escaped(_PLACES.sub("", text))}'
     hint = HINTS.get(found[1].split()[0], 'see `ros2 run --help`')
     return f'ROS cannot read the {found[1]} {quoted(found[2], 60)}: {hint}'
-
-
-@contextlib.contextmanager
-def held_back() -> Iterator[None]:
-    """
-    Print what comes out of ROS's C code only if all goes well; one line tells the rest.
-
-    :returns: a context manager
-    """
-    sys.stderr.flush()
-    try:
-        terminal = os.dup(2)
-    except OSError:  # it is closed
-        yield
-        return
-    with tempfile.TemporaryFile() as printed:
-        os.dup2(printed.fileno(), 2)
-        try:
-            yield
-            printed.seek(0)
-            os.write(terminal, printed.read())
-        finally:
-            os.dup2(terminal, 2)
-            os.close(terminal)
