@@ -30,7 +30,6 @@ import os
 import select
 import stat
 import sys
-import tempfile
 import time
 from typing import Any, TextIO
 
@@ -246,7 +245,7 @@ def print_only_on_success() -> Iterator[None]:
     except OSError:  # it is closed
         yield
         return
-    with tempfile.TemporaryFile() as printed:
+    with open(os.memfd_create('stderr'), 'w+b', buffering=0) as printed:
         os.dup2(printed.fileno(), 2)
         try:
             yield
