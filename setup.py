@@ -29,7 +29,7 @@ setup(
     python_requires='>=3.10',
     packages=find_packages(include=[package_name, package_name + '.*']),
     package_data={package_name: [
-        'py.typed', 'motions/*', 'report/page/*.css', 'robots/*', 'ros/*.xml']},
+        'py.typed', 'motions/*', 'report/*.css', 'robots/*', 'ros/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -55,8 +55,8 @@ setup(
     entry_points={
         'console_scripts': [
             'kachaka_simple_control = kachaka_simple_control.__main__:main',
-            'kachaka_bridge = kachaka_simple_control.robot.bridge:main',
-            'kachaka_sim = kachaka_simple_control.robot.sim_command:main',
+            'kachaka_bridge = kachaka_simple_control.kachaka.bridge_command:main',
+            'kachaka_sim = kachaka_simple_control.kachaka.simulator.command:main',
         ],
     },
 )

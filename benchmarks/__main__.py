@@ -48,7 +48,7 @@ def measure(scale: Scale) -> dict[str, Any]:
     :param scale: how much
     :returns: the run, plain data
     """
-    from kachaka_simple_control.ros.isolation import stay_on_this_machine
+    from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
     # Before anything loads rclpy: no robot, and no other run, may hear this one.
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     stay_on_this_machine()

@@ -39,7 +39,7 @@ import termios
 import threading
 import time
 
-from kachaka_simple_control.report.quantiles import median, quantile
+from kachaka_simple_control.report.metrics import median, quantile
 
 from benchmarks.meter import process_time
 from benchmarks.progress import show
@@ -135,7 +135,7 @@ def main() -> None:
     options = parser.parse_args()
     # Before anything loads rclpy: no robot, and no other run, may hear this one.
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    from kachaka_simple_control.ros.isolation import stay_on_this_machine
+    from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
     stay_on_this_machine()
     rounds, count = (2, 6) if options.quick else (6, 30)
     for table in tables(measure(rounds, count)):
@@ -150,7 +150,7 @@ def measure(rounds: int, count: int) -> dict[str, Tally]:
     :param count: how many movements each drive has
     :returns: what they were like, by the way's name
     """
-    has_reporter = importlib.util.find_spec('kachaka_simple_control.audience.reporter')
+    has_reporter = importlib.util.find_spec('kachaka_simple_control.report.report_process')
     ways = [way for way in WAYS if has_reporter or not way.report]
     tallies = {way.name: Tally() for way in ways}
     for turn in range(rounds):

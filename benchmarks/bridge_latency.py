@@ -35,8 +35,8 @@ import threading
 import time
 from typing import Any
 
-from kachaka_simple_control.report.quantiles import median, quantile
-from kachaka_simple_control.ros.isolation import stay_on_this_machine
+from kachaka_simple_control.report.metrics import median, quantile
+from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
 
 from benchmarks.meter import process_time
 from benchmarks.nanosleep import BILLION, sleep_until
@@ -179,7 +179,8 @@ def _bridge(robot: _Robot) -> Iterator[tuple[Send, Callable[[], float]]]:
     from geometry_msgs.msg import Twist
     import rclpy
     process = subprocess.Popen(
-        [sys.executable, '-m', 'kachaka_simple_control.robot.bridge', '--address', robot.address],
+        [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command',
+         '--address', robot.address],
         cwd=ROOT, stdin=subprocess.DEVNULL)
     rclpy.init()
     node = rclpy.create_node('bridge_latency')

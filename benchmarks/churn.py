@@ -33,9 +33,9 @@ import sys
 import time
 
 from geometry_msgs.msg import Twist
-from kachaka_simple_control.execution import child
-from kachaka_simple_control.robot.simulation import simulation
-from kachaka_simple_control.ros.isolation import (
+from kachaka_simple_control.control import processes
+from kachaka_simple_control.kachaka.bridge_process import simulation
+from kachaka_simple_control.ros.dds_transport import (
     CHOICES,
     LOCALHOST_ONLY,
     RANGE,
@@ -141,13 +141,13 @@ def measure(motion: str, rate: float, runs: int, nice: int) -> Counter[str]:
     :param nice: what is added to the niceness of each
     :returns: what they ended with, and how often; nothing for a run that reached its end
     """
-    command = [*child.command('kachaka_simple_control.__main__'), motion, '--quiet',
+    command = [*processes.command('kachaka_simple_control.__main__'), motion, '--quiet',
                '--rate', str(rate)]
     ends: Counter[str] = Counter()
     for index in range(runs):
         done = subprocess.run(
             ['nice', '-n', str(nice), *command] if nice else command, cwd=ROOT,
-            env=child.environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            env=processes.environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE, text=True, timeout=LONGEST, check=False)
         said = ''.join(done.stderr.splitlines()[-1:]) or f'exit code {done.returncode}'
         ends[said if done.returncode else ''] += 1

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from kachaka_simple_control.report.quantiles import median, quantile
+from kachaka_simple_control.report.metrics import median, quantile
 
 #: What never came, as a figure.
 NEVER = math.inf

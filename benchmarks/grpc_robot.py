@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import subprocess
 
-from kachaka_simple_control.execution import child
-from kachaka_simple_control.motion.kinematics import Pose
+from kachaka_simple_control.control import processes
+from kachaka_simple_control.motion.geometry import Pose
 
 from benchmarks.process import ROOT
 
@@ -41,7 +41,7 @@ class GrpcRobot:
         """
         self._domain = domain
         self._processes: list[subprocess.Popen[str]] = []
-        robot = self._start('sim_command', '--grpc-port', '0')
+        robot = self._start('simulator.command', '--grpc-port', '0')
         assert robot.stdout is not None
         # "ready: ... at HOST:PORT", or nothing if it ended.
         ready = robot.stdout.readline().split()
@@ -50,7 +50,8 @@ class GrpcRobot:
             raise RuntimeError('the simulated robot did not start')
         #: where the robot listens
         self.address = ready[-1]
-        self._bridge = self._start('bridge', '--address', self.address, '--namespace', namespace)
+        self._bridge = self._start(
+            'bridge_command', '--address', self.address, '--namespace', namespace)
 
     def send(self, signum: int) -> None:
         """
@@ -67,15 +68,15 @@ class GrpcRobot:
         :returns: the pose, its heading between -pi and pi
         :raises RuntimeError: if it does not tell
         """
-        from kachaka_simple_control.robot.real.address import Address
-        from kachaka_simple_control.robot.real.robot_client import RobotClient
-        from kachaka_simple_control.ros import messages
+        from kachaka_simple_control.kachaka.grpc_client.address import Address
+        from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
+        from kachaka_simple_control.ros import conversions
         client = RobotClient(Address.parse(self.address))
         outcome, answer = client.odometry(0, ANSWER)
         client.close()
         if answer is None:
             raise RuntimeError(f'the robot does not say where it is: {outcome.text}')
-        return messages.pose(answer.odometry)
+        return conversions.pose(answer.odometry)
 
     def end(self) -> None:
         """End both, the bridge first; harmless if they are over."""
@@ -94,8 +95,10 @@ class GrpcRobot:
     def _start(self, module: str, *options: str) -> subprocess.Popen[str]:
         # Its standard input is a pipe that only this process holds: it ends with us.
         process = subprocess.Popen(
-            [*child.command(f'kachaka_simple_control.robot.{module}'), *options, '--with-parent'],
-            cwd=ROOT, env={**child.environment(), 'ROS_DOMAIN_ID': str(self._domain)}, text=True,
+            [*processes.command(f'kachaka_simple_control.kachaka.{module}'), *options,
+             '--with-parent'],
+            cwd=ROOT, env={**processes.environment(), 'ROS_DOMAIN_ID': str(self._domain)},
+            text=True,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
             start_new_session=True)
         self._processes.append(process)

@@ -24,9 +24,9 @@ from typing import Any
 
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.motion.profile import quickest
+from kachaka_simple_control.motion.planner import along, way_of, WayLimits
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Step, Turn
-from kachaka_simple_control.motion.way import along, way_of, WayLimits
+from kachaka_simple_control.motion.velocity_profile import quickest
 
 #: The velocities that a Kachaka takes, and ramps that are gentle for it.
 LIMITS = Limits(0.3, 1.57, 0.3, 1.5, 1.5, 8.0)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from kachaka_simple_control.report.quantiles import median
+from kachaka_simple_control.report.metrics import median
 
 from benchmarks.bars import judge, Verdict
 from benchmarks.figures import Figure, figures, find, signal_groups, where, zeros

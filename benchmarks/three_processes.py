@@ -32,14 +32,14 @@ import subprocess
 import sys
 import time
 
-from kachaka_simple_control.execution import child
-from kachaka_simple_control.looking import RATE
-from kachaka_simple_control.motion.kinematics import Pose
+from kachaka_simple_control.control import processes
+from kachaka_simple_control.files.library import find
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.motion_file import find
-from kachaka_simple_control.report.quantiles import median
-from kachaka_simple_control.robot.robot_profile import KACHAKA
-from kachaka_simple_control.ros.isolation import stay_on_this_machine
+from kachaka_simple_control.preview_command import RATE
+from kachaka_simple_control.report.metrics import median
+from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
 
 from benchmarks.grpc_robot import GrpcRobot
 from benchmarks.process import ROOT
@@ -177,9 +177,9 @@ def _drive(robot: GrpcRobot, motion: str, planned: Plan) -> Run:
 
 def _command(motion: str, timeout: float) -> str:
     """Run the command, and return why it failed; nothing if it did not."""
-    command = [*child.command('kachaka_simple_control.__main__'), motion, '--quiet']
+    command = [*processes.command('kachaka_simple_control.__main__'), motion, '--quiet']
     done = subprocess.run(
-        command, cwd=ROOT, env=child.environment(), stdin=subprocess.DEVNULL, text=True,
+        command, cwd=ROOT, env=processes.environment(), stdin=subprocess.DEVNULL, text=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, timeout=timeout, check=False)
     if done.returncode == 0:
         return ''

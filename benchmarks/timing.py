@@ -21,7 +21,7 @@ from dataclasses import asdict
 import time
 from typing import Any
 
-from kachaka_simple_control.report.quantiles import quantile
+from kachaka_simple_control.report.metrics import quantile
 
 from benchmarks.figures import where
 from benchmarks.load import busy

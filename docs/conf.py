@@ -55,8 +55,8 @@ nitpick_ignore_regex = [
     (r'py:.*', r'(argparse|collections|concurrent|enum|numbers|signal|socket|subprocess)\..*'),
     (r'py:.*', r'(datetime|io|threading|types|typing|asyncio|os|pathlib)\..*'),
     (r'py:.*', r'(diagnostic_msgs|kachaka_api|kachaka_api_pb2|rich)\..*'),
-    (r'py:.*', r'(kachaka_simple_control\.robot\.grpc_server\.\w+\.T|dict\[str)'),
-    (r'py:class', r'(Axes|Figure|Point|kachaka_simple_control\.motion_file\.document\.Node)'),
+    (r'py:.*', r'(kachaka_simple_control\.kachaka\.simulator\.\w+\.T|dict\[str)'),
+    (r'py:class', r'(Axes|Figure|Point|kachaka_simple_control\.files\.yaml_document\.Node)'),
     (r'py:.*', r'(Any|Callable|Enum|Exception|NoReturn|RuntimeError|ValueError|SystemExit)'),
     (r'py:.*', r'(Field|Footprint|FrameType|Iterator|Path|Sequence|TracebackType)'),
     (r'py:class', r'(Executor|Node|Odometry|Publisher|Time|Twist|Context|Protocol)'),
@@ -96,7 +96,7 @@ def setup(app):
 
 def write_parameters():
     """Write the table of the node's parameters, from the one place that declares them."""
-    from kachaka_simple_control.ros.settings import Settings
+    from kachaka_simple_control.ros.parameters import Settings
     rows = ['| parameter | default | range | what it is |', '|---|---|---|---|']
     for field in fields(Settings):
         bounds = field.metadata['range']

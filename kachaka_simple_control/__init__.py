@@ -23,13 +23,13 @@ from typing import Any
 
 from kachaka_simple_control.errors import (
     ControlError,
+    InvalidMotionError,
     MotionRefusedError,
     RobotNotFoundError,
     RunFaultError,
     UsageError,
 )
-from kachaka_simple_control.motion.errors import InvalidMotionError
-from kachaka_simple_control.motion.kinematics import Pose, Velocity
+from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import (

@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import sys
 
-from kachaka_simple_control.command_line import exit_code, Options, parse
+from kachaka_simple_control.cli import exit_code, Options, parse
 from kachaka_simple_control.errors import UsageError
 
 
@@ -30,12 +30,12 @@ def act(options: Options) -> None:
     :raises ControlError: if it could not be done
     """
     if options.looks_only:
-        from kachaka_simple_control.looking import look
+        from kachaka_simple_control.preview_command import look
         look(options)
         return
     try:
         # Here, for much of the command needs no ROS, and Ctrl+C is heard by now.
-        from kachaka_simple_control.driving import drive
+        from kachaka_simple_control.drive_command import drive
     except ModuleNotFoundError as error:
         raise UsageError(
             f'to drive a robot needs ROS 2, and its {error.name} is not here: source it first, '

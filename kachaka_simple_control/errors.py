@@ -11,7 +11,9 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What can stop a run, each in one line for a person to read."""
+"""The errors that refuse or end a motion, each with one line for a person to read."""
+
+from __future__ import annotations
 
 
 class ControlError(RuntimeError):
@@ -36,3 +38,23 @@ class MotionRefusedError(ControlError):
 
 class RunFaultError(ControlError):
     """A run could not go on as planned; the robot was stopped."""
+
+
+class InvalidMotionError(ValueError):
+    """
+    A motion was refused before anything moved: a value is missing, wrong or beyond a limit.
+
+    :ivar message: what is wrong, in one line, without the place
+    :ivar path: the place in the motion, as in ``steps[2].turn.speed``; None if there is none
+    """
+
+    def __init__(self, message: str, path: str | None = None) -> None:
+        """
+        Say what is wrong, and where.
+
+        :param message: what is wrong: the value with its unit, the bound, what to do
+        :param path: the place in the motion
+        """
+        super().__init__(message if path is None else f'{path}: {message}')
+        self.message = message
+        self.path = path

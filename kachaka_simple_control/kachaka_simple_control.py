@@ -29,32 +29,28 @@ if __name__ == '__main__':
     # Run as a file, Python looks for packages beside it, and would find the file itself.
     sys.path[0] = __file__.rpartition('/kachaka_simple_control/')[0] or '..'
 
-from kachaka_simple_control import command_line
-from kachaka_simple_control.audience.audience import Audience
+from kachaka_simple_control import cli
+from kachaka_simple_control.control.drive_requests import DriveRequest
+from kachaka_simple_control.control.output import discard_what_nobody_reads, never_wait_for_log
+from kachaka_simple_control.control.signals import WATCH
 from kachaka_simple_control.errors import MotionRefusedError
-from kachaka_simple_control.execution.drive_requests import DriveRequest
-from kachaka_simple_control.execution.output import discard_what_nobody_reads, never_wait_for_log
-from kachaka_simple_control.execution.signals import WATCH
-from kachaka_simple_control.motion.kinematics import Pose, Velocity
+from kachaka_simple_control.files.robot_profile import profile_of
+from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.events import Answered, Began, Ended, Planned, Sent
-from kachaka_simple_control.report.record import Record
-from kachaka_simple_control.robot.robot_profile import profile_of
-from kachaka_simple_control.ros.before_shutdown import before_shutdown
-from kachaka_simple_control.ros.isolation import avoid_shared_memory
+from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.ros.dds_transport import avoid_shared_memory
+from kachaka_simple_control.ros.debug_topics import Showing
+from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.names import names_of
-from kachaka_simple_control.ros.node_names import check_node_names, refused_in_one_line
 from kachaka_simple_control.ros.odometry import listen_to_odometry
-from kachaka_simple_control.ros.opening import opened
-from kachaka_simple_control.ros.quality import SERVICE_QUALITY
+from kachaka_simple_control.ros.parameters import declare, declare_robot, opened
+from kachaka_simple_control.ros.qos import SERVICE_QUALITY
 from kachaka_simple_control.ros.session import Session
-from kachaka_simple_control.ros.settings import declare, declare_robot
-from kachaka_simple_control.ros.showing import Showing
-from kachaka_simple_control.ros.spinner import wake_main_thread
-from kachaka_simple_control.ros.velocity_message import VelocityMessage
-from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.ros.startup import check_node_names, refused_in_one_line
+from kachaka_simple_control.ros.velocity_publisher import VelocityMessage, VelocityPublisher
+from kachaka_simple_control.telemetry.events import Answered, Audience, Began, Ended, Planned, Sent
 import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -383,7 +379,7 @@ def main(args: list[str] | None = None) -> int:
     :param args: what ROS is told; None for the arguments of the process
     :returns: the exit code
     """
-    return command_line.exit_code(lambda: lesson(args))
+    return cli.exit_code(lambda: lesson(args))
 
 
 if __name__ == '__main__':

@@ -19,7 +19,7 @@ import os
 import random
 import signal
 
-from kachaka_simple_control.ros.isolation import stay_on_this_machine
+from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
 import pytest
 
 # Before anything loads rclpy: no other robot, and no other test run, may hear this one.

@@ -13,9 +13,9 @@
 # limitations under the License.
 """Drives that ended in every way, as records, in simulated time."""
 
+from kachaka_simple_control.kachaka.simulator.drive_model import Fidelity
 from kachaka_simple_control.motion.steps import Motion, Repeat
-from kachaka_simple_control.report.events import Ended, Planned
-from kachaka_simple_control.robot.fidelity import Fidelity
+from kachaka_simple_control.telemetry.events import Ended, Planned
 from plans import LESSON, SQUARE
 from rehearsal import Rehearsal
 

@@ -34,8 +34,8 @@ import time
 import grpc
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_api.generated import kachaka_api_pb2_grpc as pb2_grpc
-from kachaka_simple_control.robot.grpc_server import messages
-from kachaka_simple_control.robot.simulated import SimulatedKachaka
+from kachaka_simple_control.kachaka.simulator import grpc_messages
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 
 
 class Wire:
@@ -116,7 +116,7 @@ class Robot(pb2_grpc.KachakaApiServicer):
             code = self.refusal or self.robot.set_robot_velocity(
                 request.linear, request.angular, now)
             self.rows.append((now, request.linear, request.angular, code))
-        return pb2.SetRobotVelocityResponse(result=messages.result(code))
+        return pb2.SetRobotVelocityResponse(result=grpc_messages.result(code))
 
     def SetManualControlEnabled(self, request, context):  # noqa: N802
         """Switch it, after a delay."""
@@ -124,7 +124,7 @@ class Robot(pb2_grpc.KachakaApiServicer):
         with self.lock:
             code = self.refusal or self.robot.set_manual_control(request.enable, time.monotonic())
             self.asked.append((time.monotonic(), request.enable, code))
-        return pb2.SetManualControlEnabledResponse(result=messages.result(code))
+        return pb2.SetManualControlEnabledResponse(result=grpc_messages.result(code))
 
     def GetRosOdometry(self, request, context):  # noqa: N802
         """Tell it 20 ms later."""
@@ -132,8 +132,8 @@ class Robot(pb2_grpc.KachakaApiServicer):
         with self.lock:
             pose, velocity = self.robot.odometry(time.monotonic())
         return pb2.GetRosOdometryResponse(
-            metadata=messages.metadata(time.monotonic_ns()),
-            odometry=messages.odometry(pose, velocity, 0))
+            metadata=grpc_messages.metadata(time.monotonic_ns()),
+            odometry=grpc_messages.odometry(pose, velocity, 0))
 
     def GetError(self, request, context):  # noqa: N802
         """Tell what is wrong."""

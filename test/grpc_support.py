@@ -23,9 +23,9 @@ import time
 import grpc
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiStub
-from kachaka_simple_control.robot.grpc_server.clock import Clock
-from kachaka_simple_control.robot.grpc_server.server_thread import ServerThread, serving
-from kachaka_simple_control.robot.simulated import SimulatedKachaka
+from kachaka_simple_control.kachaka.simulator.grpc_server import ServerThread, serving
+from kachaka_simple_control.kachaka.simulator.grpc_state import Clock
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 
 #: Long enough for any answer, short enough for one that must not come [s].
 DEADLINE, SILENCE = 10.0, 0.15

@@ -16,8 +16,9 @@
 from __future__ import annotations
 
 from hypothesis import strategies as st
+from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files.motion_file import loads
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
-from kachaka_simple_control.motion_file import loads, MotionFileError
 
 #: Every kind of step, in a form that has everything it may have.
 EVERYTHING = """\

@@ -15,11 +15,11 @@
 
 import math
 
+from kachaka_simple_control.files.robot_profile import Box, Disc
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
-from kachaka_simple_control.report.preview import Preview
-from kachaka_simple_control.robot.robot_profile import Box, Disc
+from kachaka_simple_control.report.plan_view import Preview
 
 #: At full speed at once: a step takes its length over its speed.
 ABRUPT = Limits(0.25, 1.0)

@@ -32,8 +32,8 @@ from quotes import compare
 
 PROGRAMS = {
     'kachaka_simple_control': 'kachaka_simple_control',
-    'kachaka_bridge': 'kachaka_simple_control.robot.bridge',
-    'kachaka_sim': 'kachaka_simple_control.robot.sim_command',
+    'kachaka_bridge': 'kachaka_simple_control.kachaka.bridge_command',
+    'kachaka_sim': 'kachaka_simple_control.kachaka.simulator.command',
 }
 PATIENCE = 300.0
 

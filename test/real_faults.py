@@ -28,7 +28,7 @@ import signal
 import sys
 import time
 
-from kachaka_simple_control.ros.isolation import stay_on_this_machine
+from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
 from real_support import commander, faulty_robot, real_bridge
 from ros_support import Probe, wait_until
 

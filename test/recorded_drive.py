@@ -16,12 +16,12 @@
 import math
 from pathlib import Path
 
-from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.bag.bag import Bag
-from kachaka_simple_control.report.events import Opened, Planned, Sent
-from kachaka_simple_control.report.record import Record
+from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.recording import Bag
+from kachaka_simple_control.telemetry.events import Opened, Planned, Sent
 from recordings import sent_velocities, stamp_of
 
 LIMITS = Limits(0.3, 1.5)

@@ -18,7 +18,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from kachaka_simple_control.report.events import Opened, Sent
+from kachaka_simple_control.telemetry.events import Opened, Sent
 import pytest
 
 

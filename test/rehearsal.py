@@ -19,11 +19,15 @@ from collections.abc import Callable, Iterator
 import math
 import random
 
-from kachaka_simple_control.execution.player import Player
-from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.control.plan_runner import Player
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.kachaka.simulator.drive_model import Fidelity
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion
-from kachaka_simple_control.report.events import (
+from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.telemetry.events import (
     Answered,
     Began,
     Closed,
@@ -33,10 +37,6 @@ from kachaka_simple_control.report.events import (
     Planned,
     Sent,
 )
-from kachaka_simple_control.report.record import Record
-from kachaka_simple_control.robot.fidelity import Fidelity
-from kachaka_simple_control.robot.robot_profile import KACHAKA
-from kachaka_simple_control.robot.simulated import SimulatedKachaka
 
 #: A robot that drives a little wrong, always in the same way.
 IMPERFECT = Fidelity(lag=0.05, linear_gain=0.985, angular_gain=1.012)

@@ -60,7 +60,7 @@ class BridgeProcess:
     def __init__(self, *options, **more):
         """Start it; with further arguments of Popen."""
         self.process = subprocess.Popen(
-            [sys.executable, '-m', 'kachaka_simple_control.robot.bridge', *options],
+            [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command', *options],
             stderr=subprocess.PIPE, text=True, env=environment(), **more)
         self.lines = []
         self._reader = threading.Thread(target=self._read, daemon=True)

@@ -20,7 +20,7 @@ import math
 
 from hypothesis import settings
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
+from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import (
     Arc,

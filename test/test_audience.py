@@ -18,20 +18,19 @@ import sys
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.audience.audience import Audience
-from kachaka_simple_control.audience.stream import events, packets, WHOLE
-from kachaka_simple_control.audience.teller import Teller
-from kachaka_simple_control.execution import child
-from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.control import processes
+from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.events import Began, Planned, Sent
+from kachaka_simple_control.telemetry.event_stream import events, packets, WHOLE
+from kachaka_simple_control.telemetry.events import Audience, Began, Planned, Sent
+from kachaka_simple_control.telemetry.subscriber_process import Teller
 
 LONG = Planned(
     Motion('long', tuple(Move(0.1, 0.001 * k, 0.1) for k in range(1000))), Limits(0.3, 1.5), 10.0)
 COUNT = """
 import sys
-from kachaka_simple_control.audience.stream import events
+from kachaka_simple_control.telemetry.event_stream import events
 told = list(events(sys.stdin.buffer))
 sys.exit(len(told))
 """
@@ -39,7 +38,7 @@ sys.exit(len(told))
 
 def teller_of(source):
     """Return a teller to a program."""
-    return Teller([sys.executable, '-c', source], child.environment())
+    return Teller([sys.executable, '-c', source], processes.environment())
 
 
 @given(st.lists(st.one_of(

@@ -19,11 +19,11 @@ import tempfile
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import Pose, Velocity
+from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.report.bag.messages import stamp
-from kachaka_simple_control.report.bag.schemas import definition
-from kachaka_simple_control.report.events import Answered, Began, Sent
+from kachaka_simple_control.report.mcap_recorder import stamp
+from kachaka_simple_control.report.rosbag2_metadata import definition
+from kachaka_simple_control.telemetry.events import Answered, Began, Sent
 import pytest
 from recorded_drive import LIMITS, PLANNED, RecordedDrive, STAMPED, TWIST
 from recordings import header_stamp, read_with_rosbags, READERS, stamp_of, velocities

@@ -19,10 +19,10 @@ import io
 import os
 from pathlib import Path
 
-from kachaka_simple_control.motion.kinematics import Pose
-from kachaka_simple_control.report.bag import bag
-from kachaka_simple_control.report.bag.bag_file import BagFile
-from kachaka_simple_control.report.events import Answered
+from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.report import recording
+from kachaka_simple_control.report.mcap_recorder import BagFile
+from kachaka_simple_control.telemetry.events import Answered
 import pytest
 from recorded_drive import RecordedDrive, TWIST
 from recordings import read_with_mcap, read_with_rosbags, READERS, velocities
@@ -154,7 +154,7 @@ def test_a_failure_of_another_kind_ends_the_recording_too(monkeypatch, tmp_path)
 
 
 def test_without_the_library_the_recording_is_left_out_in_a_sentence(monkeypatch, tmp_path):
-    monkeypatch.setattr(bag.importlib.util, 'find_spec', lambda name: None)
+    monkeypatch.setattr(recording.importlib.util, 'find_spec', lambda name: None)
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 3)
     drive.bag.flush(20.0)

@@ -162,8 +162,8 @@ class Listeners:
 
 def test_odometry_is_published_only_while_somebody_listens():
     """Each of the two by itself."""
-    from kachaka_simple_control.robot.bridge_node import KachakaBridge
-    from kachaka_simple_control.robot.simulated import SimulatedKachaka
+    from kachaka_simple_control.kachaka.bridge_node import KachakaBridge
+    from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
     import rclpy
     from rclpy.signals import SignalHandlerOptions
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

@@ -35,16 +35,16 @@ node.move_robot({speed}, 0.0, {duration})
 """
 #: A script as on another machine: no kernel decides, and the topic is used.
 ELSEWHERE = """
-from kachaka_simple_control.execution.machine_claim import MachineClaim
-from kachaka_simple_control.ros import claim
+from kachaka_simple_control.control.claims import MachineClaim
+from kachaka_simple_control.ros import robot_claim
 MachineClaim.take = lambda self, name, who: None
-claim.is_kept_to_this_machine = lambda: False
+robot_claim.is_kept_to_this_machine = lambda: False
 """
 #: One that discovery lets hear of others only when it is too late.
 UNAWARE = """
-from kachaka_simple_control.execution.claims import Claims
+from kachaka_simple_control.control.claims import Claims
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
-claim.LOOK = claim.SETTLE = 0.0
+robot_claim.LOOK = robot_claim.SETTLE = 0.0
 Claims.rival = lambda self, now: None
 ForeignMessages.listen = lambda self, *check: False
 """

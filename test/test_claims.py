@@ -15,15 +15,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.execution.claims import (
-    Claim,
-    Claims,
-    HELD,
-    LEASE,
-    MOST,
-    NOTHING,
-    WANTED,
-)
+from kachaka_simple_control.control.claims import Claim, Claims, HELD, LEASE, MOST, NOTHING, WANTED
 import pytest
 
 HOLDER = Claim('bb', HELD, 'somebody')

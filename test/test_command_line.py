@@ -18,11 +18,15 @@ from pathlib import Path
 import signal
 import subprocess
 
-from kachaka_simple_control import command_line
-from kachaka_simple_control.command_line import exit_code, Options, parse, split_ros_arguments
-from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError, UsageError
-from kachaka_simple_control.execution.signals import SignalWatch
-from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control import cli
+from kachaka_simple_control.cli import exit_code, Options, parse, split_ros_arguments
+from kachaka_simple_control.control.signals import SignalWatch
+from kachaka_simple_control.errors import (
+    InvalidMotionError,
+    RobotNotFoundError,
+    RunFaultError,
+    UsageError,
+)
 from program import COMMAND
 import pytest
 
@@ -128,7 +132,7 @@ def test_a_signal_decides_the_exit_code_whatever_followed_from_it(
     """A run that a signal stopped fails in one way or another; only the unexpected is told."""
     watch = SignalWatch()
     watch.signum = signal.SIGTERM
-    monkeypatch.setattr(command_line, 'WATCH', watch)
+    monkeypatch.setattr(cli, 'WATCH', watch)
 
     def body():
         raise error

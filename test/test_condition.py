@@ -18,14 +18,17 @@ from __future__ import annotations
 import dataclasses
 
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.events import Ended, Planned
+from kachaka_simple_control.telemetry.events import Ended, Planned
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
-from kachaka_simple_control.ros.condition import condition, Severity  # noqa: I100
-from kachaka_simple_control.ros.standing import Standing  # noqa: I100
-from kachaka_simple_control.ros.tally import Tally  # noqa: I100
+from kachaka_simple_control.ros.session_status import (  # noqa: I100
+    condition,
+    Severity,
+    Standing,  # noqa: I100
+    Tally,  # noqa: I100
+)
 from plans import ABRUPT  # noqa: I100
 
 WELL = Standing(

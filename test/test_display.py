@@ -22,16 +22,16 @@ import threading
 import time
 import types
 
-from kachaka_simple_control.audience import terminal
-from kachaka_simple_control.audience.display import Display
-from kachaka_simple_control.audience.display_teller import DISPLAY
-from kachaka_simple_control.audience.screen import Lines, Panel, screen_for
-from kachaka_simple_control.audience.stream import packets
-from kachaka_simple_control.execution import child
-from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.control import processes
+from kachaka_simple_control.display import terminal
+from kachaka_simple_control.display.display_launcher import DISPLAY
+from kachaka_simple_control.display.display_process import Display
+from kachaka_simple_control.display.renderers import Lines, Panel, screen_for
+from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Wait
-from kachaka_simple_control.report.events import Began, Closed, Ended, Planned, Sent
+from kachaka_simple_control.telemetry.event_stream import packets
+from kachaka_simple_control.telemetry.events import Began, Closed, Ended, Planned, Sent
 from program import COMMAND, program
 import pytest
 from terminals import at_terminal, Screen
@@ -41,13 +41,13 @@ pytest.importorskip('rich', reason='needs rich')
 #: Tells of a drive, in real time, and writes log lines meanwhile, one of them in two halves.
 TELLER = """
 import os, sys, time
-from kachaka_simple_control.audience.audience import Audience
-from kachaka_simple_control.audience.listeners import listeners
-from kachaka_simple_control.audience.display_teller import DisplayTeller
-from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.telemetry.events import Audience
+from kachaka_simple_control.telemetry.subscriber_process import listeners
+from kachaka_simple_control.display.display_launcher import DisplayTeller
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
-from kachaka_simple_control.report.events import Began, Ended, Opened, Planned, Sent
+from kachaka_simple_control.telemetry.events import Began, Ended, Opened, Planned, Sent
 
 limits = Limits(0.25, 1.0)
 audience, slowest = Audience(), 0.0
@@ -215,7 +215,7 @@ def test_a_display_that_comes_late_tells_all_lines():
         Sent(100.0 + tick / 10, velocity), *([Began(100.0)] if tick == 0 else []))]
     told += [Ended(102.0), Closed(102.5)]
     ended = subprocess.run(
-        child.command(DISPLAY), env=child.environment(), capture_output=True, check=True,
+        processes.command(DISPLAY), env=processes.environment(), capture_output=True, check=True,
         input=b''.join(packet for event in told for packet in packets(event)))
     assert ended.stderr.decode().splitlines() == [
         'step 1 of 2: forward 0.25 m (1 s)', 'step 2 of 2: wait 1 s (1 s)']
@@ -246,7 +246,7 @@ def test_without_rich_it_says_so_once_and_tells_lines(monkeypatch):
     assert isinstance(screen_for(follower), Panel)
     for name in [name for name in sys.modules if name.partition('.')[0] == 'rich']:
         monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.delitem(sys.modules, 'kachaka_simple_control.audience.panel')
+    monkeypatch.delitem(sys.modules, 'kachaka_simple_control.display.panel')
     assert isinstance(screen_for(follower), Lines)
     assert b'install rich' in os.read(leader, 1000)
     monkeypatch.setenv('TERM', 'dumb')

@@ -19,9 +19,8 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Velocity, ZERO
-from kachaka_simple_control.robot.drive import approach, Drive
-from kachaka_simple_control.robot.fidelity import Fidelity, IDEAL
+from kachaka_simple_control.kachaka.simulator.drive_model import approach, Drive, Fidelity, IDEAL
+from kachaka_simple_control.motion.geometry import integrate, ORIGIN, Velocity, ZERO
 import pytest
 
 REAL = Fidelity(

@@ -16,10 +16,10 @@
 import threading
 
 from fake_time import FakeTime, Wire
+from kachaka_simple_control.control.drive_requests import DriveRequests
+from kachaka_simple_control.control.latch import Latch
+from kachaka_simple_control.control.velocity_gate import PublisherEdge
 from kachaka_simple_control.errors import MotionRefusedError
-from kachaka_simple_control.execution.drive_requests import DriveRequests
-from kachaka_simple_control.execution.latch import Latch
-from kachaka_simple_control.execution.publisher_edge import PublisherEdge
 from kachaka_simple_control.motion.limits import Limits
 import pytest
 

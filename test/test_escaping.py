@@ -14,7 +14,7 @@
 """Text from outside, as it is printed."""
 
 from kachaka_simple_control.escaping import escaped, quoted
-from kachaka_simple_control.robot.real.error_texts import ErrorTexts
+from kachaka_simple_control.kachaka.error_codes import ErrorTexts
 import pytest
 
 

@@ -24,7 +24,7 @@ pytest.importorskip('kachaka_api', reason='needs the SDK of the robot')
 
 from grpc_support import bench
 from kachaka_api.generated import kachaka_api_pb2 as pb2
-from kachaka_simple_control.robot.error_codes import (
+from kachaka_simple_control.kachaka.error_codes import (
     ERROR_CANCELLED,
     ERROR_NO_FURNITURE,
     ERROR_NO_MANUAL_CONTROL,

@@ -23,7 +23,7 @@ pytest.importorskip('grpc', reason='needs the extra "kachaka"')
 pytest.importorskip('kachaka_api', reason='needs the SDK of the robot')
 
 from grpc_support import bench, StillClock
-from kachaka_simple_control.robot.error_codes import (
+from kachaka_simple_control.kachaka.error_codes import (
     ERROR_NO_MANUAL_CONTROL,
     ERROR_NOT_A_VELOCITY,
     ERROR_PAUSED,

@@ -28,15 +28,17 @@ kachaka_api = pytest.importorskip('kachaka_api', reason='needs the SDK of the ro
 
 from grpc_support import bench, FastClock, StillClock  # noqa: E402
 from kachaka_api.generated import kachaka_api_pb2 as pb2  # noqa: E402
-from kachaka_simple_control.robot.error_codes import (  # noqa: E402
+from kachaka_simple_control.kachaka.error_codes import (  # noqa: E402
     ERROR_NO_FURNITURE,
     ERROR_NOTHING_TO_DO,
     ERROR_PAUSED,
     ERROR_UNKNOWN_NAME,
 )
-from kachaka_simple_control.robot.grpc_server.server import GrpcServer  # noqa: E402
-from kachaka_simple_control.robot.grpc_server.servicer import UNIMPLEMENTED  # noqa: E402
-from kachaka_simple_control.robot.simulated import SimulatedKachaka  # noqa: E402
+from kachaka_simple_control.kachaka.simulator.grpc_server import (  # noqa: E402
+    GrpcServer,
+    UNIMPLEMENTED,
+)
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka  # noqa: E402
 
 DOCUMENT = Path(__file__).resolve().parent.parent / 'docs' / 'simulation.md'
 PLACE = {'x': 1.0, 'y': 0.0, 'theta': 0.5}

@@ -24,7 +24,7 @@ pytest.importorskip('kachaka_api', reason='needs the SDK of the robot')
 
 from grpc_support import bench, DEADLINE, NOTHING  # noqa: E402
 from kachaka_api.generated import kachaka_api_pb2 as pb2  # noqa: E402
-from kachaka_simple_control.robot.grpc_server.servicer import CALLS, UNIMPLEMENTED  # noqa: E402
+from kachaka_simple_control.kachaka.simulator.grpc_server import CALLS, UNIMPLEMENTED  # noqa: E402
 
 #: All that is read with a cursor.
 READINGS = [name for name in CALLS if name.startswith('Get') and name not in UNIMPLEMENTED

@@ -20,8 +20,8 @@ import subprocess
 import sys
 import time
 
-from kachaka_simple_control.execution.frozen import is_frozen
-from kachaka_simple_control.execution.guardian import Guardian
+from kachaka_simple_control.control.guardian import Guardian
+from kachaka_simple_control.control.processes import is_frozen
 from program import children_of, COMMAND, is_running, program, script
 import pytest
 from ros_support import wait_until

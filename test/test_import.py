@@ -100,5 +100,6 @@ def test_the_pure_core_knows_nothing_but_the_standard_library():
             names = [node.module or ''] if isinstance(node, ast.ImportFrom) else [
                 alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             for name in names:
-                own = name.startswith('kachaka_simple_control.motion')
+                own = name.startswith(
+                    ('kachaka_simple_control.motion', 'kachaka_simple_control.errors'))
                 assert own or name.partition('.')[0] in sys.stdlib_module_names, (file, name)

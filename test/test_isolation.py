@@ -21,8 +21,8 @@ import subprocess
 import sys
 import time
 
-from kachaka_simple_control.execution import child
-from kachaka_simple_control.ros import isolation
+from kachaka_simple_control.control import processes
+from kachaka_simple_control.ros import dds_transport
 from program import COMMAND, ROOT
 import pytest
 
@@ -35,7 +35,7 @@ pytestmark = pytest.mark.ros
 #: Makes a node, and tells its threads and the addresses that it listens at.
 LOOK = """
 import json, pathlib, sys, time
-from kachaka_simple_control.ros.isolation import avoid_shared_memory, stay_on_this_machine
+from kachaka_simple_control.ros.dds_transport import avoid_shared_memory, stay_on_this_machine
 {way}()
 import rclpy
 rclpy.init()
@@ -77,7 +77,7 @@ sys.stdin.read()
 #: Newcomers of ours, one after the other, and how long [s] each took to meet the robot.
 NEWCOMERS = """
 import json, sys, time
-from kachaka_simple_control.ros.isolation import stay_on_this_machine
+from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
 stay_on_this_machine()
 import rclpy
 from geometry_msgs.msg import Twist
@@ -102,14 +102,14 @@ LOOPBACK, ANNOUNCEMENTS = '0100007F', '0100FFEF'
 def needs_fast_dds():
     """Skip where another middleware is used, or Humble's, which knows nothing of this."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
-    if (isolation._fast_dds() or isolation.HUMBLE) == isolation.HUMBLE:
+    if (dds_transport._fast_dds() or dds_transport.HUMBLE) == dds_transport.HUMBLE:
         pytest.skip('needs Fast DDS 2.14 or later')
 
 
 def environment(**chosen):
     """Return an environment in which nothing but this is chosen."""
-    free = {name: value for name, value in child.environment().items()
-            if name not in isolation.CHOICES}
+    free = {name: value for name, value in processes.environment().items()
+            if name not in dds_transport.CHOICES}
     return {**free, **chosen}
 
 
@@ -133,7 +133,7 @@ def test_nothing_goes_by_shared_memory(way):
     assert 'shm' not in threads
 
 
-@pytest.mark.parametrize('chosen', [{}, {isolation.RANGE: 'LOCALHOST'}])
+@pytest.mark.parametrize('chosen', [{}, {dds_transport.RANGE: 'LOCALHOST'}])
 def test_what_stays_here_sends_from_the_loopback_interface(chosen):
     """So it cannot answer what it may hear from elsewhere, by way of others who stand here."""
     _, addresses = look('stay_on_this_machine', **chosen)
@@ -171,7 +171,7 @@ def elsewhere(code):
     """Run somebody's program with ROS's own range LOCALHOST, until the end of the block."""
     with subprocess.Popen(
             [sys.executable, '-c', code], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            env=environment(**{isolation.RANGE: 'LOCALHOST'})) as program:
+            env=environment(**{dds_transport.RANGE: 'LOCALHOST'})) as program:
         try:
             assert program.stdout.readline()
             yield
@@ -183,7 +183,7 @@ def meet(newcomers):
     """Return how long [s] each of some newcomers took to meet the robot, in order."""
     told = subprocess.run(
         [sys.executable, '-c', NEWCOMERS, str(newcomers)], timeout=120, capture_output=True,
-        env=environment(**{isolation.RANGE: 'LOCALHOST'}), check=True, text=True)
+        env=environment(**{dds_transport.RANGE: 'LOCALHOST'}), check=True, text=True)
     return json.loads(told.stdout)
 
 
@@ -243,26 +243,26 @@ def test_a_simulated_drive_sends_no_packet_off_this_machine(cable, tmp_path):
         return cable.counts()[1]
 
     assert arrived() == 0
-    assert arrived(**{isolation.RANGE: 'SUBNET'}) > 0
+    assert arrived(**{dds_transport.RANGE: 'SUBNET'}) > 0
 
 
 def test_what_people_chose_stands():
-    threads, _ = look('avoid_shared_memory', **{isolation.TRANSPORTS: 'DEFAULT'})
+    threads, _ = look('avoid_shared_memory', **{dds_transport.TRANSPORTS: 'DEFAULT'})
     assert 'shm' in threads
-    for chosen in ({isolation.RANGE: 'SUBNET'}, {isolation.LOCALHOST_ONLY: '0'}):
-        code = ('import os; from kachaka_simple_control.ros.isolation import *; '
+    for chosen in ({dds_transport.RANGE: 'SUBNET'}, {dds_transport.LOCALHOST_ONLY: '0'}):
+        code = ('import os; from kachaka_simple_control.ros.dds_transport import *; '
                 'stay_on_this_machine(); '
-                f'print({{name: os.environ.get(name) for name in {isolation.CHOICES}}})')
+                f'print({{name: os.environ.get(name) for name in {dds_transport.CHOICES}}})')
         told = subprocess.run(
             [sys.executable, '-c', code], env=environment(**chosen), timeout=60,
             capture_output=True, check=True, text=True)
-        assert told.stdout.count('None') == len(isolation.CHOICES) - 1
+        assert told.stdout.count('None') == len(dds_transport.CHOICES) - 1
 
 
 def test_tools_that_know_nothing_of_this_hear_who_stays_here():
     """As in another terminal: with ROS's own settings, or with its range LOCALHOST."""
     needs_fast_dds()
-    talk = ('from kachaka_simple_control.ros.isolation import *; stay_on_this_machine(); '
+    talk = ('from kachaka_simple_control.ros.dds_transport import *; stay_on_this_machine(); '
             'import rclpy, time; from geometry_msgs.msg import Twist; rclpy.init(); '
             'publisher = rclpy.create_node("talker").create_publisher(Twist, "/talk", 10)\n'
             'while True: publisher.publish(Twist()); time.sleep(0.05)')
@@ -275,7 +275,7 @@ def test_tools_that_know_nothing_of_this_hear_who_stays_here():
             'print(len(heard))')
     with subprocess.Popen([sys.executable, '-c', talk], env=environment()) as talker:
         try:
-            for chosen in ({}, {isolation.RANGE: 'LOCALHOST'}):
+            for chosen in ({}, {dds_transport.RANGE: 'LOCALHOST'}):
                 told = subprocess.run(
                     [sys.executable, '-c', hear], env=environment(**chosen), timeout=60,
                     capture_output=True, check=True, text=True)
@@ -286,17 +286,17 @@ def test_tools_that_know_nothing_of_this_hear_who_stays_here():
 
 def test_a_profile_of_ones_own_is_not_replaced():
     needs_fast_dds()
-    name = isolation.PROFILES[isolation._fast_dds()[0]]
+    name = dds_transport.PROFILES[dds_transport._fast_dds()[0]]
     before = dict(os.environ)
     try:
-        for variable in isolation.CHOICES:
+        for variable in dds_transport.CHOICES:
             os.environ.pop(variable, None)
         os.environ[name] = 'own.xml'
-        isolation.avoid_shared_memory()
-        isolation.stay_on_this_machine()
+        dds_transport.avoid_shared_memory()
+        dds_transport.stay_on_this_machine()
         assert os.environ[name] == 'own.xml'
-        assert isolation.TRANSPORTS not in os.environ
-        assert os.environ[isolation.RANGE] == 'LOCALHOST'
+        assert dds_transport.TRANSPORTS not in os.environ
+        assert os.environ[dds_transport.RANGE] == 'LOCALHOST'
     finally:
         os.environ.clear()
         os.environ.update(before)

@@ -17,7 +17,7 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Pose, sinc, Velocity
+from kachaka_simple_control.motion.geometry import integrate, ORIGIN, Pose, sinc, Velocity
 import pytest
 
 SPEEDS = st.floats(-2.0, 2.0)

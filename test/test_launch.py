@@ -97,7 +97,7 @@ def test_arguments_that_are_handed_on_are_known_there(path):
 
 
 def test_options_of_the_command_are_named_as_it_names_them():
-    from kachaka_simple_control.command_line import parse
+    from kachaka_simple_control.cli import parse
     text = (ROOT / 'launch' / 'lesson.launch.py').read_text()
     options, switches = (ast.literal_eval(re.search(
         rf'^{name} = (\(.*?\))$', text, re.MULTILINE).group(1)) for name in (

@@ -18,8 +18,8 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.errors import InvalidMotionError
-from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits, OPTIONAL, UNITS
 import pytest
 

@@ -21,8 +21,8 @@ import sys
 import time
 import uuid
 
-from kachaka_simple_control.execution.frozen import is_frozen
-from kachaka_simple_control.execution.machine_claim import ClaimedError, MachineClaim
+from kachaka_simple_control.control.claims import ClaimedError, MachineClaim
+from kachaka_simple_control.control.processes import is_frozen
 import pytest
 from ros_support import environment, wait_until
 
@@ -32,7 +32,7 @@ pytestmark = pytest.mark.skipif(
 #: Says whether it got the claim, and keeps it until its standard input ends.
 HOLDER = """
 import sys
-from kachaka_simple_control.execution.machine_claim import ClaimedError, MachineClaim
+from kachaka_simple_control.control.claims import ClaimedError, MachineClaim
 claim = MachineClaim()
 sys.stdin.readline()
 try:

@@ -17,7 +17,7 @@ from itertools import pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move

@@ -17,8 +17,8 @@ import re
 import signal
 import time
 
+from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.robot.robot_profile import KACHAKA
 from program import COMMAND, program, script
 import pytest
 
@@ -56,7 +56,7 @@ def final_pose(text):
 
 def test_a_motion_ends_where_its_plan_says(tmp_path):
     """The bounds are wide, for a busy machine; docs/motions.md has what a quiet one does."""
-    from kachaka_simple_control.motion_file import loads
+    from kachaka_simple_control.files.motion_file import loads
     file = tmp_path / 'short.yaml'
     file.write_text(SHORT)
     planned = plan(loads(SHORT, 'short.yaml').motion, KACHAKA.limits, 20.0)

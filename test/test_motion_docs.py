@@ -18,14 +18,13 @@ from __future__ import annotations
 from pathlib import Path
 import re
 
-from kachaka_simple_control.motion.kinematics import advance, ORIGIN
-from kachaka_simple_control.motion_file import library, loads
-from kachaka_simple_control.motion_file.composer import MAX_VALUES
-from kachaka_simple_control.motion_file.quantities import LIMITS
-from kachaka_simple_control.motion_file.step_kinds import KINDS
-from kachaka_simple_control.motion_file.text import MAX_BYTES
-from kachaka_simple_control.motion_file.units import QUANTITIES
-from kachaka_simple_control.robot.robot_file import find_robot, robots
+from kachaka_simple_control.files.library import library
+from kachaka_simple_control.files.motion_file import KINDS, loads
+from kachaka_simple_control.files.quantities import LIMITS
+from kachaka_simple_control.files.robot_file import find_robot, robots
+from kachaka_simple_control.files.units import QUANTITIES
+from kachaka_simple_control.files.yaml_document import MAX_BYTES, MAX_VALUES
+from kachaka_simple_control.motion.geometry import advance, ORIGIN
 import pytest
 
 pytest.importorskip('yaml', reason='needs PyYAML')

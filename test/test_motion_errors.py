@@ -15,9 +15,10 @@
 
 from __future__ import annotations
 
-from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files.motion_file import loads
 from kachaka_simple_control.motion.steps import MAX_NESTING
-from kachaka_simple_control.motion_file import loads, MotionFileError
 from motion_texts import refusal, step_refusal
 import pytest
 

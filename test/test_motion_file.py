@@ -20,11 +20,12 @@ from fractions import Fraction
 import math
 
 from hypothesis import example, given, settings
-from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files.motion_file import dump, load, loads
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.planner import find_errors
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
-from kachaka_simple_control.motion.survey import find_errors
-from kachaka_simple_control.motion_file import dump, load, loads, MotionFileError
 from motion_texts import EVERYTHING, MOTIONS
 import pytest
 

@@ -20,9 +20,10 @@ import json
 
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files.motion_file import load, loads
+from kachaka_simple_control.files.robot_file import find_robot, RobotFileError
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion_file import load, loads, MotionFileError
-from kachaka_simple_control.robot.robot_file import find_robot, RobotFileError
 from motion_texts import EVERYTHING
 import pytest
 

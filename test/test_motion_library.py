@@ -18,11 +18,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from kachaka_simple_control.motion.kinematics import advance, ORIGIN, Pose
+from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files.library import find, library
+from kachaka_simple_control.files.motion_file import dump, loads
+from kachaka_simple_control.files.robot_file import find_robot, robots
+from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Move, Repeat, Step, Turn, Wait
-from kachaka_simple_control.motion_file import dump, find, library, loads, MotionFileError
-from kachaka_simple_control.robot.robot_file import find_robot, robots
 import pytest
 
 pytest.importorskip('yaml', reason='needs PyYAML')

@@ -96,7 +96,7 @@ def test_parameters_cannot_be_changed_while_driving(listener, watcher, make):
 
 
 def test_parameters_are_described_with_their_ranges(watcher, make):
-    from kachaka_simple_control.ros.settings import Settings
+    from kachaka_simple_control.ros.parameters import Settings
     node = make()
     executor = rclpy.executors.SingleThreadedExecutor()
     executor.add_node(node)

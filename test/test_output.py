@@ -24,14 +24,14 @@ import subprocess
 import sys
 import time
 
-from kachaka_simple_control.execution.output import PATIENCE
+from kachaka_simple_control.control.output import PATIENCE
 from program import children_of, COMMAND, environment, fill, is_running
 import pytest
 from terminals import at_terminal
 
 BEGIN = """
 import os, sys, time
-from kachaka_simple_control.execution.output import never_wait
+from kachaka_simple_control.control.output import never_wait
 """
 
 
@@ -192,7 +192,7 @@ print('nor this', file=sys.stderr)
 def test_a_stopped_terminal_holds_nobody_up():
     with at_terminal([sys.executable, '-c', """
 import sys
-from kachaka_simple_control.execution.output import never_wait
+from kachaka_simple_control.control.output import never_wait
 never_wait(1, 2)
 print('begun')
 sys.stdin.readline()
@@ -218,7 +218,7 @@ assert mine.getvalue() == 'x\\n'
 def test_a_display_draws_whole_frames_all_the_same():
     """It has a process of its own, which may wait."""
     run("""
-from kachaka_simple_control.execution.output import wait_again
+from kachaka_simple_control.control.output import wait_again
 never_wait(2)
 wait_again(2)
 assert os.get_blocking(2)
@@ -318,7 +318,7 @@ def test_the_result_and_the_last_line_hold_nobody_up(full, tmp_path):
 def test_a_bridge_whose_log_nobody_reads_goes_on():
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
-    bridge = [sys.executable, '-m', 'kachaka_simple_control.robot.bridge', '--sim']
+    bridge = [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command', '--sim']
     with piped([*bridge, '--namespace', 'unread'], 'stderr') as shown:
         os.read(shown.reader, 4096)
         shown.fill()

@@ -19,8 +19,8 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import Pose
-from kachaka_simple_control.report.path_bytes import PathBytes
+from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.report.paths import PathBytes
 import pytest
 
 pytest.importorskip('nav_msgs', reason='needs nav_msgs')

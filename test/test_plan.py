@@ -19,18 +19,10 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import Pose, Velocity
+from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.motion.steps import (
-    Arc,
-    Forward,
-    Motion,
-    Move,
-    Repeat,
-    Turn,
-    Wait,
-)
+from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 import pytest
 from strategies import (
     closed_form,

@@ -22,7 +22,7 @@ import sys
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
-from kachaka_simple_control.report.pictures.plan_plot import check_plot_file, draw, save_plot
+from kachaka_simple_control.report.plan_plot import check_plot_file, draw, save_plot
 from plans import (
     ABRUPT,
     BACK,

@@ -17,12 +17,12 @@ import math
 import re
 
 from hypothesis import given
-from kachaka_simple_control.execution.player import Player
+from kachaka_simple_control.control.plan_runner import Player
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
-from kachaka_simple_control.report.plan_table import plan_table
-from kachaka_simple_control.report.preview import in_words, Preview
+from kachaka_simple_control.report.plan_view import in_words, Preview
+from kachaka_simple_control.report.text_tables import plan_table
 from plans import ABRUPT, EIGHT, EMPTY, GENTLE, HOUR, LESSON, preview, SPIN, SQUARE, SQUARE_CW
 import pytest
 from strategies import LIMITS, MOTIONS, RATES

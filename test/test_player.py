@@ -15,8 +15,8 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.execution.player import Player
-from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.control.plan_runner import Player
+from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move

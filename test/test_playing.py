@@ -16,12 +16,12 @@
 from itertools import pairwise
 
 from fake_time import FakeTime, Wire
+from kachaka_simple_control.control.latch import Latch
+from kachaka_simple_control.control.plan_runner import max_gap, play
+from kachaka_simple_control.control.velocity_gate import PublisherEdge
+from kachaka_simple_control.control.waiting import NAP
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
-from kachaka_simple_control.execution.latch import Latch
-from kachaka_simple_control.execution.pacing import NAP
-from kachaka_simple_control.execution.playing import max_gap, play
-from kachaka_simple_control.execution.publisher_edge import PublisherEdge
-from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move

@@ -20,7 +20,7 @@ import pytest
 pytestmark = pytest.mark.ros
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
 
-from kachaka_simple_control.ros.presence import introduce, Presence  # noqa: E402, I100
+from kachaka_simple_control.ros.guardian_process import introduce, Presence  # noqa: E402, I100
 
 TOPIC = '/kachaka/manual_control/cmd_vel'
 

@@ -18,8 +18,8 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.errors import InvalidMotionError
-from kachaka_simple_control.motion.profile import quickest
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.motion.velocity_profile import quickest
 import pytest
 from strategies import or_infinite, spread
 

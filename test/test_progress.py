@@ -19,15 +19,14 @@ import math
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from kachaka_simple_control.audience.glance import State
-from kachaka_simple_control.audience.progress import COARSE, Progress
-from kachaka_simple_control.audience.step_lines import APART, StepLines
-from kachaka_simple_control.motion.errors import InvalidMotionError
-from kachaka_simple_control.motion.kinematics import ORIGIN, Pose, Velocity, ZERO
+from kachaka_simple_control.display.drive_status import COARSE, Progress, State
+from kachaka_simple_control.display.renderers import APART, StepLines
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn, Wait
-from kachaka_simple_control.report.events import (
+from kachaka_simple_control.telemetry.events import (
     Answered,
     Began,
     Closed,
@@ -265,7 +264,7 @@ def test_a_robot_that_does_not_come_is_told_of_once():
 def drawn():
     """Return what draws a panel without colours."""
     pytest.importorskip('rich', reason='needs rich')
-    from kachaka_simple_control.audience.panel import panel
+    from kachaka_simple_control.display.panel import panel
     from rich.console import Console
 
     def draw(glance, columns, encoding='utf-8', hint='Ctrl+C stops the robot'):
@@ -290,7 +289,7 @@ def test_a_panel_has_all_figures(drawn, columns):
        title=st.text(max_size=80))
 def test_no_line_of_a_panel_is_wider_than_the_terminal(columns, told, now, title):
     pytest.importorskip('rich', reason='needs rich')
-    from kachaka_simple_control.audience.panel import HEIGHT, panel
+    from kachaka_simple_control.display.panel import HEIGHT, panel
     from rich.cells import cell_len
     from rich.console import Console
     progress = Progress()

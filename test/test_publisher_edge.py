@@ -17,10 +17,10 @@ import contextlib
 import threading
 
 from fake_time import FakeTime, Wire
+from kachaka_simple_control.control.latch import Flag, Latch
+from kachaka_simple_control.control.velocity_gate import PublisherEdge
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
-from kachaka_simple_control.execution.latch import Flag, Latch
-from kachaka_simple_control.execution.publisher_edge import PublisherEdge
-from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 import pytest
 

@@ -173,7 +173,8 @@ def test_diagnostics_tell_of_link_and_errors(probe, namespace, robot):
 def test_odometry_is_fetched_only_for_listeners_and_is_the_robots(probe, namespace):
     """From the simulated robot, with its frames, stamps and cursors."""
     simulator = subprocess.Popen(
-        [sys.executable, '-m', 'kachaka_simple_control.robot.sim_command', '--grpc-port', '0'],
+        [sys.executable, '-m', 'kachaka_simple_control.kachaka.simulator.command',
+         '--grpc-port', '0'],
         stdout=subprocess.PIPE, text=True, env=environment())
     try:
         address = simulator.stdout.readline().split()[-1]
@@ -233,7 +234,8 @@ def test_missing_sdk_is_told_with_what_to_install(tmp_path):
     env = environment()
     env['PYTHONPATH'] = f'{tmp_path}:{env["PYTHONPATH"]}'
     done = subprocess.run(
-        [sys.executable, '-m', 'kachaka_simple_control.robot.bridge', '--address', 'robot'],
+        [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command',
+         '--address', 'robot'],
         env=env, capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == 1
     assert 'pip install' in done.stderr

@@ -17,12 +17,19 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.robot.real.command import Command
-from kachaka_simple_control.robot.real.helm import Helm, Kind, LATE_IN_A_ROW, REST
-from kachaka_simple_control.robot.real.mailbox import Mailbox
-from kachaka_simple_control.robot.real.outcome import Outcome, Trouble
-from kachaka_simple_control.robot.real.silence import LEISURELY, LIMIT, Silence
-from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
+    Command,
+    Helm,
+    Kind,
+    LATE_IN_A_ROW,
+    LEISURELY,
+    LIMIT,
+    Mailbox,
+    REST,
+    Silence,
+)
+from kachaka_simple_control.kachaka.grpc_client.connection_state import Outcome, Trouble
 import pytest
 
 HOLD = KACHAKA.hold

@@ -17,10 +17,9 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 from hypothesis.stateful import invariant, precondition, rule, RuleBasedStateMachine
-from kachaka_simple_control.robot.real.command import Command
-from kachaka_simple_control.robot.real.helm import Helm, Kind
-from kachaka_simple_control.robot.real.outcome import Outcome, Trouble
-from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.kachaka.grpc_client.command_arbiter import Command, Helm, Kind
+from kachaka_simple_control.kachaka.grpc_client.connection_state import Outcome, Trouble
 
 HOLD = KACHAKA.hold
 OUTCOMES = st.sampled_from([

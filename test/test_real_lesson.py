@@ -39,7 +39,8 @@ from real_support import faulty_robot, real_bridge  # noqa: E402, I100
 def simulated_robot():
     """Run a simulated robot, and return its address."""
     process = subprocess.Popen(
-        [sys.executable, '-m', 'kachaka_simple_control.robot.sim_command', '--grpc-port', '0'],
+        [sys.executable, '-m', 'kachaka_simple_control.kachaka.simulator.command',
+         '--grpc-port', '0'],
         stdout=subprocess.PIPE, text=True, env=environment())
     try:
         yield process.stdout.readline().split()[-1]

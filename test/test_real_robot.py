@@ -20,14 +20,17 @@ import queue
 import threading
 import time
 
-from kachaka_simple_control.robot.real.command import Command
-from kachaka_simple_control.robot.real.diagnosis import link_status, robot_status
-from kachaka_simple_control.robot.real.error_texts import ErrorTexts, Level
-from kachaka_simple_control.robot.real.link import Change, Link, PATIENCE
-from kachaka_simple_control.robot.real.odometry_feed import OdometryFeed
-from kachaka_simple_control.robot.real.outcome import Outcome, Trouble
-from kachaka_simple_control.robot.real.real_robot import RealRobot
-from kachaka_simple_control.robot.real.speaker import Speaker
+from kachaka_simple_control.kachaka.error_codes import ErrorTexts, Level, link_status, robot_status
+from kachaka_simple_control.kachaka.grpc_client.command_arbiter import Command
+from kachaka_simple_control.kachaka.grpc_client.connection_state import (
+    Change,
+    Link,
+    Outcome,
+    PATIENCE,
+    Trouble,
+)
+from kachaka_simple_control.kachaka.grpc_client.polling import OdometryFeed, Speaker
+from kachaka_simple_control.kachaka.grpc_client.robot_driver import RealRobot
 import pytest
 
 OK, LATE = Outcome(code=0), Outcome(trouble=Trouble.LATE, text='no answer within 0.3 s')

@@ -20,11 +20,11 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import Velocity
-from kachaka_simple_control.robot.real.address import Address
-from kachaka_simple_control.robot.real.command import command
-from kachaka_simple_control.robot.real.error_texts import ErrorText, ErrorTexts, Level
-from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.kachaka.error_codes import ErrorText, ErrorTexts, Level
+from kachaka_simple_control.kachaka.grpc_client.address import Address
+from kachaka_simple_control.kachaka.grpc_client.command_arbiter import command
+from kachaka_simple_control.motion.geometry import Velocity
 import pytest
 
 LIMITS = KACHAKA.limits

@@ -13,12 +13,12 @@
 # limitations under the License.
 """What a record makes of drives that did not go as planned."""
 
-from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.events import Began, Closed, Ended, Planned, Sent
-from kachaka_simple_control.report.record import Record
-from kachaka_simple_control.report.table import table
+from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.text_tables import table
+from kachaka_simple_control.telemetry.events import Began, Closed, Ended, Planned, Sent
 import pytest
 
 MOTION = Motion('two', (Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 1.0)))

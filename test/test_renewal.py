@@ -17,8 +17,8 @@ from itertools import pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
+from kachaka_simple_control.control.manual_control_lease import Renewal
 from kachaka_simple_control.errors import RunFaultError
-from kachaka_simple_control.execution.renewal import Renewal
 import pytest
 
 PATIENCE = 0.2

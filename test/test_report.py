@@ -17,14 +17,14 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import integrate, ORIGIN, Pose, Velocity, ZERO
+from kachaka_simple_control.motion.geometry import integrate, ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Turn, Wait
-from kachaka_simple_control.report.events import Answered, Began, Ended, Planned, Sent
+from kachaka_simple_control.report.drive_log import Record
 from kachaka_simple_control.report.metrics import boundaries, Displacement, driven, requested, sent
-from kachaka_simple_control.report.record import Record
-from kachaka_simple_control.report.table import table
+from kachaka_simple_control.report.text_tables import table
+from kachaka_simple_control.telemetry.events import Answered, Began, Ended, Planned, Sent
 import pytest
 
 STEPS = [Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 2.0),

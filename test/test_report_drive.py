@@ -20,7 +20,7 @@ from pathlib import Path
 import signal
 import time
 
-from kachaka_simple_control.report.bag.schemas import FIELDS
+from kachaka_simple_control.report.rosbag2_metadata import FIELDS
 from program import COMMAND, program
 import pytest
 from recordings import read_with_mcap, read_with_rosbags, READERS

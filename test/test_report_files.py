@@ -23,17 +23,15 @@ import time
 from drives import done, faulted, hour, killed, lesson, never_began, stopped
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import Pose, Velocity, ZERO
+from kachaka_simple_control.motion.geometry import Pose, seen_from, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move, Turn
-from kachaka_simple_control.report.events import Answered, Began, Closed, Ended, Planned, Sent
-from kachaka_simple_control.report.frames import seen_from
-from kachaka_simple_control.report.page.page import page
-from kachaka_simple_control.report.record import Record
-from kachaka_simple_control.report.report import write_report
-from kachaka_simple_control.report.run_json import fields, run_json
-from kachaka_simple_control.report.summary import Summary
-from kachaka_simple_control.report.verdict import verdict
+from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.html_page import page
+from kachaka_simple_control.report.json_export import fields, run_json
+from kachaka_simple_control.report.report_process import write_report
+from kachaka_simple_control.report.summary import Summary, verdict
+from kachaka_simple_control.telemetry.events import Answered, Began, Closed, Ended, Planned, Sent
 from plans import EMPTY, LESSON
 import pytest
 from rehearsal import EPOCH, Rehearsal
@@ -139,7 +137,7 @@ def test_without_matplotlib_the_page_says_so(tmp_path, monkeypatch):
 def test_a_picture_that_fails_does_not_cost_the_page(tmp_path, monkeypatch):
     drawn()
     monkeypatch.setattr(
-        'kachaka_simple_control.report.pictures.drive_pictures.draw_drive_path', lambda *_: 1 / 0)
+        'kachaka_simple_control.report.drive_plots.draw_drive_path', lambda *_: 1 / 0)
     write_report(done(), tmp_path, None)
     assert 'drawing them failed (ZeroDivisionError' in (tmp_path / 'report.html').read_text()
     assert json.loads((tmp_path / 'run.json').read_text())['verdict']['ending'] == 'done'
@@ -247,7 +245,7 @@ def test_whatever_happened_there_is_a_report(events):
 @settings(deadline=None, max_examples=20)
 def test_whatever_happened_there_are_pictures(events):
     drawn()
-    from kachaka_simple_control.report.pictures.drive_pictures import draw_pictures
+    from kachaka_simple_control.report.drive_plots import draw_pictures
     record = Record()
     record.hear(Planned(SECOND, LIMITS, 10.0))
     for event in events:

@@ -20,7 +20,7 @@ from pathlib import Path
 import re
 
 from drives import done, faulted, killed, lesson, never_began, stopped
-from kachaka_simple_control.report.report import write_report
+from kachaka_simple_control.report.report_process import write_report
 from kachaka_simple_control.report.summary import Summary
 import pytest
 

@@ -21,18 +21,17 @@ import subprocess
 import sys
 import time
 
-from kachaka_simple_control.audience import reporter
-from kachaka_simple_control.audience.audience import Audience
-from kachaka_simple_control.audience.listeners import listeners, REPORTER
-from kachaka_simple_control.audience.report_folder import report_folder
-from kachaka_simple_control.audience.teller import Teller
+from kachaka_simple_control.control import processes
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.execution import child
-from kachaka_simple_control.motion.kinematics import Pose, Velocity
+from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.events import (
+from kachaka_simple_control.report import report_process
+from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.report_directory import report_folder
+from kachaka_simple_control.telemetry.events import (
     Answered,
+    Audience,
     Began,
     Closed,
     Ended,
@@ -40,7 +39,7 @@ from kachaka_simple_control.report.events import (
     Planned,
     Sent,
 )
-from kachaka_simple_control.report.record import Record
+from kachaka_simple_control.telemetry.subscriber_process import listeners, REPORTER, Teller
 import pytest
 from recordings import READERS, sent_velocities, stamp_of, velocities
 
@@ -55,7 +54,7 @@ PATIENCE = 30.0
 
 def reporter_of(folder, *before):
     """Return a teller to a reporter, started by another command if one is given."""
-    return Teller([*before, *child.command(REPORTER), str(folder)], child.environment())
+    return Teller([*before, *processes.command(REPORTER), str(folder)], processes.environment())
 
 
 def drive(count, first=10.0):
@@ -95,8 +94,8 @@ def test_all_that_was_told_is_recorded(tmp_path, capfd):
 
 TELL = """
 import os, signal, sys
-from kachaka_simple_control.audience.teller import Teller
-from kachaka_simple_control.execution import child
+from kachaka_simple_control.telemetry.subscriber_process import Teller
+from kachaka_simple_control.control import processes
 from test_reporter import BEGINNING, drive, reporter_of
 teller = reporter_of(sys.argv[1])
 for event in [*BEGINNING, *drive(200, 10.1)]:
@@ -106,7 +105,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_it_lives_on_when_the_program_is_killed(tmp_path):
-    environment = child.environment()
+    environment = processes.environment()
     environment['PYTHONPATH'] += os.pathsep + str(Path(__file__).parent)
     # The reporter holds on to the pipe; so this returns when it has ended.
     ended = subprocess.run(
@@ -238,18 +237,18 @@ def test_a_report_that_fails_is_said_in_a_line(error, text, monkeypatch, tmp_pat
     def write_report(record, folder, recording):
         raise error
 
-    monkeypatch.setattr(reporter, 'write_report', write_report)
+    monkeypatch.setattr(report_process, 'write_report', write_report)
     record = Record()
     record.hear(OPENED)
-    assert reporter.report(record, tmp_path, None) == text
+    assert report_process.report(record, tmp_path, None) == text
 
 
 def test_the_report_is_told_what_became_of_the_recording(monkeypatch, tmp_path):
     calls = []
-    monkeypatch.setattr(reporter, 'write_report', lambda *arguments: calls.append(arguments))
+    monkeypatch.setattr(report_process, 'write_report', lambda *arguments: calls.append(arguments))
     record = Record()
     record.hear(OPENED)
-    assert reporter.report(record, tmp_path, 'run.mcap ends early') is None
+    assert report_process.report(record, tmp_path, 'run.mcap ends early') is None
     assert calls == [(record, tmp_path, 'run.mcap ends early')]
 
 

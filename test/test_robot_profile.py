@@ -20,9 +20,9 @@ import math
 import re
 
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.files.robot_file import find_robot, RobotFileError, robots
+from kachaka_simple_control.files.robot_profile import Box, Disc, KACHAKA, profile_of, RobotProfile
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.robot.robot_file import find_robot, RobotFileError, robots
-from kachaka_simple_control.robot.robot_profile import Box, Disc, KACHAKA, profile_of, RobotProfile
 import pytest
 
 pytest.importorskip('yaml', reason='needs PyYAML')

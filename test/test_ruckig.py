@@ -17,7 +17,7 @@ import math
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.profile import quickest
+from kachaka_simple_control.motion.velocity_profile import quickest
 import pytest
 from strategies import or_infinite, spread
 

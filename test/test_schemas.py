@@ -20,13 +20,12 @@ from importlib.resources import files
 import json
 from typing import Any
 
+from kachaka_simple_control.files.motion_file import KINDS, loads, REPEAT
+from kachaka_simple_control.files.quantities import LIMITS
+from kachaka_simple_control.files.schema import _MESSAGES
+from kachaka_simple_control.files.units import QUANTITIES, Sign
 from kachaka_simple_control.motion.limits import UNITS
 from kachaka_simple_control.motion.steps import MAX_TIMES
-from kachaka_simple_control.motion_file import loads
-from kachaka_simple_control.motion_file.quantities import LIMITS
-from kachaka_simple_control.motion_file.schema import _MESSAGES
-from kachaka_simple_control.motion_file.step_kinds import KINDS, REPEAT
-from kachaka_simple_control.motion_file.units import QUANTITIES, Sign
 from motion_texts import EVERYTHING
 import pytest
 

@@ -15,7 +15,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.execution.sent_messages import GUARDIAN, ON_ITS_WAY, SentMessages
+from kachaka_simple_control.control.sent_messages import GUARDIAN, ON_ITS_WAY, SentMessages
 
 ZERO, FORWARD, LEFT, FOREIGN = b'zero', b'forward', b'left', b'foreign'
 OWN = st.lists(st.sampled_from([ZERO, FORWARD, LEFT]), max_size=40)

@@ -16,11 +16,10 @@
 import threading
 import time
 
-from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
-from kachaka_simple_control.execution import renewal
-from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.control import manual_control_lease
+from kachaka_simple_control.errors import InvalidMotionError, MotionRefusedError, RunFaultError
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.record import Record
+from kachaka_simple_control.report.drive_log import Record
 import pytest
 
 pytestmark = pytest.mark.ros
@@ -233,8 +232,8 @@ def test_callbacks_are_served_while_it_moves(listener, make):
 
 def test_manual_control_is_renewed_while_it_moves(listener, make, monkeypatch):
     """In simulated minutes: what takes 40 s on a robot takes 0.4 s here."""
-    monkeypatch.setattr(renewal, 'AT_REST', 0.2)
-    monkeypatch.setattr(renewal, 'AT_LATEST', 0.4)
+    monkeypatch.setattr(manual_control_lease, 'AT_REST', 0.2)
+    monkeypatch.setattr(manual_control_lease, 'AT_LATEST', 0.4)
     make().move_robot(0.1, 0.0, 2.0)
     assert 4 <= len(listener.enabled) <= 7
     assert [move.count for move in listener.moves()] == [20]
@@ -244,7 +243,7 @@ def test_manual_control_that_grew_old_between_movements_is_renewed_first(
         listener, make, monkeypatch):
     node = make()
     node.move_robot(0.1, 0.0, 0.2)
-    monkeypatch.setattr(renewal, 'AT_REST', 0.5)
+    monkeypatch.setattr(manual_control_lease, 'AT_REST', 0.5)
     time.sleep(1.0)
     node.move_robot(0.2, 0.0, 0.2)
     assert len(listener.enabled) == 2
@@ -280,8 +279,8 @@ def test_between_two_movements_that_follow_at_once_one_zero_is_sent(listener, ma
 
 def test_a_renewal_slower_than_the_hold_is_a_fault(make, monkeypatch):
     from listener import Listener
-    monkeypatch.setattr(renewal, 'AT_REST', 0.5)
-    monkeypatch.setattr(renewal, 'AT_LATEST', 1.0)
+    monkeypatch.setattr(manual_control_lease, 'AT_REST', 0.5)
+    monkeypatch.setattr(manual_control_lease, 'AT_LATEST', 1.0)
     with Listener(delay=0.4) as listener:
         with pytest.raises(RunFaultError, match='not renewed within 200 ms'):
             make().move_robot(0.1, 0.0, 5.0)

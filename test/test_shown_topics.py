@@ -20,8 +20,7 @@ import threading
 import time
 
 from kachaka_simple_control.errors import MotionRefusedError
-from kachaka_simple_control.motion.goals import Arc, Forward
-from kachaka_simple_control.motion.steps import Motion
+from kachaka_simple_control.motion.steps import Arc, Forward, Motion
 import pytest
 from ros_support import wait_until
 
@@ -153,14 +152,14 @@ def stop_soon(node, listener):
 
 
 def test_what_fails_to_show_is_told_once_and_ends_nothing(listener, watcher, make, monkeypatch):
-    from kachaka_simple_control.ros import echo, paths, standing
+    from kachaka_simple_control.ros import debug_topics, path_topics, session_status
 
     def fail(*what):
         raise RuntimeError('cannot show')
 
-    monkeypatch.setattr(echo.Echo, 'hear', fail)
-    monkeypatch.setattr(paths.PathBytes, 'pose', fail)
-    monkeypatch.setattr(standing.Lookout, 'look', fail)
+    monkeypatch.setattr(debug_topics.Echo, 'hear', fail)
+    monkeypatch.setattr(path_topics.PathBytes, 'pose', fail)
+    monkeypatch.setattr(session_status.Lookout, 'look', fail)
     watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make()
     told = []

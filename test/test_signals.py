@@ -15,7 +15,7 @@
 
 import signal
 
-from kachaka_simple_control.execution.signals import SignalWatch
+from kachaka_simple_control.control.signals import SignalWatch
 
 
 class Noting:

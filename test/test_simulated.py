@@ -17,14 +17,14 @@ from __future__ import annotations
 
 import math
 
-from kachaka_simple_control.motion.kinematics import ORIGIN, Velocity, ZERO
-from kachaka_simple_control.robot.fidelity import Fidelity
-from kachaka_simple_control.robot.simulated import (
+from kachaka_simple_control.kachaka.simulator.drive_model import Fidelity
+from kachaka_simple_control.kachaka.simulator.robot import (
     ERROR_NO_MANUAL_CONTROL,
     ERROR_NOT_A_VELOCITY,
     SimulatedKachaka,
     SUCCESS,
 )
+from kachaka_simple_control.motion.geometry import ORIGIN, Velocity, ZERO
 import pytest
 
 #: 0.1 m/s, as a part of the largest velocity.

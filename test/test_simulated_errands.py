@@ -19,9 +19,8 @@ import math
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import ORIGIN, Pose, Velocity, ZERO
-from kachaka_simple_control.robot.errands import Errand
-from kachaka_simple_control.robot.error_codes import (
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.kachaka.error_codes import (
     ERROR_CANCELLED,
     ERROR_NO_MANUAL_CONTROL,
     ERROR_NOTHING_TO_DO,
@@ -29,11 +28,10 @@ from kachaka_simple_control.robot.error_codes import (
     ERROR_STUCK,
     SUCCESS,
 )
-from kachaka_simple_control.robot.fidelity import Fidelity
-from kachaka_simple_control.robot.legs import reach, Stay, Straight, Turn
-from kachaka_simple_control.robot.robot_profile import KACHAKA
-from kachaka_simple_control.robot.simulated import SimulatedKachaka
-from kachaka_simple_control.robot.way import Way
+from kachaka_simple_control.kachaka.simulator.drive_model import Fidelity
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+from kachaka_simple_control.kachaka.simulator.tasks import Errand, reach, Stay, Straight, Turn, Way
+from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
 import pytest
 
 #: A robot that does nothing quite as it is told.

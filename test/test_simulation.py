@@ -21,10 +21,10 @@ import subprocess
 import sys
 import time
 
+from kachaka_simple_control.control import processes
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError
-from kachaka_simple_control.execution import child
-from kachaka_simple_control.robot import simulation as module
-from kachaka_simple_control.robot.simulation import simulation
+from kachaka_simple_control.kachaka import bridge_process as module
+from kachaka_simple_control.kachaka.bridge_process import simulation
 import pytest
 from ros_support import environment, is_running, PATIENCE, ROOT, wait_until
 
@@ -38,7 +38,7 @@ FAILING = 'import sys; sys.exit("first\\nlast words")'
 
 PARENT = """
 import subprocess, sys, time
-from kachaka_simple_control.robot.simulation import simulation
+from kachaka_simple_control.kachaka.bridge_process import simulation
 with simulation('/orphan') as process:
     sleeper = subprocess.Popen(['sleep', '60'], close_fds=False, stdout=subprocess.DEVNULL)
     print(process.pid, sleeper.pid, 'rclpy' in sys.modules, flush=True)
@@ -49,7 +49,7 @@ with simulation('/orphan') as process:
 @pytest.fixture
 def stand_in(monkeypatch):
     """Return a function that puts another program in the bridge's place."""
-    return lambda program: monkeypatch.setattr(child, 'START', program)
+    return lambda program: monkeypatch.setattr(processes, 'START', program)
 
 
 def test_robot_is_there_for_the_block_and_gone_after_it(stand_in):

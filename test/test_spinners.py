@@ -26,8 +26,8 @@ pytestmark = pytest.mark.ros
 rclpy = pytest.importorskip('rclpy')
 geometry_msgs = pytest.importorskip('geometry_msgs.msg')
 
-from kachaka_simple_control.robot.bridge import _spinning  # noqa: E402, I100
-from kachaka_simple_control.robot.spinners import Ear, NodeSpinner  # noqa: E402
+from kachaka_simple_control.kachaka.bridge_command import _spinning  # noqa: E402, I100
+from kachaka_simple_control.ros.executors import Ear, NodeSpinner  # noqa: E402
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup  # noqa: E402
 from rclpy.qos import qos_profile_sensor_data  # noqa: E402
 

@@ -15,7 +15,7 @@
 
 import math
 
-from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.steps import (
     Arc,
     Forward,

@@ -13,8 +13,8 @@
 # limitations under the License.
 """Whether odometry sees the robot stand still."""
 
-from kachaka_simple_control.execution.stillness import FRESH, Stillness
-from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.control.stop import FRESH, Stillness
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
 
 FORWARD = Velocity(0.1, 0.0)
 

@@ -16,11 +16,11 @@
 from itertools import pairwise
 
 from fake_time import FakeTime, Wire
+from kachaka_simple_control.control.latch import Latch
+from kachaka_simple_control.control.stop import Stopper
+from kachaka_simple_control.control.velocity_gate import PublisherEdge
 from kachaka_simple_control.errors import MotionRefusedError
-from kachaka_simple_control.execution.latch import Latch
-from kachaka_simple_control.execution.publisher_edge import PublisherEdge
-from kachaka_simple_control.execution.stopping import Stopper
-from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 import pytest
 

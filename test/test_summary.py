@@ -18,13 +18,19 @@ from dataclasses import replace
 from drives import done, HELD_UP, lesson
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import ORIGIN, Pose, Velocity
+from kachaka_simple_control.motion.geometry import (
+    apart,
+    composed,
+    ORIGIN,
+    Pose,
+    seen_from,
+    Velocity,
+)
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.events import Sent
-from kachaka_simple_control.report.frames import apart, composed, seen_from
-from kachaka_simple_control.report.reckoning import Reckoning
-from kachaka_simple_control.report.run_json import fields
+from kachaka_simple_control.report.json_export import fields
+from kachaka_simple_control.report.odometry_alignment import Reckoning
 from kachaka_simple_control.report.summary import Summary
+from kachaka_simple_control.telemetry.events import Sent
 from plans import SQUARE
 import pytest
 from rehearsal import Rehearsal

@@ -19,19 +19,11 @@ import time
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.errors import InvalidMotionError
+from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import MAX_SEGMENTS, plan
-from kachaka_simple_control.motion.steps import (
-    Arc,
-    Forward,
-    Motion,
-    Move,
-    Repeat,
-    Turn,
-    Wait,
-)
-from kachaka_simple_control.motion.survey import find_errors, MAX_DURATION, MAX_STEPS
+from kachaka_simple_control.motion.planner import find_errors, MAX_DURATION, MAX_STEPS
+from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 import pytest
 from strategies import KACHAKA, LIMITS, MOTIONS, RATES, UNHURRIED
 

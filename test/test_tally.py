@@ -17,12 +17,12 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import ZERO
+from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.events import Began, Ended, Planned, Sent
-from kachaka_simple_control.ros.tally import Tally
+from kachaka_simple_control.ros.session_status import Tally
+from kachaka_simple_control.telemetry.events import Began, Ended, Planned, Sent
 
 LIMITS = Limits(0.3, 1.5)
 MOTION = Motion('three', (Move(0.1, 0.0, 0.35), Move(0.0, 0.5, 0.3), Move(0.1, 0.0, 0.1)))

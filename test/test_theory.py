@@ -27,8 +27,8 @@ LABELS = (
     'none-reached', 'both-reached', 'one-reached', 'mean', 'means-keep', 'along', 'chord')
 #: Which file carries which of them out.
 CITED = {
-    'ramp.py': {2, 3, 4}, 'profile.py': {5, 6, 7, 8, 9, 10, 11, 12}, 'way.py': {13},
-    'kinematics.py': {14}}
+    'velocity_profile.py': {2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, 'planner.py': {13},
+    'geometry.py': {14}}
 
 
 @pytest.fixture

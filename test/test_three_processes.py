@@ -21,7 +21,7 @@ import sys
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import advance, ORIGIN, Pose
+from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -19,7 +19,7 @@ import sys
 
 from hypothesis import example, given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.profile import quickest
+from kachaka_simple_control.motion.velocity_profile import quickest
 import pytest
 from strategies import or_infinite, spread
 

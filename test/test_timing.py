@@ -17,16 +17,21 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import Velocity, ZERO
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.events import Began, Ended, Planned, Sent
-from kachaka_simple_control.report.naive import EXTRA, naive
-from kachaka_simple_control.report.pictures.period_picture import histogram
-from kachaka_simple_control.report.quantiles import Quantiles, quantiles
-from kachaka_simple_control.report.record import Record
-from kachaka_simple_control.report.timing import due_times, timing
+from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.drive_plots import histogram
+from kachaka_simple_control.report.metrics import (
+    due_times,
+    EXTRA,
+    naive,
+    Quantiles,
+    quantiles,
+    timing,
+)
+from kachaka_simple_control.telemetry.events import Began, Ended, Planned, Sent
 from plans import LESSON
 import pytest
 from strategies import MOTIONS, UNHURRIED
@@ -71,7 +76,7 @@ def test_what_the_stop_came_before_was_not_lost():
 @given(MOTIONS, st.sampled_from([5.0, 20.0, 37.0]))
 @UNHURRIED
 def test_the_times_at_which_messages_are_due_are_the_players(motion, rate):
-    from kachaka_simple_control.execution.player import Player
+    from kachaka_simple_control.control.plan_runner import Player
     planned = plan(motion, Limits(5.0, 10.0), rate)
     player, now, asked = Player(planned), 0.0, []
     while (due := player.due(now)) is not None:

@@ -17,12 +17,11 @@ from itertools import groupby
 import math
 
 from hypothesis import given
-from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
+from kachaka_simple_control.motion.geometry import nose, ORIGIN, outline, Pose
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat
-from kachaka_simple_control.report.outline import nose, outline
-from kachaka_simple_control.report.pictures.looks import nice
-from kachaka_simple_control.report.staircase import COLUMNS, MAX_CORNERS, staircase
-from kachaka_simple_control.report.track import distinct, line, MAX_POINTS, Stretch, stretches
+from kachaka_simple_control.report.paths import distinct, line, MAX_POINTS, Stretch, stretches
+from kachaka_simple_control.report.plot_style import nice
+from kachaka_simple_control.report.velocity_plot import COLUMNS, MAX_CORNERS, staircase
 from plans import BACK, BOX, DISC, HOUR, preview, QUARTER, SQUARE
 import pytest
 from strategies import LIMITS, MOTIONS, RATES
@@ -136,7 +135,7 @@ def test_thinned_stairs_look_the_same(monkeypatch):
     """In each column of the picture they reach as low, as high, and end as the others."""
     plan = preview(HOUR).plan
     thinned = staircase(plan, 'linear_x')
-    monkeypatch.setattr('kachaka_simple_control.report.staircase.MAX_CORNERS', math.inf)
+    monkeypatch.setattr('kachaka_simple_control.report.velocity_plot.MAX_CORNERS', math.inf)
     whole = staircase(plan, 'linear_x')
     assert len(thinned) <= MAX_CORNERS < len(whole)
     for few, all_ in zip(by_column(thinned), by_column(whole), strict=True):

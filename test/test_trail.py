@@ -20,12 +20,11 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.kinematics import ORIGIN, Pose
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Motion, Move, Repeat, Turn
-from kachaka_simple_control.report.planned_way import planned_way
-from kachaka_simple_control.report.trail import SPACING, Trail, TURN
-from kachaka_simple_control.robot.robot_profile import KACHAKA
+from kachaka_simple_control.report.paths import planned_way, SPACING, Trail, TURN
 import pytest
 from strategies import MOTIONS, UNHURRIED
 

@@ -21,7 +21,7 @@ import time
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion_file.units import (
+from kachaka_simple_control.files.units import (
     ANGLE,
     ANGULAR_JERK,
     FREQUENCY,

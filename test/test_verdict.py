@@ -25,10 +25,9 @@ from drives import (
     stopped,
 )
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.record import Record
-from kachaka_simple_control.report.run_json import fields
-from kachaka_simple_control.report.summary import Summary
-from kachaka_simple_control.report.verdict import Ending, verdict
+from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.json_export import fields
+from kachaka_simple_control.report.summary import Ending, Summary, verdict
 from plans import SQUARE
 import pytest
 from rehearsal import Rehearsal

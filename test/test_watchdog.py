@@ -15,7 +15,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.execution.watchdog import (
+from kachaka_simple_control.control.watchdog import (
     LOOK,
     PAUSE,
     Sign,

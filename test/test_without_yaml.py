@@ -42,17 +42,17 @@ def run(text: str, *blocked: str) -> str:
 def test_motions_robots_and_plans_need_no_file():
     run("""
 from kachaka_simple_control import Limits, Motion, Move, plan
-from kachaka_simple_control.robot.robot_profile import KACHAKA
-import kachaka_simple_control.motion_file, kachaka_simple_control.robot.robot_file
+from kachaka_simple_control.files.robot_profile import KACHAKA
+import kachaka_simple_control.files.motion_file, kachaka_simple_control.files.robot_file
 plan(Motion('one', (Move(0.1, 0.0, 1.0),)), KACHAKA.limits, 10.0)
 """, 'yaml', 'jsonschema')
 
 
 @pytest.mark.parametrize('blocked', ['yaml', 'jsonschema'])
 @pytest.mark.parametrize('what', [
-    "from kachaka_simple_control.motion_file import find; find('square')",
-    "from kachaka_simple_control.motion_file import loads; loads('steps: []')",
-    "from kachaka_simple_control.robot.robot_file import find_robot; find_robot('kachaka')",
+    "from kachaka_simple_control.files.library import find; find('square')",
+    "from kachaka_simple_control.files.motion_file import loads; loads('steps: []')",
+    "from kachaka_simple_control.files.robot_file import find_robot; find_robot('kachaka')",
 ])
 def test_who_reads_a_file_is_told_what_to_install(what, blocked):
     if blocked != 'yaml':

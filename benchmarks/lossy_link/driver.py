@@ -40,9 +40,9 @@ import threading
 import time
 
 from kachaka_simple_control import ControlError, KachakaSimpleControl
-from kachaka_simple_control.robot.robot_profile import KACHAKA
-from kachaka_simple_control.ros.manual_control import ManualControl
-from kachaka_simple_control.ros.waiting import wait_until
+from kachaka_simple_control.control.waiting import wait_until
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.ros.manual_control_client import ManualControl
 import rclpy
 from rclpy.parameter import Parameter
 

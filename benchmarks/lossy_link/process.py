@@ -28,7 +28,7 @@ import tempfile
 import threading
 from typing import Any
 
-from kachaka_simple_control.ros.isolation import CHOICES
+from kachaka_simple_control.ros.dds_transport import CHOICES
 
 from benchmarks.lossy_link.network import Network
 

@@ -27,10 +27,10 @@ import sys
 import threading
 import time
 
-from kachaka_simple_control.motion.kinematics import Pose, Velocity
-from kachaka_simple_control.robot.bridge_node import KachakaBridge
-from kachaka_simple_control.robot.robot_profile import KACHAKA
-from kachaka_simple_control.robot.simulated import SimulatedKachaka, SUCCESS
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.kachaka.bridge_node import KachakaBridge
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka, SUCCESS
+from kachaka_simple_control.motion.geometry import Pose, Velocity
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions

@@ -19,7 +19,7 @@ from collections.abc import Iterable, Sequence
 import math
 from typing import Any
 
-from kachaka_simple_control.report.quantiles import median
+from kachaka_simple_control.report.metrics import median
 
 from benchmarks.tables import number, Table
 

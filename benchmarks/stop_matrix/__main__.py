@@ -50,7 +50,7 @@ def measure(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[st
     :param over_grpc: whether robots are to be reached over gRPC, by a bridge
     :returns: the matrix, plain data
     """
-    from kachaka_simple_control.ros.isolation import stay_on_this_machine
+    from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
     # Before anything loads rclpy: no robot elsewhere may hear this.
     stay_on_this_machine()
     # In the background of a shell Ctrl+C is ignored, and would be by all that is started here.

@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 
-from kachaka_simple_control.execution import child
+from kachaka_simple_control.control import processes
 
 from benchmarks.process import ROOT
 
@@ -42,7 +42,8 @@ class RobotProcess:
         :param domain: its ROS domain
         :param log: where the slow bridge tells what it plays; None for the real bridge
         """
-        real = [*child.command('kachaka_simple_control.robot.bridge'), '--sim', '--with-parent',
+        real = [*processes.command('kachaka_simple_control.kachaka.bridge_command'),
+                '--sim', '--with-parent',
                 '--namespace', namespace]
         slow = [sys.executable, '-m', 'benchmarks.stop_matrix.slow_bridge', namespace, str(log)]
         # To append: this process reads by the same opened file.
@@ -50,7 +51,7 @@ class RobotProcess:
         # Its standard input is a pipe that only this process holds: it ends with us.
         self._process = subprocess.Popen(
             slow if log else real, cwd=ROOT, stdin=subprocess.PIPE,
-            env={**child.environment(), 'ROS_DOMAIN_ID': str(domain)}, stderr=self._log,
+            env={**processes.environment(), 'ROS_DOMAIN_ID': str(domain)}, stderr=self._log,
             start_new_session=True)
 
     def send(self, signum: int) -> None:

@@ -84,8 +84,8 @@ time.sleep(2.0)
 
 #: Odometry as it might come: patched where it arrives.
 ODOMETRY = """
-from kachaka_simple_control.execution.stillness import Stillness
-from kachaka_simple_control.motion.kinematics import Velocity
+from kachaka_simple_control.control.stop import Stillness
+from kachaka_simple_control.motion.geometry import Velocity
 hear, begun = Stillness.hear, []
 """
 
@@ -107,15 +107,15 @@ Stillness.hear = lambda self, now, velocity: hear(
 ELSEWHERE = """
 import os
 from pathlib import Path
-from kachaka_simple_control.execution.claims import Claims
-from kachaka_simple_control.execution.machine_claim import MachineClaim
-from kachaka_simple_control.ros import claim
+from kachaka_simple_control.control.claims import Claims
+from kachaka_simple_control.control.claims import MachineClaim
+from kachaka_simple_control.ros import robot_claim
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 
 HEARD = Path(os.environ.get('HEARD', 'heard')).resolve()
 MachineClaim.take = lambda self, name, who: None
 ForeignMessages.update = lambda self: False
-claim.is_kept_to_this_machine = lambda: False
+robot_claim.is_kept_to_this_machine = lambda: False
 hear = Claims.hear
 Claims.hear = lambda self, claim, now: HEARD.exists() and hear(self, claim, now)
 """ + USER.replace('node.move_robot(0.0, 0.0, 0.2)', '') + """

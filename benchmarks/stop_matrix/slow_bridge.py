@@ -22,10 +22,10 @@ import sys
 import threading
 import time
 
-from kachaka_simple_control.motion.kinematics import Velocity
-from kachaka_simple_control.robot.bridge_node import KachakaBridge
-from kachaka_simple_control.robot.ending import Ending
-from kachaka_simple_control.robot.simulated import SimulatedKachaka
+from kachaka_simple_control.control.signals import Ending
+from kachaka_simple_control.kachaka.bridge_node import KachakaBridge
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+from kachaka_simple_control.motion.geometry import Velocity
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 

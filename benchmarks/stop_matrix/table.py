@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from kachaka_simple_control.report.quantiles import median
+from kachaka_simple_control.report.metrics import median
 
 from benchmarks.stop_matrix.promise import Promise, Zero
 from benchmarks.stop_matrix.trial import Trial

@@ -18,13 +18,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from kachaka_simple_control.motion.errors import InvalidMotionError
-from kachaka_simple_control.motion.kinematics import advance, integrate, ORIGIN, Pose, Velocity
-from kachaka_simple_control.motion.leg import Leg, total, written_out
-from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.motion.geometry import advance, integrate, ORIGIN, Pose, Velocity
+from kachaka_simple_control.motion.limits import Limits, require_finite, require_positive
+from kachaka_simple_control.motion.planner import Leg, Survey, total, written_out
 from kachaka_simple_control.motion.steps import Motion, Step
-from kachaka_simple_control.motion.survey import Survey
-from kachaka_simple_control.motion.validation import require_finite, require_positive
 
 #: How many segments a plan may have: goals for a day at 50 Hz, in less than a gigabyte.
 MAX_SEGMENTS = 5_000_000

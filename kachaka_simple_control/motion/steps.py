@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a motion is made of."""
+"""The kinds of steps that a motion consists of."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import get_args
 
-from kachaka_simple_control.motion.errors import InvalidMotionError
-from kachaka_simple_control.motion.goals import Arc, Forward, Turn
-from kachaka_simple_control.motion.kinematics import Velocity
-from kachaka_simple_control.motion.validation import require_duration, require_finite
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.limits import require_duration, require_finite, require_speed
 
 __all__ = [
     'MAX_NESTING', 'MAX_TIMES', 'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Step', 'Turn',
@@ -139,10 +138,6 @@ class Motion:
         object.__setattr__(self, 'steps', _steps(self.steps))
 
 
-#: One thing to do.
-Step = Move | Forward | Turn | Arc | Wait | Repeat
-
-
 def _steps(steps: object) -> tuple[Step, ...]:
     if isinstance(steps, (str, bytes)) or not isinstance(steps, Iterable):
         raise InvalidMotionError(f'steps is {steps!r}; it must be a sequence of steps')
@@ -158,3 +153,90 @@ def _steps(steps: object) -> tuple[Step, ...]:
 def _nesting(repeat: Repeat) -> int:
     within = (_nesting(step) for step in repeat.steps if isinstance(step, Repeat))
     return 1 + max(within, default=0)
+
+
+#: The least radius [m]: a circle of a micrometre is none that a robot could drive.
+MIN_RADIUS = 1e-6
+
+
+@dataclass(frozen=True)
+class Forward:
+    """
+    Drive straight for a distance, from rest to rest.
+
+    :param distance: how far [m], negative backwards
+    :param speed: drive no faster than this [m/s], positive; None: as fast as the robot may
+    """
+
+    distance: float
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        """
+        Refuse a step that nobody could drive.
+
+        :raises InvalidMotionError: if a value is not a finite number, or the speed not positive
+        """
+        require_finite('distance', self.distance, 'm')
+        require_speed(self.speed, 'm/s')
+
+
+@dataclass(frozen=True)
+class Turn:
+    """
+    Turn in place by an angle, from rest to rest.
+
+    :param angle: how far [rad], positive to the left; more than a whole turn is more than one
+    :param speed: turn no faster than this [rad/s], positive; None: as fast as the robot may
+    """
+
+    angle: float
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        """
+        Refuse a step that nobody could drive.
+
+        :raises InvalidMotionError: if a value is not a finite number, or the speed not positive
+        """
+        require_finite('angle', self.angle, 'rad')
+        require_speed(self.speed, 'rad/s')
+
+
+@dataclass(frozen=True)
+class Arc:
+    """
+    Drive along a part of a circle, from rest to rest.
+
+    The path is ``|radius| * angle`` long and turns the heading by that length over the radius: a
+    positive angle is driven forwards, to the left about a centre on the left, to the right about
+    one on the right; a negative angle goes the same way back.
+
+    :param radius: distance of the centre [m], positive on the left, negative on the right, not 0
+        nor nearly so
+    :param angle: how much of the circle [rad], negative backwards
+    :param speed: drive no faster than this along the path [m/s], positive; None: as fast as the
+        robot may
+    """
+
+    radius: float
+    angle: float
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        """
+        Refuse a step that nobody could drive.
+
+        :raises InvalidMotionError: if a value is not a finite number, the radius zero or almost,
+            or the speed not positive
+        """
+        if abs(require_finite('radius', self.radius, 'm')) < MIN_RADIUS:
+            raise InvalidMotionError(
+                f'radius is {self.radius} m; its size must be at least {MIN_RADIUS:g} m; to turn '
+                'in place, use a turn')
+        require_finite('angle', self.angle, 'rad')
+        require_speed(self.speed, 'm/s')
+
+
+#: One thing to do.
+Step = Move | Forward | Turn | Arc | Wait | Repeat

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How far a movement was asked, sent and driven; pure."""
+"""Figures of a drive: displacement, errors, timing, quantiles."""
 
 from __future__ import annotations
 
@@ -20,12 +20,168 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 import math
+from typing import NamedTuple
 
-from kachaka_simple_control.motion.kinematics import Pose
+from kachaka_simple_control.motion.geometry import apart, composed, integrate, ORIGIN, Pose
+from kachaka_simple_control.motion.plan import Plan, Segment, Stage
+from kachaka_simple_control.motion.planner import way_of
 from kachaka_simple_control.motion.steps import Arc, Forward, Move, Step, Turn, Wait
-from kachaka_simple_control.motion.way import way_of
-from kachaka_simple_control.report.events import Answered, Sent
-from kachaka_simple_control.report.record import Movement
+from kachaka_simple_control.report.drive_log import DrivenMotion, Movement
+from kachaka_simple_control.report.plan_view import in_words, ticks
+from kachaka_simple_control.telemetry.events import Answered, Sent
+
+
+@dataclass(frozen=True)
+class Quantiles:
+    """
+    What some numbers come to.
+
+    :param median: half of them are smaller
+    :param p99: 99 of 100 are smaller
+    :param worst: none is larger
+    """
+
+    median: float
+    p99: float
+    worst: float
+
+
+def quantiles(values: Sequence[float]) -> Quantiles | None:
+    """
+    Return what some numbers come to.
+
+    :param values: the numbers, in any order
+    :returns: it; None if there are none
+    """
+    if not values:
+        return None
+    ordered = sorted(values)
+    return Quantiles(median(ordered), quantile(ordered, 0.99), ordered[-1])
+
+
+def quantile(values: Sequence[float], part: float) -> float:
+    """
+    Return the value below which a part of the values lies.
+
+    :param values: at least one number, in any order; infinity is one
+    :param part: from 0, the least, to 1, the greatest
+    :returns: the value, interpolated between the two nearest
+    """
+    ordered = sorted(values)
+    place = part * (len(ordered) - 1)
+    below = min(int(place), len(ordered) - 1)
+    above = min(below + 1, len(ordered) - 1)
+    if place <= below or ordered[above] == ordered[below]:
+        return ordered[below]  # also where infinity would make a difference that is no number
+    return ordered[below] + (place - below) * (ordered[above] - ordered[below])
+
+
+def median(values: Sequence[float]) -> float:
+    """
+    Return the value in the middle.
+
+    :param values: at least one number, in any order
+    :returns: the median
+    """
+    return quantile(values, 0.5)
+
+
+#: A tick counts as late when its message comes this part of a period away from its time, or more.
+LATE = 0.25
+#: No message came within this part of a period of its time: the tick is lost.
+LOST = 0.5
+
+
+@dataclass(frozen=True)
+class Timing:
+    """
+    How exactly a drive was timed.
+
+    :param due: how many ticks there were: times at which the plans wanted a message
+    :param late: how many came, but a quarter of a period or more from their time
+    :param lost: for how many nothing came within half a period of their time
+    :param uneven: by how much each interval between two messages was longer than it was due [s]
+    :param lateness: how far each message was from its time [s]; None if there was none
+    :param jitter: how far each interval was from what was due [s]; None if there was none
+    :param periods: the periods that were sent with, without repetition [s]
+    """
+
+    due: int
+    late: int
+    lost: int
+    uneven: tuple[float, ...]
+    lateness: Quantiles | None
+    jitter: Quantiles | None
+    periods: tuple[float, ...]
+
+
+def timing(motions: Sequence[DrivenMotion]) -> Timing:
+    """
+    Hold the messages of some motions against their plans.
+
+    :param motions: the motions; those that never began say nothing
+    :returns: what they come to together
+    """
+    late = lost = due = 0
+    uneven: list[float] = []
+    away: list[float] = []
+    begun = [motion for motion in motions if motion.has_begun]
+    for motion in begun:
+        period = motion.plan.period
+        wanted = due_times(motion.plan, _until(motion))
+        came = _messages(wanted, [sent.time - motion.began for sent in motion.own_messages[:-1]])
+        nearest = [None if time is None else time - at for at, time in zip(wanted, came)]
+        gone = sum(off is None or abs(off) > LOST * period for off in nearest)
+        due, lost = due + len(wanted), lost + gone
+        late += sum(off is None or abs(off) >= LATE * period for off in nearest) - gone
+        away += [abs(off) for off in nearest if off is not None]
+        uneven += _uneven(wanted, came)
+    return Timing(
+        due, late, lost, tuple(uneven), quantiles(away), quantiles([abs(off) for off in uneven]),
+        tuple(dict.fromkeys(motion.plan.period for motion in begun)))
+
+
+def due_times(plan: Plan, until: float) -> list[float]:
+    """
+    Return the times at which a plan wants a message: each change, and each period in between.
+
+    :param plan: the plan
+    :param until: where to end [s after t = 0]; not included
+    :returns: the times [s after t = 0], in order, without the zero at the end
+    """
+    times = [segment.start + number * plan.period for segment in plan.segments
+             for number in range(ticks(segment, plan.period))]
+    return times[:bisect_left(times, until)]
+
+
+def _until(motion: DrivenMotion) -> float:
+    if motion.is_whole or not motion.own_messages:
+        return motion.plan.duration
+    # A tick that the stop came before cannot be late any more.
+    end = motion.own_messages[-1].time - motion.began
+    return min(motion.plan.duration, end - LOST * motion.plan.period)
+
+
+def _messages(wanted: Sequence[float], times: Sequence[float]) -> list[float | None]:
+    """Return for each tick the message that came nearest to it, of those that no other is to."""
+    found: list[float | None] = [None] * len(wanted)
+    tick = 0
+    for time in times:
+        while tick + 1 < len(wanted) and wanted[tick + 1] - time <= time - wanted[tick]:
+            tick += 1
+        if tick < len(wanted):
+            before = found[tick]
+            if before is None or abs(time - wanted[tick]) < abs(before - wanted[tick]):
+                found[tick] = time
+    return found
+
+
+def _uneven(wanted: Sequence[float], came: Sequence[float | None]) -> list[float]:
+    # What was due after a message was the next tick's, whether that came or not.
+    there = [(tick, time) for tick, time in enumerate(came) if time is not None]
+    return [two - one - (wanted[tick + 1] - wanted[tick])
+            for (tick, one), (_, two) in pairwise(there)]
+
 
 #: How long after a velocity was sent odometry surely shows it [s]: two of its samples and more.
 SETTLING = 0.06
@@ -153,3 +309,150 @@ def _forward(one: Pose, two: Pose) -> float:
 def _wrapped(angle: float) -> float:
     # Odometry tells headings within a turn; between two samples a robot turns less than half.
     return math.remainder(angle, math.tau)
+
+
+@dataclass(frozen=True)
+class StepDriven:
+    """
+    One step that was begun, and what became of it.
+
+    :param movement: the step and its messages
+    :param motion: the name of its motion
+    :param requested: what it asks for
+    :param sent: what was sent
+    :param odometry: what odometry saw; None if it does not cover the step
+    """
+
+    movement: Movement
+    motion: str
+    requested: Displacement
+    sent: Displacement
+    odometry: Displacement | None
+
+    @property
+    def error(self) -> Displacement | None:
+        """
+        Return by how much odometry saw the robot go too far.
+
+        Beside what was asked for; of a step that was cut short, beside what was sent.
+        """
+        if self.odometry is None:
+            return None
+        wanted = self.requested if self.movement.is_whole else self.sent
+        return Displacement(
+            self.odometry.distance - wanted.distance, self.odometry.angle - wanted.angle)
+
+
+def steps_driven(
+        movements: Sequence[Movement], names: Sequence[str], odometry: Sequence[Answered],
+        hold: float = math.inf) -> list[StepDriven]:
+    """
+    Hold each step's messages and odometry against what it asked for.
+
+    :param movements: the steps that were begun, in order
+    :param names: the name of the motion of each
+    :param odometry: the poses that arrived, in order
+    :param hold: how long the robot keeps a velocity without a new one [s]
+    :returns: the steps
+    """
+    if not movements:
+        return []
+    cuts = pairwise(boundaries(movements, odometry))
+    return [
+        StepDriven(movement, name, requested(movement.step), sent(movement.sent, hold),
+                   driven(odometry, begin, end))
+        for movement, name, (begin, end) in zip(movements, names, cuts)]
+
+
+def step_in_words(step: Step) -> str:
+    """
+    Return a step in a person's words, with the time that a velocity is held.
+
+    :param step: the step
+    :returns: a few words, with units
+    """
+    if isinstance(step, Move):
+        return f'{in_words(step).removeprefix("move ")} for {step.duration:g} s'
+    return in_words(step)
+
+
+#: By how much a turn of the lesson's loop is longer than its period [s].  Measured by the
+#: benchmarks, docs/why.md: at 10 Hz a second is held for about 0.8 % too long, in ten turns.
+EXTRA = 0.0008
+
+
+@dataclass(frozen=True)
+class Naive:
+    """
+    What a loop would have made of some plans that publishes, waits, and begins again.
+
+    :param longer: by how much it would have taken longer [s]
+    :param missing: how many messages fewer it would have sent
+    :param distance: how far from the planned end the robot would have ended [m]
+    :param angle: by how much it would have turned too far [rad], positive to the left
+    """
+
+    longer: float
+    missing: int
+    distance: float
+    angle: float
+
+
+def naive(plans: Sequence[Plan]) -> Naive:
+    """
+    Let the lesson's loop walk some plans, one after the other.
+
+    Each turn publishes what is due, waits for as long as that is to be held, a period at most, and
+    takes a little longer than that; a step is over with the turn in which its time is up, and the
+    next begins then.
+
+    :param plans: the plans
+    :returns: what it would have made of them, for a robot that does exactly as it is told
+    """
+    pose = wanted = ORIGIN
+    took = 0.0
+    turns = 0
+    for plan in plans:
+        wanted = composed(wanted, plan.pose)
+        ways: dict[str, _Way] = {}
+        index = 0
+        for stage in plan.stages:
+            count = _count(plan.segments, index, stage)
+            if stage.path not in ways:
+                ways[stage.path] = _way(stage, plan.segments[index:index + count], plan.period)
+            index += count
+            way = ways[stage.path]
+            pose, took, turns = composed(pose, way.end), took + way.took, turns + way.turns
+    distance, angle = apart(wanted, pose)
+    due = sum(ticks(segment, plan.period) for plan in plans for segment in plan.segments)
+    return Naive(took - sum(plan.duration for plan in plans), due - turns, distance, angle)
+
+
+class _Way(NamedTuple):
+    """The loop's way through a step; the same each time that the step is repeated."""
+
+    end: Pose
+    took: float
+    turns: int
+
+
+def _count(segments: Sequence[Segment], first: int, stage: Stage) -> int:
+    return bisect_left(segments, stage.end, first, key=_start) - first
+
+
+def _way(stage: Stage, segments: Sequence[Segment], period: float) -> _Way:
+    pose, time, turns, index = ORIGIN, stage.start, 0, 0
+    while segments and time < stage.end:
+        while index + 1 < len(segments) and segments[index].end <= time:
+            index += 1
+        segment = segments[index]
+        turn = min(period, segment.end - segment.start) + EXTRA
+        if not segment.velocity.is_zero:
+            pose = integrate(pose, segment.velocity, turn)
+        time += turn
+        turns += 1
+    return _Way(pose, time - stage.start, turns)
+
+
+def _start(segment: Segment) -> float:
+    return segment.start

@@ -11,22 +11,156 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""All that a report says of a drive, worked out once; pure."""
+"""The outcome of a drive, and its figures."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property
 import math
+import signal
 
-from kachaka_simple_control.motion.kinematics import Pose
-from kachaka_simple_control.report.driven_path import DrivenPath, Odometry
-from kachaka_simple_control.report.frames import apart
-from kachaka_simple_control.report.naive import Naive, naive
-from kachaka_simple_control.report.record import Record
-from kachaka_simple_control.report.step_errors import StepDriven, steps_driven
-from kachaka_simple_control.report.timing import Timing, timing
-from kachaka_simple_control.report.verdict import Verdict, verdict
+from kachaka_simple_control.motion.geometry import apart, Pose
+from kachaka_simple_control.report.drive_log import DrivenMotion, Record
+from kachaka_simple_control.report.metrics import (
+    Naive,
+    naive,
+    StepDriven,
+    steps_driven,
+    Timing,
+    timing,
+)
+from kachaka_simple_control.report.odometry_alignment import DrivenPath, Odometry
+from kachaka_simple_control.report.plan_view import counted
+
+#: What to say of a program whose end nobody told.
+UNHEARD = (
+    'Nothing more came from the program: it was killed or crashed, was frozen, or drives on '
+    'without telling its report')
+
+
+class Ending(Enum):
+    """The ways in which a drive can end; the value is the word for it."""
+
+    DONE = 'done'
+    STOPPED = 'stopped'
+    FAULTED = 'faulted'
+    NEVER_BEGAN = 'never began'
+    KILLED = 'killed'
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """
+    How a drive came out.
+
+    :param ending: in which way it ended
+    :param headline: a few words
+    :param why: sentences that say why, and how far it came
+    """
+
+    ending: Ending
+    headline: str
+    why: str
+
+
+def verdict(record: Record) -> Verdict:
+    """
+    Say how a drive came out.
+
+    :param record: what happened
+    :returns: the verdict
+    """
+    closed = record.closed
+    if closed is None:
+        return Verdict(Ending.KILLED, 'Killed', f'{UNHEARD}. {_progress(record)}')
+    if closed.signal is not None:
+        name = signal_name(closed.signal)
+        return Verdict(
+            Ending.STOPPED, f'Stopped by {name}',
+            f'{name} ended the program. {_earlier(record, name)}{_progress(record)}')
+    return _by_motions(record, closed.error)
+
+
+def signal_name(number: int) -> str:
+    """
+    Return the name of a signal.
+
+    :param number: its number
+    :returns: SIGINT, say
+    """
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f'signal {number}'
+
+
+def _by_motions(record: Record, error: str | None) -> Verdict:
+    reason = _reason(record, faults=True) or error
+    if not any(motion.has_begun for motion in record.motions):
+        return Verdict(
+            Ending.NEVER_BEGAN, 'Never began',
+            _sentence(reason or _reason(record) or 'The program ended without driving'))
+    if reason is not None:
+        return Verdict(
+            Ending.FAULTED, 'Faulted', f'{_sentence(reason)} {_progress(record)}')
+    if (asked := _reason(record)) is not None:
+        return Verdict(
+            Ending.STOPPED, 'Stopped on request', f'{_sentence(asked)} {_progress(record)}')
+    if not all(motion.is_whole for motion in record.motions):
+        return Verdict(
+            Ending.FAULTED, 'Not finished', f'Nobody told why. {_progress(record)}')
+    return Verdict(Ending.DONE, 'Done', _progress(record))
+
+
+def _reason(record: Record, faults: bool = False) -> str | None:
+    return next((motion.reason for motion in record.motions
+                 if motion.reason is not None and (motion.is_fault or not faults)), None)
+
+
+def _earlier(record: Record, name: str) -> str:
+    # Standing by, a program drives on after a motion that came to nothing.
+    reason = _reason(record)
+    if reason is None or reason == f'stopped by {name}':
+        return ''
+    return f'A motion had been given up: {_sentence(reason)} '
+
+
+def _sentence(text: str) -> str:
+    text = ' '.join(text.split()) or 'no reason was told'
+    return text[0].upper() + text[1:] + ('' if text[-1] in '.!?' else '.')
+
+
+def _progress(record: Record) -> str:
+    begun = [motion for motion in record.motions if motion.has_begun]
+    if not begun:
+        return 'No motion had begun.'
+    cut = next((motion for motion in begun if not motion.is_whole), None)
+    whole = [motion for motion in begun if motion.is_whole]
+    if cut is None:
+        steps = sum(len(motion.plan.stages) for motion in whole)
+        more = len(record.motions) - len(begun)
+        left = f' {counted(more, "motion")} more did not begin.' if more else ''
+        if len(whole) == 1:
+            return f'Its motion was driven to its end, {_all_of(steps)}.{left}'
+        return (f'{len(whole)} motions were driven to their end, '
+                f'{counted(steps, "step")} in all.{left}')
+    return _how_far(cut, len(whole), len(begun))
+
+
+def _all_of(steps: int) -> str:
+    return f'all {steps} steps' if steps > 1 else counted(steps, 'step')
+
+
+def _how_far(cut: DrivenMotion, whole: int, begun: int) -> str:
+    movements = cut.movements
+    stages = len(cut.plan.stages)
+    at = cut.own_messages[-1].time - cut.began if cut.own_messages else 0.0
+    where = f'in step {len(movements)} of {stages}, ' if movements else ''
+    others = f'; of {counted(begun, "motion")} {whole} were driven to their end' if whole else ''
+    return (f'The motion ended {where}{at:.2f} s after its t = 0, of '
+            f'{cut.plan.duration:.2f} s{others}.')
 
 
 @dataclass(frozen=True)

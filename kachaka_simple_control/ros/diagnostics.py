@@ -18,9 +18,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from kachaka_simple_control.ros.aside import Aside
-from kachaka_simple_control.ros.condition import Condition
-from kachaka_simple_control.ros.shown_topics import shown_topic
+from kachaka_simple_control.ros.debug_topics import Aside, shown_topic
+from kachaka_simple_control.ros.session_status import Condition
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.node import Node
 from rclpy.qos import QoSProfile

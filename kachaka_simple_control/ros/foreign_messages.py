@@ -18,11 +18,10 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
+from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotTakenError
 from kachaka_simple_control.escaping import escaped
-from kachaka_simple_control.ros.velocity_message import is_zero
-from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
-from kachaka_simple_control.ros.waiting import wait_until
+from kachaka_simple_control.ros.velocity_publisher import is_zero, VelocityPublisher
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy

@@ -20,7 +20,7 @@ import re
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import quoted
-from kachaka_simple_control.robot.robot_profile import RobotProfile
+from kachaka_simple_control.files.robot_profile import RobotProfile
 
 #: The longest name of a topic or a service: RMW_TOPIC_MAX_NAME_LENGTH, which is what DDS takes
 #: (255) without the room for the prefixes of ROS [characters].

@@ -21,10 +21,10 @@ import math
 import time
 from typing import Any
 
-from kachaka_simple_control.motion.kinematics import Pose, Velocity
-from kachaka_simple_control.ros.messages import pose, velocity
+from kachaka_simple_control.motion.geometry import Pose, Velocity
+from kachaka_simple_control.ros.conversions import pose, velocity
+from kachaka_simple_control.ros.debug_topics import with_quality
 from kachaka_simple_control.ros.names import RobotNames
-from kachaka_simple_control.ros.shown_topics import with_quality
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 

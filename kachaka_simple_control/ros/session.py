@@ -20,28 +20,28 @@ import contextlib
 import threading
 import time
 
+from kachaka_simple_control.control import processes
+from kachaka_simple_control.control.drive_requests import DriveRequest, DriveRequests
+from kachaka_simple_control.control.guardian import Guardian, Unguarded
+from kachaka_simple_control.control.manual_control_lease import Renewal
+from kachaka_simple_control.control.plan_runner import play
+from kachaka_simple_control.control.stop import INTERVAL, Stillness, Stopper
+from kachaka_simple_control.control.velocity_gate import Access, PublisherEdge
+from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, RunFaultError
 from kachaka_simple_control.escaping import escaped
-from kachaka_simple_control.execution.drive_requests import DriveRequest, DriveRequests
-from kachaka_simple_control.execution.playing import play
-from kachaka_simple_control.execution.publisher_edge import Access, PublisherEdge
-from kachaka_simple_control.execution.renewal import Renewal
-from kachaka_simple_control.execution.stillness import Stillness
-from kachaka_simple_control.execution.stopping import INTERVAL, Stopper
+from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.robot.robot_profile import RobotProfile
-from kachaka_simple_control.ros.attendant import Attendant
-from kachaka_simple_control.ros.claim import RobotClaim
+from kachaka_simple_control.ros.executors import BackgroundSpinner
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
-from kachaka_simple_control.ros.guarding import guard
-from kachaka_simple_control.ros.manual_control import ManualControl
+from kachaka_simple_control.ros.manual_control_client import ManualControl
 from kachaka_simple_control.ros.names import RobotNames
-from kachaka_simple_control.ros.robot_link import RobotLink
-from kachaka_simple_control.ros.settings import Settings
-from kachaka_simple_control.ros.spinner import BackgroundSpinner
-from kachaka_simple_control.ros.standing import Lookout
+from kachaka_simple_control.ros.parameters import Settings
+from kachaka_simple_control.ros.robot_claim import RobotClaim
+from kachaka_simple_control.ros.robot_discovery import RobotLink
+from kachaka_simple_control.ros.run_monitor import Attendant
+from kachaka_simple_control.ros.session_status import Lookout
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
-from kachaka_simple_control.ros.waiting import wait_until
 from rclpy.node import Node
 
 #: How long the robot may take to confirm that manual control was given back [s].
@@ -368,3 +368,26 @@ def _reason(error: BaseException) -> ControlError:
     if isinstance(error, ControlError):
         return error
     return MotionRefusedError(f'the motion was ended by {error!r}')
+
+
+def guard(
+        node: Node, publisher: VelocityPublisher, profile: RobotProfile, settings: Settings,
+        claim: int) -> Guardian | Unguarded:
+    """
+    Start a guardian for a publisher, unless none is wanted.
+
+    :param node: the node that publishes
+    :param publisher: the publisher of velocities; the guardian's is of the same kind
+    :param profile: the kind of robot
+    :param settings: whether a guardian is wanted
+    :param claim: a descriptor that it keeps open as long as it is there: the claim on the robot
+    :returns: the guardian, or what stands in for it
+    """
+    if not settings.guardian:
+        return Unguarded()
+    arguments = [
+        publisher.topic_name, node.context.get_domain_id(), profile.hold, profile.message_type,
+        profile.frame]
+    return Guardian(
+        [*processes.command('kachaka_simple_control.ros.guardian_process'), *map(str, arguments)],
+        processes.environment(), claim)

@@ -1,0 +1,216 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Arguments and exit codes of the ``kachaka_simple_control`` command; needs no ROS."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import sys
+import traceback
+
+from kachaka_simple_control.control.signals import WATCH
+from kachaka_simple_control.errors import (
+    ControlError,
+    InvalidMotionError,
+    RobotNotFoundError,
+    UsageError,
+)
+from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.kachaka.grpc_client.address import Address
+from kachaka_simple_control.one_line_parser import OneLineParser
+
+NAME = 'kachaka_simple_control'
+#: The longest line that is printed of an error [characters]; a path may be long.
+LONGEST_LINE = 1000
+DONE, FAULTED, BAD_USAGE, NO_ROBOT, SIGNALLED = 0, 1, 2, 3, 128
+
+EPILOG = """
+exit codes: 0 done; 1 faulted; 2 bad usage or motion; 3 no robot listens, or another
+program drives it; 128 + N stopped by signal N (130 after Ctrl+C)
+"""
+
+
+@dataclass(frozen=True)
+class Options:
+    """
+    What the command was asked to do.
+
+    :param motions: names or files of the motions it is about; none: the lesson
+    :param sim: whether to start a simulated robot beside the node
+    :param robot: name or file of the robot's profile; None where nothing was said
+    :param rate: how often a velocity is sent [Hz]; None where nothing was said
+    :param list: whether to list the motions that come with the package
+    :param plan: whether to print what a motion will do
+    :param plot: where to draw what a motion will do; None if nowhere
+    :param wait: whether to drive only when a service asks for it
+    :param ros_arguments: what ROS itself is told, from ``--ros-args`` on
+    :param report: the folder to leave a report in; None for no report
+    :param quiet: whether to show nothing while the robot drives but the node's log lines
+    :param address: of the real robot to start a bridge to beside the node; None for no bridge
+    """
+
+    motions: tuple[str, ...] = ()
+    sim: bool = False
+    robot: str | None = None
+    rate: float | None = None
+    list: bool = False
+    plan: bool = False
+    plot: str | None = None
+    wait: bool = False
+    ros_arguments: tuple[str, ...] = ()
+    address: str | None = None
+    report: str | None = None
+    quiet: bool = False
+
+    @property
+    def looks_only(self) -> bool:
+        """Whether nothing is to move."""
+        return self.list or self.plan or self.plot is not None
+
+    @property
+    def brings_robot(self) -> bool:
+        """Whether the command starts a robot's bridge, simulated or not, beside the node."""
+        return self.sim or self.address is not None
+
+
+def parse(arguments: Sequence[str] | None = None) -> Options:
+    """
+    Read the command's arguments.
+
+    :param arguments: the arguments without the program's name; None for those of the process
+    :returns: the options
+    :raises SystemExit: with code 2 and one line for bad ones; with 0 after ``--help``
+    """
+    own, ros = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
+    parser = _parser()
+    said = vars(parser.parse_args(own))
+    said.pop('ros_args', None)
+    options = Options(motions=tuple(said.pop('motions')), ros_arguments=tuple(ros), **said)
+    if len(options.motions) > 1 and not options.looks_only:
+        parser.error('one motion can be driven at a time; --plan and --plot take several')
+    if options.report is not None and options.looks_only:
+        parser.error('--report is about a drive; --list, --plan and --plot drive nothing')
+    return options
+
+
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog=NAME, epilog=EPILOG, allow_abbrev=False,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Drive a motion, exactly timed; without a name, the seven movements of the '
+                    'lesson.')
+    parser.add_argument(
+        'motions', nargs='*', metavar='MOTION',
+        help='a motion that comes with the package (see --list), or the path of a file')
+    parser.add_argument(
+        '--list', action='store_true', help='list the motions that come with the package')
+    parser.add_argument(
+        '--plan', action='store_true',
+        help='print what the motions will do, step by step; nothing moves, and no ROS is needed')
+    parser.add_argument(
+        '--plot', metavar='FILE',
+        help='draw what the motions will do, as .png, .svg or .pdf; likewise')
+    robot = parser.add_mutually_exclusive_group()
+    robot.add_argument(
+        '--sim', action='store_true',
+        help='start a simulated Kachaka, drive it, and print what was asked, sent and driven')
+    robot.add_argument(
+        '--address', type=_address, metavar='HOST',
+        help='do the same with the real Kachaka at this address, HOST or HOST:PORT')
+    parser.add_argument(
+        '--wait', action='store_true',
+        help='stand by: ~/run starts the motion, ~/stop ends it (std_srvs/Trigger)')
+    parser.add_argument(
+        '--report', metavar='DIR',
+        help='leave a report and a recording of the drive in this new folder')
+    parser.add_argument(
+        '--quiet', action='store_true',
+        help="show nothing while the robot drives but the node's log lines")
+    parser.add_argument(
+        '--robot', metavar='NAME',
+        help='kachaka, turtlebot3, generic, or the path of a profile (default: what the motion '
+             'says, or kachaka)')
+    parser.add_argument(
+        '--rate', type=float, metavar='HZ',
+        help='how often a velocity is sent (default: what the motion says, or 10)')
+    parser.add_argument(
+        '--ros-args', action='store_true', default=argparse.SUPPRESS,
+        help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')
+    return parser
+
+
+def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """
+    Tell our arguments from those of ROS, which stand between ``--ros-args`` and ``--``.
+
+    :param arguments: all of them
+    :returns: ours, and those of ROS with their marks
+    """
+    own: list[str] = []
+    ros: list[str] = []
+    inside = False
+    for argument in arguments:
+        inside = inside or argument == '--ros-args'
+        (ros if inside else own).append(argument)
+        inside = inside and argument != '--'
+    return own, ros
+
+
+def exit_code(body: Callable[[], None]) -> int:
+    """
+    Run a program's body, and turn how it ends into an exit code and at most one line.
+
+    :param body: what to run
+    :returns: the exit code
+    """
+    code = DONE
+    try:
+        body()
+    except KeyboardInterrupt:
+        code = SIGNALLED + 2
+    except Exception as error:
+        code = _code_of(error)
+        # That a signal stopped the motion is known; anything else is worth a line even then.
+        if WATCH.signum is None or not _is_expected(error):
+            print(f'{NAME}: {_text(error)}', file=sys.stderr)
+    return code if WATCH.signum is None else SIGNALLED + WATCH.signum
+
+
+def _address(text: str) -> str:
+    try:
+        return str(Address.parse(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _code_of(error: Exception) -> int:
+    if isinstance(error, (InvalidMotionError, UsageError)):
+        return BAD_USAGE
+    return NO_ROBOT if isinstance(error, RobotNotFoundError) else FAULTED
+
+
+def _is_expected(error: Exception) -> bool:
+    return isinstance(error, (InvalidMotionError, ControlError))
+
+
+def _text(error: Exception) -> str:
+    if _is_expected(error):
+        # A file that is wrong in several places has a line for each.
+        return '\n'.join(escaped(line, LONGEST_LINE) for line in str(error).split('\n'))
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    text = escaped(error, LONGEST_LINE)
+    return (f'unexpected {type(error).__name__}: {text} ({where.filename}:{where.lineno}); the '
+            'robot was stopped')

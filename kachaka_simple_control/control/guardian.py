@@ -1,0 +1,187 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A second process that stops the robot when this one no longer can."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import contextlib
+import mmap
+import os
+import subprocess
+import tempfile
+import threading
+import time
+
+from kachaka_simple_control.control.latch import Flag, Latch
+from kachaka_simple_control.control.watchdog import Sign
+from kachaka_simple_control.errors import RunFaultError
+
+#: Signs of life are not sent more often than this [s].
+BEAT = 0.015
+#: How long the guardian may take to end by itself [s].
+PATIENCE = 1.0
+
+
+class Unguarded:
+    """In place of a guardian where none is wanted."""
+
+    participants: frozenset[bytes] = frozenset()
+    is_matched = True
+    stopped_because: str | None = None
+
+    def __init__(self) -> None:
+        """Have a latch that only this process can set."""
+        self.latch, self.sending = Latch(), Flag()
+        self.primed = 0
+
+    def prime(self) -> None:
+        """Publish nothing, and be done at once."""
+        self.primed += 1
+
+    def beat(self) -> None:
+        """Tell nobody."""
+
+    def rest(self) -> None:
+        """Tell nobody."""
+
+    def stopped(self) -> None:
+        """Tell nobody."""
+
+    def dismiss(self) -> None:
+        """Dismiss nobody."""
+
+
+class Guardian:
+    """
+    One process's side of its guardian.
+
+    The guardian hears signs of life over a pipe.  The pipe's end or silence, before the whole stop
+    was told, makes it set the latch and stop the robot.  The pipe
+    belongs to this process alone: it is closed in every child, so that its end is this process's
+    end.
+    """
+
+    def __init__(
+            self, command: Sequence[str], environment: dict[str, str], *kept: int) -> None:
+        """
+        Start it; a fresh program, in a session of its own that Ctrl+C does not reach.
+
+        :param command: what to run; it gets two descriptors as its last arguments, one to read
+            signs from and one whose first two bytes are the latch and the flag
+        :param environment: what it runs in
+        :param kept: descriptors that it keeps open as long as it is there
+        """
+        with tempfile.TemporaryFile() as memory:
+            memory.truncate(mmap.PAGESIZE)
+            shared = memoryview(mmap.mmap(memory.fileno(), mmap.PAGESIZE))
+            self.latch, self.sending = Latch(shared[:1]), Flag(shared[1:2])
+            signs, self._pipe = os.pipe()
+            os.set_blocking(self._pipe, False)
+            os.register_at_fork(after_in_child=self._close_in_child)
+            self._process = subprocess.Popen(
+                [*command, str(signs), str(memory.fileno())], env=environment,
+                pass_fds=(signs, memory.fileno(), *kept), stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE, start_new_session=True, text=True)
+            os.close(signs)
+        self._writing = threading.Lock()
+        self._last_beat = float('-inf')
+        self._primed = 0
+        #: what tells its publishers from others on the ROS graph: it may leave and come anew
+        self.participants: set[bytes] = set()
+        #: whether its publisher has met a subscriber
+        self.is_matched = False
+        #: why it stopped the robot; None if it did not
+        self.stopped_because: str | None = None
+        threading.Thread(target=self._listen, name='guardian', daemon=True).start()
+
+    def prime(self) -> None:
+        """
+        Have it publish one zero.
+
+        :raises RunFaultError: if it is gone
+        """
+        self._tell(Sign.PRIME)
+
+    @property
+    def primed(self) -> int:
+        """Return how many zeros it has published on request."""
+        return self._primed
+
+    def beat(self) -> None:
+        """
+        Show a sign of life: a run is on.
+
+        :raises RunFaultError: if it is gone
+        """
+        now = time.monotonic()
+        if now - self._last_beat >= BEAT:
+            self._last_beat = now
+            self._tell(Sign.BEAT)
+
+    def rest(self) -> None:
+        """Say that the run is over, and that its stop goes on."""
+        self._tell_if_there(Sign.REST)
+
+    def stopped(self) -> None:
+        """Say that the whole stop was sent."""
+        self._tell_if_there(Sign.STOPPED)
+
+    def dismiss(self) -> None:
+        """Close the pipe, and return when its publisher is gone; first it stops what moves yet."""
+        self._close()
+        try:
+            self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _tell_if_there(self, sign: Sign) -> None:
+        self._last_beat = float('-inf')
+        with contextlib.suppress(RunFaultError):
+            self._tell(sign)
+
+    def _tell(self, sign: Sign) -> None:
+        try:
+            with self._writing:
+                os.write(self._pipe, sign.value)
+        except OSError as error:
+            # Broken: it has ended.  Full: it has not read for minutes.
+            raise RunFaultError(
+                f'the guardian is gone ({error.strerror}), so the motion was given up') from None
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        with self._process.stdout as lines:
+            for line in lines:
+                word, _, value = line.strip().partition(' ')
+                if word == 'primed':
+                    self._primed += 1
+                elif word == 'participant':
+                    self.participants.add(bytes.fromhex(value))
+                elif word == 'matched':
+                    self.is_matched = True
+                elif word == 'stopped':
+                    self.stopped_because = value
+
+    def _close(self) -> None:
+        with self._writing:
+            pipe, self._pipe = self._pipe, -1
+        if pipe >= 0:
+            os.close(pipe)
+
+    def _close_in_child(self) -> None:
+        # A lock that another thread held at the fork stays locked in the child.
+        self._writing = threading.Lock()
+        self._close()

@@ -1,0 +1,256 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Output that nobody reads holds nobody up: what finds no room is left out.
+
+A full pipe, or a terminal after Ctrl+S, makes whoever writes to it wait for ever.  ROS's logger
+writes in C and keeps Python's interpreter lock meanwhile, so that no thread runs, not even one
+that stops a robot.
+"""
+
+from __future__ import annotations
+
+import atexit
+from collections.abc import Iterator
+import contextlib
+import fcntl
+import io
+import os
+import select
+import stat
+import sys
+import time
+from typing import Any, TextIO
+
+STDOUT, STDERR = 1, 2
+STREAMS = {STDOUT: 'stdout', STDERR: 'stderr'}
+#: How long Python's own text waits for room [s], if there has been some since the last time.
+PATIENCE = 1.0
+
+
+def never_wait(*descriptors: int) -> None:
+    """
+    See to it that no write to some outputs waits for its reader.
+
+    Where it can be, the output is opened anew, for the flag that says so belongs to all that share
+    an opened file: a shell would go on with it.  Elsewhere (a socket, the terminal of another
+    user) the flag is set as long as this program runs.  Files are left as they are.
+
+    :param descriptors: 1, 2 or both
+    """
+    for descriptor in filter(_may_wait, descriptors):
+        _unblock(descriptor)
+    # Standard error may share the flag with standard output, and either may have been inherited.
+    for descriptor in filter(_never_waits, STREAMS):
+        _replace(descriptor)
+
+
+def never_wait_for_log() -> None:
+    """See to it that ROS's logger never waits for its reader."""
+    to_stdout = os.environ.get('RCUTILS_LOGGING_USE_STDOUT') == '1'
+    never_wait(*[STDOUT, STDERR] if to_stdout else [STDERR])
+
+
+def wait_again(descriptor: int) -> None:
+    """
+    Let this process alone wait for the reader of an output that it has inherited.
+
+    :param descriptor: the output
+    """
+    if _never_waits(descriptor):
+        with contextlib.suppress(OSError):
+            _reopen(descriptor, 0)
+
+
+def discard_what_nobody_reads() -> None:
+    """Leave out what standard output does not take, for Python would wait for that in its end."""
+    if not _may_wait(STDOUT):
+        return
+    held_back = sys.stdout
+    never_wait(STDOUT)
+    end = time.monotonic() + PATIENCE
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        while not _is_flushed(held_back):
+            if not has_room(STDOUT, max(0.0, end - time.monotonic())):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), STDOUT)
+
+
+def has_room(descriptor: int, timeout: float = 0.0) -> bool:
+    """
+    Wait until an output takes something.
+
+    :param descriptor: the output
+    :param timeout: how long [s]
+    :returns: whether it does, or has nobody left to read it, which a write tells at once
+    """
+    poll = select.poll()
+    poll.register(descriptor, select.POLLOUT)
+    return bool(poll.poll(1e3 * timeout))
+
+
+class Outlet(io.RawIOBase):
+    """
+    The bytes of a stream on a descriptor that never waits: what finds no room in time is dropped.
+
+    It waits once: until there was room again, whatever follows is dropped at once.  A reader that
+    is gone is no error either.
+    """
+
+    mode = 'wb'
+
+    def __init__(self, descriptor: int, name: str) -> None:
+        """
+        Have written nothing.
+
+        :param descriptor: where to write; it stays open
+        :param name: what the stream is called
+        """
+        self._descriptor = descriptor
+        self._is_stuck = False
+        self.name = name
+
+    def fileno(self) -> int:
+        """Return the descriptor."""
+        return self._descriptor
+
+    def isatty(self) -> bool:
+        """Return whether it is a terminal."""
+        return os.isatty(self._descriptor)
+
+    def writable(self) -> bool:
+        """Return that it can be written to."""
+        return True
+
+    def write(self, data: Any, /) -> int:
+        """
+        Write all there is room for, and drop the rest.
+
+        :param data: the bytes
+        :returns: how many those are
+        """
+        rest = memoryview(data).cast('B')
+        count = len(rest)
+        self._is_stuck = self._is_stuck and not has_room(self._descriptor)
+        end = time.monotonic() + PATIENCE
+        while rest and not self._is_stuck:
+            written = _write(self._descriptor, rest)
+            rest = rest[written:]
+            now = time.monotonic()
+            if written:
+                end = now + PATIENCE
+            else:
+                self._is_stuck = now >= end or not has_room(self._descriptor, end - now)
+        return count
+
+
+def _write(descriptor: int, data: memoryview) -> int:
+    try:
+        return os.write(descriptor, data)
+    except BlockingIOError:
+        return 0
+    except OSError:  # nobody is left to read it
+        return len(data)
+
+
+def _is_flushed(stream: TextIO) -> bool:
+    try:
+        stream.flush()
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _may_wait(descriptor: int) -> bool:
+    try:
+        mode = os.fstat(descriptor).st_mode
+        waits = stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode) or os.isatty(descriptor)
+        return waits and os.get_blocking(descriptor)
+    except OSError:  # closed
+        return False
+
+
+def _never_waits(descriptor: int) -> bool:
+    try:
+        return not os.get_blocking(descriptor)
+    except OSError:
+        return False
+
+
+def _unblock(descriptor: int) -> None:
+    try:
+        _reopen(descriptor, os.O_NONBLOCK)
+    except OSError:
+        os.set_blocking(descriptor, False)
+        atexit.register(_restore, descriptor)
+
+
+def _reopen(descriptor: int, flags: int) -> None:
+    access = fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE
+    opened = os.open(f'/proc/self/fd/{descriptor}', access | flags | os.O_NOCTTY)
+    os.dup2(opened, descriptor)
+    os.close(opened)
+
+
+def _restore(descriptor: int) -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    with contextlib.suppress(OSError):
+        os.set_blocking(descriptor, True)
+
+
+def _replace(descriptor: int) -> None:
+    """Put a stream that never waits in place of Python's own, which would raise an error."""
+    name = STREAMS[descriptor]
+    original: TextIO | None = getattr(sys, f'__{name}__')
+    if not isinstance(original, io.TextIOWrapper) or isinstance(original.buffer, Outlet):
+        return
+    with contextlib.suppress(OSError, ValueError):
+        if original.fileno() != descriptor:
+            return
+    with contextlib.suppress(OSError, ValueError):
+        original.flush()
+    # Directly, without a buffer between: the lock of one, held by a thread that waits for room
+    # when Python ends, would abort it.
+    stream = io.TextIOWrapper(
+        Outlet(descriptor, original.name),
+        encoding=original.encoding, errors=original.errors,
+        line_buffering=original.line_buffering, write_through=original.write_through)
+    if getattr(sys, name) is original:
+        setattr(sys, name, stream)
+    setattr(sys, f'__{name}__', stream)
+
+
+@contextlib.contextmanager
+def print_only_on_success() -> Iterator[None]:
+    """
+    Print what comes out of ROS's C code only if all goes well; one line tells the rest.
+
+    :returns: a context manager
+    """
+    sys.stderr.flush()
+    try:
+        terminal = os.dup(2)
+    except OSError:  # it is closed
+        yield
+        return
+    with os.fdopen(os.memfd_create('stderr'), 'w+b', buffering=0) as printed:
+        os.dup2(printed.fileno(), 2)
+        try:
+            yield
+            printed.seek(0)
+            os.write(terminal, printed.read())
+        finally:
+            os.dup2(terminal, 2)
+            os.close(terminal)

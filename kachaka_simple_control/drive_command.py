@@ -1,0 +1,192 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What the command does when a robot is to be driven; needs ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import contextlib
+import sys
+import threading
+from typing import TYPE_CHECKING
+
+from kachaka_simple_control.cli import Options
+from kachaka_simple_control.control.output import never_wait, STDERR, STDOUT
+from kachaka_simple_control.display.display_launcher import DisplayTeller, worth_showing
+from kachaka_simple_control.errors import ControlError, UsageError
+from kachaka_simple_control.files.robot_profile import KACHAKA, profile_of
+from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
+from kachaka_simple_control.preview_command import check_rate
+from kachaka_simple_control.report.recording import lacking
+from kachaka_simple_control.report.report_directory import report_folder
+from kachaka_simple_control.report.text_tables import table
+from kachaka_simple_control.ros.dds_transport import is_told_to_stay, stay_on_this_machine
+from kachaka_simple_control.ros.parameters import check_names
+from kachaka_simple_control.ros.qos import SERVICE_QUALITY
+from kachaka_simple_control.ros.startup import start_ros
+from kachaka_simple_control.telemetry.subscriber_process import Listeners, listeners, REPORTER
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.files.motion_file import MotionFile
+    from kachaka_simple_control.kachaka.bridge_process import SimulationProcess
+
+def drive(options: Options) -> None:
+    """
+    Drive a robot as the command was asked to.
+
+    :param options: what was asked
+    :raises ControlError: if it could not be done; the robot was stopped
+    :raises InvalidMotionError: if it cannot be done; nothing has moved
+    """
+    never_wait(STDOUT, STDERR)
+    motion_file = _motion_file(options)
+    check_names(options.ros_arguments)
+    # Started last, a bridge ends last: after its robot was stopped and given back.
+    with contextlib.ExitStack() as helpers:
+        if options.report is not None:
+            helpers.enter_context(report_folder(options.report))
+        if options.brings_robot or is_told_to_stay():
+            stay_on_this_machine()
+        start_ros(options.ros_arguments)
+        robot_control = KachakaSimpleControl(parameter_overrides=[
+            Parameter(name, value=value)
+            for name, value in _parameters(options, motion_file).items()])
+        told = helpers.enter_context(listeners(robot_control.audience))
+        try:
+            _start_listeners(told, options, is_lesson=motion_file is None)
+            robot_control.introduce(_title(motion_file))
+            if options.brings_robot:
+                robot = helpers.enter_context(
+                    _robot_of(options, robot_control.settings.robot_namespace))
+                robot_control.expect(robot.require_participant)
+            _play(robot_control, motion_file, options.wait)
+        except KeyboardInterrupt:
+            robot_control.get_logger().info('Program was interrupted')
+        finally:
+            try:
+                robot_control.stop_robot()
+            finally:
+                told.still_after = still_after = robot_control.stop_confirmed_after
+                robot_control.destroy_node()
+                rclpy.try_shutdown()
+    if options.brings_robot and robot_control.record.movements:
+        print(table(robot_control.record, still_after))
+
+
+def _start_listeners(told: Listeners, options: Options, is_lesson: bool) -> None:
+    if not options.quiet and worth_showing(is_lesson):
+        told.join(DisplayTeller())
+    if options.report is not None:
+        if (missing := lacking()) is not None:
+            print(f'report: {missing}', file=sys.stderr)
+        told.start(REPORTER, options.report)
+
+
+def _title(motion_file: MotionFile | None) -> str:
+    return 'lesson' if motion_file is None else motion_file.motion.name
+
+
+def _robot_of(
+        options: Options, namespace: str) -> contextlib.AbstractContextManager[SimulationProcess]:
+    """Return the robot that the command brings along, in a process of its own."""
+    from kachaka_simple_control.kachaka.bridge_process import real_robot, simulation
+    if options.address is None:
+        return simulation(namespace)
+    return real_robot(options.address, namespace)
+
+
+def _motion_file(options: Options) -> MotionFile | None:
+    """Read the motion, and refuse what its robot cannot do before anything is started."""
+    robot = options.robot
+    motion_file = None
+    if options.motions or options.wait:
+        from kachaka_simple_control.files.library import find
+        motion_file = find(options.motions[0] if options.motions else 'lesson')
+        robot = robot or motion_file.robot
+    profile = profile_of(robot or KACHAKA.name)
+    if options.brings_robot and profile.velocity_topic != KACHAKA.velocity_topic:
+        raise UsageError(
+            f'--sim and --address bring a kachaka along, not a {profile.name}: leave out that '
+            'option, or --robot')
+    rate = options.rate
+    if motion_file is not None:
+        motion_file.check(profile.limits, profile.name)
+        rate = motion_file.rate if rate is None else rate
+    if rate is not None:
+        check_rate(rate, profile)
+    return motion_file
+
+
+def _parameters(options: Options, motion_file: MotionFile | None) -> dict[str, object]:
+    # A report needs what the table needs: odometry.
+    summary = options.brings_robot or options.report is not None or None
+    said = [{'robot': options.robot, 'rate': options.rate, 'summary': summary}]
+    if motion_file is not None:
+        said.insert(0, {'robot': motion_file.robot, 'rate': motion_file.rate})
+    return {name: value for values in said for name, value in values.items() if value is not None}
+
+
+def _play(
+        robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool) -> None:
+    if motion_file is None:
+        play_lesson(robot_control)
+        return
+    profile = robot_control.profile
+    limits = motion_file.check(profile.limits, profile.name)
+    if wait:
+        RunService(robot_control, lambda: robot_control.prepare(motion_file.motion, limits))
+        robot_control.serve_until_halted()
+    else:
+        robot_control.run(motion_file.motion, limits)
+
+
+class RunService:
+    """The service ``~/run``: starts a drive, one at a time, and answers at once."""
+
+    def __init__(self, node: Node, prepare: Callable[[], Callable[[], None]]) -> None:
+        """
+        Offer it.
+
+        :param node: whose service it is
+        :param prepare: accepts a drive for each request, or raises why not, and returns what
+            drives; a stop ends the drive from then on
+        """
+        self._node = node
+        self._prepare = prepare
+        service = node.create_service(
+            Trigger, '~/run', self._on_request, qos_profile=SERVICE_QUALITY)
+        node.get_logger().info(f'Standing by: call {service.srv_name} to start, ~/stop to stop')
+
+    def _on_request(
+            self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        del request
+        try:
+            drive = self._prepare()
+        except ControlError as error:
+            response.message = str(error)
+            return response
+        # A callback must return soon, so the drive gets a thread of its own.
+        threading.Thread(target=self._run, args=(drive,), name='drive', daemon=True).start()
+        response.success, response.message = True, 'started'
+        return response
+
+    def _run(self, drive: Callable[[], None]) -> None:
+        try:
+            drive()
+        except ControlError as error:
+            self._node.get_logger().error(str(error))

@@ -1,0 +1,97 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""From values in a file to numbers in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.files.diagnostics import Place
+from kachaka_simple_control.files.units import (
+    ANGULAR_ACCELERATION,
+    ANGULAR_JERK,
+    LINEAR_ACCELERATION,
+    LINEAR_JERK,
+    Quantity,
+    SPEED,
+    TURNING_SPEED,
+    UnitError,
+)
+from kachaka_simple_control.files.yaml_document import Document
+
+#: What each limit is.
+LIMITS = {
+    'max_linear_velocity': SPEED,
+    'max_angular_velocity': TURNING_SPEED,
+    'max_linear_acceleration': LINEAR_ACCELERATION,
+    'max_angular_acceleration': ANGULAR_ACCELERATION,
+    'max_linear_jerk': LINEAR_JERK,
+    'max_angular_jerk': ANGULAR_JERK,
+    'max_linear_deceleration': LINEAR_ACCELERATION,
+    'max_angular_deceleration': ANGULAR_ACCELERATION,
+    'max_backward_velocity': SPEED,
+}
+
+
+def read_quantities(
+        document: Document, way: Place, quantities: Mapping[str, Quantity]) -> dict[str, float]:
+    """
+    Return the quantities of a mapping, in SI units; object to those that are none.
+
+    :param document: what is in the file
+    :param way: the way to the mapping
+    :param quantities: what each of its keys is
+    :returns: a number for each key that is there and good
+    """
+    node = document.root.at(way)
+    numbers: dict[str, float] = {}
+    for key, quantity in quantities.items():
+        if key in node.children and not node.children[key].is_spoilt:
+            number = read_quantity(document, [*way, key], quantity)
+            if number is not None:
+                numbers[key] = number
+    return numbers
+
+
+def read_quantity(document: Document, way: Place, quantity: Quantity) -> float | None:
+    """
+    Return a quantity in its SI unit; object to what is none.
+
+    :param document: what is in the file
+    :param way: the way to it
+    :param quantity: what it is
+    :returns: the number; None if it is none
+    """
+    value = document.root.at(way).data
+    try:
+        return quantity.parse(value) if isinstance(value, str) else float(value)
+    except UnitError as error:
+        document.object_to(way, str(error))
+        return None
+
+
+def object_with(document: Document, way: Place, error: InvalidMotionError) -> None:
+    """
+    Object to a value in the words of the class that refused it.
+
+    :param document: what is in the file
+    :param way: the way to what was to be made an object of that class
+    :param error: what it said, beginning with the name of the field
+    """
+    field, verb, rest = error.message.partition(' is ')
+    if verb and field.isidentifier():
+        document.object_to([*way, field], f'{rest}')
+    else:
+        document.object_to(way, error.message)

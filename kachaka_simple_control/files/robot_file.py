@@ -1,0 +1,126 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Read profiles of robots from files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import math
+import os
+from pathlib import PurePath
+
+from kachaka_simple_control.errors import InvalidMotionError, UsageError
+from kachaka_simple_control.files.diagnostics import in_order, Problem, report, UnreadableFileError
+from kachaka_simple_control.files.library import look_up, names_in
+from kachaka_simple_control.files.motion_file import read_document
+from kachaka_simple_control.files.quantities import LIMITS, object_with, read_quantities
+from kachaka_simple_control.files.robot_profile import Box, Disc, Footprint, RobotProfile
+from kachaka_simple_control.files.units import HOLD, LENGTH, SIZE
+from kachaka_simple_control.files.yaml_document import Document
+from kachaka_simple_control.motion.limits import Limits
+
+SCHEMA = 'robots/robot.schema.json'
+
+
+class RobotFileError(UsageError):
+    """
+    A robot's profile could not be read from a file; a line for each thing that is wrong.
+
+    :ivar source: which file
+    :ivar problems: what is wrong with it, in the order of its lines
+    """
+
+    def __init__(self, source: str, problems: Iterable[Problem]) -> None:
+        """
+        Say what is wrong with a file.
+
+        :param source: which file
+        :param problems: what is wrong with it
+        """
+        self.source = source
+        self.problems = in_order(problems)
+        super().__init__(report(source, self.problems))
+
+
+def robots() -> list[str]:
+    """
+    Return the names of the robots that the package knows.
+
+    :returns: the names, in order
+    """
+    return names_in('robots')
+
+
+def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
+    """
+    Read a robot's profile: one of the package by its name, or one of your own by its path.
+
+    :param name_or_path: a word without a dot and a slash is a name, all else is a path
+    :returns: the robot
+    :raises RobotFileError: if there is none, or it cannot be read
+    """
+    source = os.fspath(name_or_path)
+    try:
+        source, text = look_up(name_or_path, 'robots')
+        return _read(read_document(text, SCHEMA), source)
+    except UnreadableFileError as error:
+        raise RobotFileError(source, error.problems) from None
+
+
+def _read(document: Document, source: str) -> RobotProfile:
+    data = document.root.data if isinstance(document.root.data, dict) else {}
+    hold = read_quantities(document, [], {'hold': HOLD})
+    timeout = read_quantities(document, ['manual_control'], {'timeout': HOLD})
+    limits = _limits(document)
+    footprint = _footprint(document)
+    if document.problems or limits is None:
+        raise UnreadableFileError(*document.problems)
+    return RobotProfile(
+        name=data.get('name', PurePath(source).stem),
+        namespace=data.get('namespace', '/'),
+        velocity_topic=data['velocity_topic'],
+        odometry_topic=data.get('odometry_topic'),
+        manual_control_service=(data.get('manual_control') or {}).get('service'),
+        manual_control_timeout=timeout.get('timeout', math.inf),
+        hold=hold['hold'],
+        limits=limits,
+        message_type=data.get('message_type', 'Twist'),
+        frame=data.get('frame', 'base_link'),
+        footprint=footprint)
+
+
+def _limits(document: Document) -> Limits | None:
+    numbers = read_quantities(document, ['limits'], LIMITS)
+    if document.root.at(['limits']).is_spoilt or document.root.is_spoilt:
+        return None
+    try:
+        return Limits(**numbers)
+    except InvalidMotionError as error:
+        object_with(document, ['limits'], error)
+        return None
+
+
+def _footprint(document: Document) -> Footprint | None:
+    node = document.root.children.get('footprint')
+    if node is None or node.data is None:
+        return None
+    numbers = read_quantities(
+        document, ['footprint'], {'length': SIZE, 'width': SIZE, 'ahead': LENGTH, 'radius': SIZE})
+    if not node.is_spoilt:
+        if set(numbers) == {'radius'}:
+            return Disc(**numbers)
+        if set(numbers) - {'ahead'} == {'length', 'width'}:
+            return Box(**numbers)
+        document.object_to(['footprint'], 'it must be length and width, or radius alone')
+    return None

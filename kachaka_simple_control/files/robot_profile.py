@@ -1,0 +1,115 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What is known of a robot before it is met."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from kachaka_simple_control.motion.limits import Limits
+
+
+@dataclass(frozen=True)
+class Box:
+    """
+    The outline of a robot with four corners, seen from above.
+
+    :param length: from back to front [m]
+    :param width: from side to side [m]
+    :param ahead: how far its middle is ahead of the axle, about which the robot turns [m]
+    """
+
+    length: float
+    width: float
+    ahead: float = 0.0
+
+
+@dataclass(frozen=True)
+class Disc:
+    """
+    The outline of a round robot, seen from above, with the axle in its middle.
+
+    :param radius: its radius [m]
+    """
+
+    radius: float
+
+
+Footprint = Box | Disc
+
+
+@dataclass(frozen=True)
+class RobotProfile:
+    """
+    A robot as its commander sees it; names are relative to the robot's ROS namespace.
+
+    :param name: what people call it
+    :param namespace: its ROS namespace, absolute, where nobody says another one
+    :param velocity_topic: where it takes velocities
+    :param odometry_topic: where it tells where it is; None if nowhere
+    :param manual_control_service: what lets it take velocities (std_srvs/SetBool); None if it
+        always takes them
+    :param manual_control_timeout: how long one enabling lasts [s]; infinite if it needs none
+    :param hold: how long it keeps the last velocity without a new one [s]
+    :param limits: its largest velocities, accelerations and jerks
+    :param message_type: what it takes velocities as: Twist or TwistStamped, of geometry_msgs
+    :param frame: the frame in the header of a TwistStamped
+    :param footprint: its outline, for pictures; None if it does not matter
+    """
+
+    name: str
+    namespace: str
+    velocity_topic: str
+    odometry_topic: str | None
+    manual_control_service: str | None
+    manual_control_timeout: float
+    hold: float
+    limits: Limits
+    message_type: str = 'Twist'
+    frame: str = 'base_link'
+    footprint: Footprint | None = None
+
+
+#: Figures of the maker: 0.3 m/s and 1.57 rad/s (python/kachaka_api/base.py), a hold of 0.3 s and
+#: manual control for 60 s (docs/kachaka_api_client.ipynb), names (manual_control_component.cpp),
+#: outline (kachaka_description).  All in the public repository pf-robotics/kachaka-api.
+#: Its accelerations and jerks are chosen, for the maker publishes none.  ``robots/kachaka.yaml``
+#: says the same; the lesson needs no file to be read.
+KACHAKA = RobotProfile(
+    name='kachaka',
+    namespace='/kachaka',
+    velocity_topic='manual_control/cmd_vel',
+    odometry_topic='odometry/odometry',
+    manual_control_service='manual_control/set_enabled',
+    manual_control_timeout=60.0,
+    hold=0.3,
+    limits=Limits(
+        max_linear_velocity=0.3, max_angular_velocity=1.57,
+        max_linear_acceleration=0.5, max_angular_acceleration=2.5,
+        max_linear_jerk=2.0, max_angular_jerk=10.0),
+    footprint=Box(length=0.387, width=0.240, ahead=0.0435))
+
+
+def profile_of(name_or_path: str) -> RobotProfile:
+    """
+    Return a robot's profile; all but the Kachaka's are read from files.
+
+    :param name_or_path: a name that the package knows, or the path of a file
+    :returns: the robot
+    :raises UsageError: if there is none, or it cannot be read
+    """
+    if name_or_path == KACHAKA.name:
+        return KACHAKA
+    from kachaka_simple_control.files.robot_file import find_robot
+    return find_robot(name_or_path)

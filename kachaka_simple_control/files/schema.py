@@ -1,0 +1,168 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What may be in a file: a JSON Schema, and what is said of a file that breaks it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+import difflib
+from functools import cache
+from importlib.resources import files
+import json
+from typing import Any
+
+from kachaka_simple_control.escaping import quoted
+from kachaka_simple_control.files.diagnostics import INSTALL, Problem, UnreadableFileError
+from kachaka_simple_control.files.units import QUANTITIES, UnitError
+from kachaka_simple_control.files.yaml_document import Document
+
+PACKAGE = 'kachaka_simple_control'
+
+
+def check(document: Document, schema: str) -> None:
+    """
+    Hold what is in a file against a schema, and object to what breaks it.
+
+    :param document: what is in the file
+    :param schema: the schema's path in this package, as in ``motions/motion.schema.json``
+    :raises UnreadableFileError: if jsonschema is missing, or there is too much to object to
+    """
+    for error in _validator(schema).iter_errors(document.root.data):
+        for part, text in _MESSAGES[error.validator](error):
+            way = [*error.absolute_path, *([] if part is None else [part])]
+            document.object_to(way, text)
+
+
+@cache
+def _validator(schema: str) -> Any:
+    try:
+        from jsonschema import Draft7Validator
+    except ImportError:
+        raise UnreadableFileError(Problem(INSTALL)) from None
+    return Draft7Validator(json.loads(files(PACKAGE).joinpath(schema).read_text('utf-8')))
+
+
+def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
+    """
+    Return the word that somebody may have meant.
+
+    :param word: what was written
+    :param known: what could have been
+    :returns: one of the known ones; None if none is near
+    """
+    close = difflib.get_close_matches(word.lower(), list(known), n=1)
+    return close[0] if close else None
+
+
+def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
+    """
+    Return how to go on after a word that is not known.
+
+    :param word: what was written
+    :param known: what could have been
+    :returns: the nearest, or else all of them
+    """
+    near = nearest(word, known)
+    return f'did you mean {near!r}?' if near else f'known are {", ".join(known)}'
+
+
+#: The key within the value that a message is about, if any, and the message.
+_Messages = Iterator[tuple[str | None, str]]
+
+
+def _type(error: Any) -> _Messages:
+    yield None, f'{_shown(error.instance)}; it must be {_expected(error.schema)}'
+
+
+def _pattern(error: Any) -> _Messages:
+    quantity = QUANTITIES.get(error.schema.get('quantity'))
+    text = f'{_shown(error.instance)}; it must be {_expected(error.schema)}'
+    if quantity:
+        try:
+            quantity.parse(error.instance)
+        except UnitError as reason:
+            text = str(reason)
+    yield None, text
+
+
+def _enum(error: Any) -> _Messages:
+    choices = [str(choice) for choice in error.validator_value]
+    yield None, f'{_shown(error.instance)}; it must be {" or ".join(choices)}'
+
+
+def _unknown(error: Any) -> _Messages:
+    known = error.schema['properties']
+    if len(error.instance) > error.schema.get('maxProperties', len(error.instance)):
+        return  # said already: there are several
+    for key in error.instance:
+        if key not in known:
+            yield key, f'there is no such {_entry(error)}; {did_you_mean(key, known)}'
+
+
+def _missing(error: Any) -> _Messages:
+    for key in error.validator_value:
+        if key not in error.instance:
+            yield None, f'{key!r} is missing: {_expected(error.schema["properties"][key])}'
+
+
+def _too_few(error: Any) -> _Messages:
+    yield None, f'nothing; it must be {_expected(error.schema)}'
+
+
+def _too_many(error: Any) -> _Messages:
+    keys = ' and '.join(quoted(key) for key in list(error.instance)[:3])
+    yield None, (f"{keys} in one step; begin each step with '- ', and indent what belongs to it "
+                 'by two more')
+
+
+def _bound(words: str) -> Callable[[Any], _Messages]:
+    def message(error: Any) -> _Messages:
+        quantity = QUANTITIES.get(error.schema.get('quantity'))
+        unit = f' {quantity.unit}' if quantity else ''
+        yield None, (f'{error.instance}{unit}; it must be '
+                     f'{words.format(error.validator_value)}{unit}')
+    return message
+
+
+#: What is said, by the keyword of the schema that is broken.
+_MESSAGES: dict[str, Callable[[Any], _Messages]] = {
+    'additionalProperties': _unknown,
+    'enum': _enum,
+    'exclusiveMinimum': _bound('above {}'),
+    'maxProperties': _too_many,
+    'maximum': _bound('at most {}'),
+    'minProperties': _too_few,
+    'minimum': _bound('at least {}'),
+    'pattern': _pattern,
+    'required': _missing,
+    'type': _type,
+}
+
+
+def _entry(error: Any) -> str:
+    return str(error.schema.get('entry', 'key'))
+
+
+def _expected(schema: Mapping[str, Any]) -> str:
+    quantity = QUANTITIES.get(schema.get('quantity', ''))
+    return quantity.wanted if quantity else str(schema['expected'])
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return 'nothing'
+    if isinstance(value, (dict, list)):
+        return 'a list' if isinstance(value, list) else 'keys with values'
+    return str(value).lower() if isinstance(value, bool) else quoted(value) if isinstance(
+        value, str) else repr(value)

@@ -1,0 +1,424 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Read YAML of bounded size into values that know their lines."""
+
+from __future__ import annotations
+
+import codecs
+from dataclasses import dataclass, field
+import math
+import os
+import re
+import stat
+from typing import Any
+
+from kachaka_simple_control.escaping import quoted
+from kachaka_simple_control.files.diagnostics import (
+    dotted,
+    INSTALL,
+    MAX_PROBLEMS,
+    Place,
+    Problem,
+    UnreadableFileError,
+)
+from kachaka_simple_control.files.units import DIGITS
+
+#: The largest file that is read [bytes].
+MAX_BYTES = 1_000_000
+#: All but what YAML allows, without the line breaks that editors do not count as such.
+_UNPRINTABLE = re.compile(
+    '[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """
+    Return the text of a file.
+
+    :param path: where it is
+    :returns: its text
+    :raises UnreadableFileError: if there is no such file, or it is no text of at most 1 MB
+    """
+    try:
+        data = _read(path)
+    except FileNotFoundError:
+        raise UnreadableFileError(Problem('there is no such file')) from None
+    except IsADirectoryError:
+        raise UnreadableFileError(Problem('this is a folder; name a file in it')) from None
+    except PermissionError:
+        raise UnreadableFileError(Problem('you are not allowed to read this file')) from None
+    except ValueError:
+        raise UnreadableFileError(Problem('no file can have this name')) from None
+    except OSError as error:
+        raise UnreadableFileError(Problem(f'it cannot be read: {error.strerror}')) from None
+    return decode(data)
+
+
+def decode(data: bytes) -> str:
+    """
+    Return the text that bytes stand for.
+
+    :param data: the bytes of a file
+    :returns: its text
+    :raises UnreadableFileError: if they are no text in UTF-8, or too many
+    """
+    if len(data) > MAX_BYTES:
+        raise UnreadableFileError(_too_large())
+    if data.startswith(_UTF_16):
+        raise UnreadableFileError(Problem('this is text in UTF-16; save it as UTF-8'))
+    try:
+        return data.decode()
+    except UnicodeDecodeError as error:
+        raise UnreadableFileError(Problem(
+            f'byte {data[error.start]:#04x} is not UTF-8; is this a text, saved as UTF-8?',
+            line=data.count(b'\n', 0, error.start) + 1)) from None
+
+
+def require_text(text: str) -> str:
+    """
+    Require what a person can see, of a size that can be read.
+
+    :param text: the text of a file, perhaps with a byte order mark, as some editors write
+    :returns: the same
+    :raises UnreadableFileError: if it is too long, or has control characters
+    """
+    # A character has four bytes at most, so this spares encoding what is surely too long.
+    if len(text) > MAX_BYTES or len(text.encode(errors='surrogatepass')) > MAX_BYTES:
+        raise UnreadableFileError(_too_large())
+    found = _UNPRINTABLE.search(text)
+    if found:
+        raise UnreadableFileError(Problem(
+            f'U+{ord(found[0]):04X} cannot be in a text; is this one, saved as UTF-8?',
+            line=text.count('\n', 0, found.start()) + 1))
+    return text
+
+
+def _read(path: str | os.PathLike[str]) -> bytes:
+    # A pipe would wait for its other end, and a device may have no end.
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        mode = os.fstat(descriptor).st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError
+        if not stat.S_ISREG(mode):
+            raise UnreadableFileError(Problem('this is a device or a pipe, not a file'))
+        parts: list[bytes] = []
+        while sum(map(len, parts)) <= MAX_BYTES:
+            parts.append(os.read(descriptor, MAX_BYTES + 1))
+            if not parts[-1]:
+                break
+        return b''.join(parts)
+    finally:
+        os.close(descriptor)
+
+
+def _too_large() -> Problem:
+    return Problem(f'this is more than {MAX_BYTES} bytes, the most that is read')
+
+
+@dataclass(eq=False)
+class Node:
+    """
+    A value in a file.
+
+    :param line: the line it begins in, or that of its key, counted from 1
+    :param data: the value, as JSON has it
+    :param children: what is in it, by key or index
+    :param is_bad: whether something is wrong with it, and was said
+    :param is_spoilt: whether it is bad, or something in it is
+    """
+
+    line: int
+    data: Any
+    children: dict[str | int, Node] = field(default_factory=dict)
+    is_bad: bool = False
+    is_spoilt: bool = False
+
+    def on_the_way(self, way: Place) -> list[Node]:
+        """
+        Return the values on the way to a place, this one first.
+
+        :param way: keys and indices, from here
+        :returns: the values, as far as there are any
+        """
+        found = [self]
+        for part in way:
+            if part not in found[-1].children:
+                break
+            found.append(found[-1].children[part])
+        return found
+
+    def at(self, way: Place) -> Node:
+        """
+        Return the value at a place.
+
+        :param way: keys and indices, from here
+        :returns: the value, or the last one on the way where the way ends before
+        """
+        return self.on_the_way(way)[-1]
+
+
+@dataclass(eq=False)
+class Document:
+    """
+    What is in a file.
+
+    :param root: all of it
+    :param problems: what is wrong with it
+    """
+
+    root: Node
+    problems: list[Problem] = field(default_factory=list)
+
+    def object_to(self, way: Place, text: str) -> None:
+        """
+        Say what is wrong with a value, unless something is that was said already.
+
+        :param way: the way to the value
+        :param text: what is wrong
+        :raises UnreadableFileError: if that is enough
+        """
+        nodes = self.root.on_the_way(way)
+        if len(nodes) > len(way) and nodes[-1].is_bad:
+            return
+        self.problems.append(Problem(text, nodes[-1].line, dotted(way)))
+        for node in nodes:
+            node.is_spoilt = True
+        if len(self.problems) >= MAX_PROBLEMS:
+            raise UnreadableFileError(*self.problems)
+
+
+#: More characters than this no number needs: the longest float has 24.
+MAX_NUMBER = 100
+_NOTHING = ('', '~', 'null', 'Null', 'NULL')
+_TRUTH = {
+    'true': True, 'True': True, 'TRUE': True, 'false': False, 'False': False, 'FALSE': False}
+_NUMBER = re.compile(f'[-+]?{DIGITS}')
+_WHOLE = re.compile('[-+]?[0-9]{1,15}')
+_LEADING_ZERO = re.compile('[-+]?0[0-9]+')
+_NOT_FINITE = re.compile(r'[-+]?[.]?(inf(inity)?|nan)', re.IGNORECASE)
+
+
+class ScalarError(ValueError):
+    """A word means nothing that a file may say; the text says why."""
+
+
+def resolve(word: str) -> bool | int | float | str | None:
+    """
+    Return what a word without quotes means.
+
+    As in YAML 1.2: ``1e3`` is a number, ``yes``, ``on`` and ``1:30`` are text.
+
+    :param word: the word
+    :returns: nothing, a truth value, a finite number or a text
+    :raises ScalarError: if it is a number that is not finite, endless, or read as octal by some
+    """
+    if word in _NOTHING:
+        return None
+    if word in _TRUTH:
+        return _TRUTH[word]
+    if _NUMBER.fullmatch(word):
+        return _number(word)
+    if _NOT_FINITE.fullmatch(word):
+        raise ScalarError(f'{word} is not a finite number')
+    return word
+
+
+def _number(word: str) -> int | float:
+    if len(word) > MAX_NUMBER:
+        raise ScalarError(f'this number has {len(word)} characters; {MAX_NUMBER} are enough')
+    if _LEADING_ZERO.fullmatch(word):
+        raise ScalarError(
+            f'{quoted(word)} has a leading zero, which makes it octal for some readers; '
+            'leave the zero out')
+    if _WHOLE.fullmatch(word):
+        return int(word)
+    number = float(word)
+    if not math.isfinite(number):
+        raise ScalarError(f'{quoted(word)} is too large a number')
+    return number
+
+
+#: How many values and keys a file may have.
+MAX_VALUES = 100_000
+#: How deep they may be nested; a motion's innermost step in 20 repeats is 64 deep.
+MAX_DEPTH = 70
+
+
+def compose(text: str) -> Document:
+    """
+    Read YAML: mappings, lists and words, in one document.
+
+    :param text: the text
+    :returns: its values, and what is wrong with single ones
+    :raises UnreadableFileError: if it is no YAML, empty or too large
+    """
+    try:
+        import yaml
+    except ImportError:
+        raise UnreadableFileError(Problem(INSTALL)) from None
+    # The one in C is fifteen times as fast; some builds of PyYAML have it not.
+    loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+    composer = _Composer()
+    try:
+        for event in yaml.parse(text, Loader=loader):
+            composer.take(event)
+    except yaml.YAMLError as error:
+        raise UnreadableFileError(*composer.problems, _not_yaml(error, text)) from None
+    return composer.document()
+
+
+def _not_yaml(error: Any, text: str) -> Problem:
+    mark = getattr(error, 'problem_mark', None) or getattr(error, 'context_mark', None)
+    reason = getattr(error, 'problem', None) or getattr(error, 'context', None) or 'no reason'
+    lines = re.split('\r\n|\r|\n', text)[mark.line:mark.line + 1] if mark else []
+    found = ''.join(lines)[mark.column:mark.column + 1] if mark else ''
+    if 'cannot start any token' in reason and found:
+        advice = 'indent with spaces' if found == '\t' else 'put the text in quotes'
+        reason = f'nothing can begin with {quoted(found)} here; {advice}'
+    return Problem(
+        f'this is not YAML: {" ".join(reason.split())}', line=mark.line + 1 if mark else None)
+
+
+def _resolve(event: Any) -> tuple[Any, str | None]:
+    """Return what a word means, or else what is wrong with it."""
+    try:
+        event.value.encode()
+        return (event.value if event.style else resolve(event.value)), None
+    except ScalarError as error:
+        return None, str(error)
+    except UnicodeEncodeError:
+        return None, 'half a character, as in \\ud83d, cannot be in a text'
+
+
+def _decoration(event: Any) -> str | None:
+    """Return what is wrong with what stands before a value to say more than the value does."""
+    anchor: str | None = getattr(event, 'anchor', None)
+    tag: str | None = getattr(event, 'tag', None)
+    if type(event).__name__ == 'AliasEvent':
+        return f'aliases such as {quoted(f"*{anchor}")} are not read; write it out'
+    if anchor is not None:
+        return f'anchors such as {quoted(f"&{anchor}")} are not read; leave it out'
+    return None if tag is None else f'tags such as {quoted(tag)} are not read; leave it out'
+
+
+@dataclass(eq=False)
+class _Open:
+    """A mapping or list whose end has not come yet, and the key whose value comes next."""
+
+    node: Node
+    key: str | None = None
+    key_line: int = 0
+    is_twice: bool = False
+
+    @property
+    def awaits_key(self) -> bool:
+        return self.key is None and isinstance(self.node.data, dict)
+
+    @property
+    def part(self) -> str | int:
+        # Of a list, it is the last one so far.
+        return len(self.node.data) - 1 if self.key is None else self.key
+
+
+class _Composer:
+    """Builds the values of a document from the events of PyYAML, one by one."""
+
+    def __init__(self) -> None:
+        self.problems: list[Problem] = []
+        self._root: Node | None = None
+        self._open: list[_Open] = []
+        self._count = 0
+
+    def document(self) -> Document:
+        if self._root is None or (self._root.data is None and not self.problems):
+            raise UnreadableFileError(Problem('the file is empty'))
+        return Document(self._root, self.problems)
+
+    def take(self, event: Any) -> None:
+        kind = type(event).__name__.removesuffix('Event')
+        line = event.start_mark.line + 1
+        if kind == 'DocumentStart' and self._root is not None:
+            raise self._given_up('a second document begins here; a file has one', line)
+        if kind == 'Scalar' and self._open and self._open[-1].awaits_key:
+            self._take_key(event, line)
+        elif kind in ('Scalar', 'Alias', 'MappingStart', 'SequenceStart'):
+            self._take_value(kind, event, line)
+        elif kind in ('MappingEnd', 'SequenceEnd'):
+            self._open.pop()
+            self._next()
+
+    def _take_key(self, event: Any, line: int) -> None:
+        mapping = self._open[-1]
+        mapping.key, mapping.key_line = event.value, line
+        mapping.is_twice = event.value in mapping.node.data
+        self._count_one(line)
+        if mapping.is_twice:
+            first = mapping.node.children[event.value].line
+            self._object(line, f'this key is here twice, first in line {first}')
+        elif objection := _decoration(event):
+            self._object(line, objection)
+
+    def _take_value(self, kind: str, event: Any, line: int) -> None:
+        if self._open and self._open[-1].awaits_key:
+            raise self._given_up('a key must be a word', line)
+        self._count_one(line)
+        node = Node(line, {'MappingStart': {}, 'SequenceStart': []}.get(kind))
+        objection = _decoration(event)
+        if kind == 'Scalar' and not objection:
+            node.data, objection = _resolve(event)
+        self._attach(node)
+        if objection:
+            node.is_bad = node.is_spoilt = True
+            self._object(line, objection)
+        if kind in ('MappingStart', 'SequenceStart'):
+            self._open.append(_Open(node))
+            if len(self._open) > MAX_DEPTH:
+                raise self._given_up(
+                    f'lists and keys are nested more than {MAX_DEPTH} deep', line)
+        else:
+            self._next()
+
+    def _attach(self, node: Node) -> None:
+        if not self._open:
+            self._root = node
+            return
+        parent = self._open[-1]
+        if parent.key is None:
+            parent.node.children[len(parent.node.data)] = node
+            parent.node.data.append(node.data)
+        elif not parent.is_twice:
+            parent.node.children[parent.key] = node
+            parent.node.data[parent.key] = node.data
+            node.line = parent.key_line
+
+    def _next(self) -> None:
+        if self._open:
+            self._open[-1].key = None
+
+    def _object(self, line: int, text: str) -> None:
+        for parent in self._open:
+            parent.node.is_spoilt = True
+        way = [parent.part for parent in self._open]
+        self.problems.append(Problem(text, line, dotted(way)))
+        if len(self.problems) >= MAX_PROBLEMS:
+            raise UnreadableFileError(*self.problems)
+
+    def _count_one(self, line: int) -> None:
+        self._count += 1
+        if self._count > MAX_VALUES:
+            raise self._given_up(f'there are more than {MAX_VALUES} values and keys', line)
+
+    def _given_up(self, text: str, line: int) -> UnreadableFileError:
+        return UnreadableFileError(*self.problems, Problem(text, line))

@@ -1,0 +1,213 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The nodes that show a robot to ROS 2 as the maker's own bridge does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+
+from geometry_msgs.msg import Twist
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.kachaka.simulator.robot import (
+    ERROR_NO_MANUAL_CONTROL,
+    ODOMETRY_PERIOD,
+    SimulatedKachaka,
+    SUCCESS,
+)
+from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.ros import conversions
+from kachaka_simple_control.ros.executors import NodeSpinner, Spinner
+from kachaka_simple_control.ros.names import RobotNames
+from kachaka_simple_control.ros.robot_claim import RobotClaim
+from kachaka_simple_control.ros.startup import check_node_names, refused_in_one_line
+from nav_msgs.msg import Odometry
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import qos_profile_sensor_data
+from std_srvs.srv import SetBool
+
+NODE = 'kachaka_bridge'
+#: The frames of odometry, before their prefix.
+ODOMETRY_FRAME = 'odom'
+ROBOT_FRAME = 'base_footprint'
+#: In the official bridge both come from the robot; the simulated one has only one odometry.
+ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
+
+
+class BridgeNode(Node):
+    """The topics, the service and the quality of service of the official bridge."""
+
+    def __init__(
+            self, namespace: str, on_rival: Callable[[str], None] = lambda _: None) -> None:
+        """
+        Listen from now on, unless another bridge shows a robot under the same names.
+
+        :param namespace: where its topics and its service are
+        :param on_rival: called with who else does, when that turns out later
+        :raises RobotTakenError: if another bridge does
+        :raises UsageError: if a name cannot be one, or is taken by something else of the node
+        """
+        with refused_in_one_line(NODE):
+            super().__init__(NODE, namespace=namespace, start_parameter_services=False)
+        check_node_names(
+            self, RobotNames(
+                KACHAKA.velocity_topic, KACHAKA.odometry_topic, KACHAKA.manual_control_service),
+            (*ODOMETRY_TOPICS[1:], '/diagnostics'), ())
+        self._claim = RobotClaim(
+            self, self.resolve_topic_name(KACHAKA.velocity_topic), 'bridge', on_rival)
+        self._take_claim()
+        service = KACHAKA.manual_control_service
+        assert service is not None, 'a Kachaka has one'
+        self._subscription = self.create_subscription(
+            Twist, KACHAKA.velocity_topic, self.hear, qos_profile_sensor_data,
+            callback_group=MutuallyExclusiveCallbackGroup())
+        self._service = self.create_service(SetBool, service, self._on_set_enabled)
+        self._odometry = [
+            self.create_publisher(Odometry, topic, qos_profile_sensor_data)
+            for topic in ODOMETRY_TOPICS]
+
+    @property
+    def summary(self) -> str:
+        """Return what the bridge serves, in one line."""
+        return (
+            f'velocities on {self._subscription.topic_name}, '
+            f'manual control at {self.resolve_service_name(self._service.srv_name)}, '
+            f'odometry on {self._odometry[0].topic_name}')
+
+    def spinners(self) -> list[Spinner]:
+        """Return what to run, each in a thread of its own."""
+        return [NodeSpinner(self)]
+
+    def hear(self, twist: Twist) -> None:
+        """
+        Take a message in.
+
+        :param twist: the message
+        """
+        self.drive(conversions.velocity(twist), time.monotonic())
+
+    def close(self) -> None:
+        """Leave the robot, before the node is destroyed."""
+
+    def drive(self, velocity: Velocity, now: float) -> None:
+        """
+        Let the robot have a velocity.
+
+        :param velocity: the velocity, which may not be finite
+        :param now: when it came [s, steady clock]
+        """
+        raise NotImplementedError
+
+    def set_manual_control(self, enabled: bool) -> str:
+        """
+        Let the robot take velocities, or none.
+
+        :param enabled: whether it takes them
+        :returns: why it refuses; nothing if it does not
+        """
+        raise NotImplementedError
+
+    def _take_claim(self) -> None:
+        # Claims of others are heard before anybody else serves callbacks.
+        executor = SingleThreadedExecutor(context=self.context)
+        executor.add_node(self)
+        try:
+            self._claim.take(lambda: executor.spin_once(timeout_sec=0.0))
+            self._claim.hold()
+        finally:
+            executor.remove_node(self)
+            executor.shutdown()
+
+    def _on_set_enabled(
+            self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        response.message = self.set_manual_control(request.data)
+        response.success = not response.message
+        return response
+
+
+class KachakaBridge(BridgeNode):
+    """
+    Shows a simulated robot, with the habits of the official bridge.
+
+    In particular: a velocity sent while manual control is off switches it on and is itself lost,
+    be it zero or not; nothing is limited here; there is no watchdog but the robot's own hold.
+    """
+
+    def __init__(
+            self, robot: SimulatedKachaka, namespace: str, frame_prefix: str = '',
+            on_rival: Callable[[str], None] = lambda _: None) -> None:
+        """
+        Show a robot from now on.
+
+        :param robot: the robot
+        :param namespace: where its topics and its service are
+        :param frame_prefix: put before the names of the frames as it is
+        :param on_rival: called when another bridge shows a robot under the same names
+        :raises RobotTakenError: if another bridge does already
+        """
+        super().__init__(namespace, on_rival)
+        self._robot = robot
+        self._frame_id = frame_prefix + ODOMETRY_FRAME
+        self._child_frame_id = frame_prefix + ROBOT_FRAME
+        # A timer would otherwise follow /clock, which may stand still while the robot drives.
+        self._timer = self.create_timer(
+            ODOMETRY_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def drive(self, velocity: Velocity, now: float) -> None:
+        """
+        Let the robot have a velocity.
+
+        :param velocity: the velocity, which may not be finite
+        :param now: when it came [s, steady clock]
+        """
+        limits = KACHAKA.limits
+        code = self._robot.set_robot_velocity(
+            velocity.linear_x / limits.max_linear_velocity,
+            velocity.angular_z / limits.max_angular_velocity,
+            now)
+        if code == ERROR_NO_MANUAL_CONTROL:
+            self.set_manual_control(True)
+        elif code != SUCCESS:
+            self.get_logger().warning(f'the robot refused {velocity}', throttle_duration_sec=1.0)
+
+    def set_manual_control(self, enabled: bool) -> str:
+        """
+        Let the robot take velocities, or none.
+
+        :param enabled: whether it takes them
+        :returns: why it refuses; nothing if it does not
+        """
+        code = self._robot.set_manual_control(enabled, time.monotonic())
+        self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
+        return '' if code == SUCCESS else f'error {code}'
+
+    def _on_timer(self) -> None:
+        # Asked for in any case: a robot with a lag works out its way bit by bit as time passes,
+        # and is not to do so for minutes of it when a velocity comes.
+        now, stamp = time.monotonic(), self.get_clock().now().to_msg()
+        pose, velocity = self._robot.odometry(now)
+        listened_to = [topic for topic in self._odometry if topic.get_subscription_count() > 0]
+        if listened_to:
+            message = conversions.odometry(
+                pose, velocity, stamp, self._frame_id, self._child_frame_id)
+            _publish(message, listened_to)
+
+
+def _publish(message: Odometry, publishers: list[Publisher]) -> None:
+    for publisher in publishers:
+        publisher.publish(message)

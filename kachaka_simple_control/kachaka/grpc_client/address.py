@@ -1,0 +1,110 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The address of a robot, and whether something listens there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import socket
+
+from kachaka_simple_control.escaping import quoted
+
+#: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).
+PORT = 26400
+#: The longest name of a host has 253 characters; brackets and a port may come with it.
+LONGEST = 261
+
+
+@dataclass(frozen=True)
+class Address:
+    """
+    The address of a robot.
+
+    :param host: its name or its IP address
+    :param port: the TCP port of its gRPC service
+    """
+
+    host: str
+    port: int = PORT
+
+    @classmethod
+    def parse(cls, text: str) -> Address:
+        """
+        Read an address as people write it.
+
+        :param text: ``HOST`` or ``HOST:PORT``; an IPv6 address with a port stands in brackets
+        :returns: the address
+        :raises ValueError: if it is none, in one line
+        """
+        host, port = _split(text.strip())
+        if len(text) > LONGEST or not text.isprintable():
+            raise ValueError(
+                f'{quoted(text, 60)} is no address of a robot; it has at most {LONGEST} '
+                'characters, all of them visible')
+        if not host or any(c.isspace() or c == '/' for c in text.strip()) or set('[]') & set(host):
+            raise ValueError(
+                f'{text!r} is no address of a robot; write HOST or HOST:{PORT}, for example '
+                f'192.168.1.20 or 192.168.1.20:{PORT}')
+        if not (port.isascii() and port.isdigit() and 1 <= int(port) <= 65535):
+            raise ValueError(f'the port in {text!r} must be a number from 1 to 65535')
+        return cls(host, int(port))
+
+    def __str__(self) -> str:
+        """Return it as gRPC takes it."""
+        host = f'[{self.host}]' if ':' in self.host else self.host
+        return f'{host}:{self.port}'
+
+
+def _split(text: str) -> tuple[str, str]:
+    if text.startswith('['):
+        host, bracket, rest = text[1:].partition(']')
+        has_port = rest.startswith(':')
+        return (host if bracket and (has_port or not rest) else ''), rest[1:] or str(PORT)
+    if text.count(':') == 1:
+        host, _, port = text.partition(':')
+        return host, port
+    return text, str(PORT)
+
+
+#: Where the switch is: docs/GENERAL.md in pf-robotics/kachaka-api.
+SWITCH_ON = 'switch the Kachaka API on in the phone app (Settings, the robot, Kachaka API)'
+
+
+class UnreachableError(RuntimeError):
+    """No robot answers; the text says what to do about it."""
+
+
+def require_listener(address: Address, timeout: float) -> None:
+    """
+    Make sure that somebody listens at an address.
+
+    :param address: the address
+    :param timeout: how long to try [s]
+    :raises UnreachableError: if nobody does
+    """
+    try:
+        with socket.create_connection((address.host, address.port), timeout):
+            return
+    except socket.gaierror:
+        text = (f'there is no host {address.host!r}: look the IP address of the robot up in the '
+                'phone app (Settings, App information)')
+    except ConnectionRefusedError:
+        text = f'{address} is there, but refuses connections: {SWITCH_ON}'
+    except TimeoutError:
+        text = (f'{address} does not answer within {timeout:g} s: is the robot on, is its address '
+                'right, and is this machine in the same network?')
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        text = f'{address} cannot be reached ({reason}): is this machine in its network?'
+    raise UnreachableError(text)

@@ -1,0 +1,412 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Decide which call to make next: command timeout, newest command, stop first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+import math
+
+from kachaka_simple_control.kachaka.error_codes import ERROR_NO_MANUAL_CONTROL
+from kachaka_simple_control.kachaka.grpc_client.connection_state import Outcome, Trouble
+from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.limits import Limits
+
+
+@dataclass(frozen=True)
+class Command:
+    """
+    A velocity as parts of the robot's largest, and when it came.
+
+    :param linear: forward, from -1 to 1
+    :param angular: turning to the left, from -1 to 1
+    :param time: when it came [s, steady clock]
+    """
+
+    linear: float
+    angular: float
+    time: float
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether it asks the robot to stand still."""
+        return self.linear == 0.0 and self.angular == 0.0
+
+
+def command(velocity: Velocity, limits: Limits, now: float) -> Command:
+    """
+    Return a velocity as the robot takes it, cut off at its largest.
+
+    :param velocity: the velocity
+    :param limits: the largest velocities of the robot
+    :param now: the time [s, steady clock]
+    :returns: the command
+    :raises ValueError: if the velocity is no finite number, in one line
+    """
+    if not (math.isfinite(velocity.linear_x) and math.isfinite(velocity.angular_z)):
+        raise ValueError(
+            f'linear.x {velocity.linear_x} m/s and angular.z {velocity.angular_z} rad/s must be '
+            'finite numbers')
+    return Command(
+        _part(velocity.linear_x, limits.max_linear_velocity),
+        _part(velocity.angular_z, limits.max_angular_velocity),
+        now)
+
+
+def _part(value: float, largest: float) -> float:
+    return max(-1.0, min(value / largest, 1.0))
+
+
+#: A robot whose velocities cease is stopped after this time without one [s].  It is below the
+#: hold of 0.3 s, and above the period of the slowest publisher that keeps such a robot moving
+#: (5 Hz, 0.2 s).
+LIMIT = 0.25
+#: A publisher that ever let this time pass between two velocities of a motion [s] is left to the
+#: hold: a late message of it must not be taken for its end.  Our node gives its run up when it is
+#: more than 0.1 s late, so 0.15 + 0.1 = LIMIT never cuts a run of it short.
+LEISURELY = 0.15
+
+
+class Silence:
+    """
+    Hears the commands that come, and says when to stop waiting for the next.
+
+    Knows of a motion only what it heard in this motion: before its second velocity, nothing.
+    """
+
+    def __init__(self) -> None:
+        """Wait for nothing."""
+        self._last: float | None = None
+        self._longest: float | None = None
+
+    def hear(self, is_stop: bool, now: float) -> None:
+        """
+        Take note of a command.
+
+        :param is_stop: whether it asks the robot to stand still; then nothing more need come
+        :param now: the time [s, steady clock]
+        """
+        if is_stop:
+            self._last = self._longest = None
+            return
+        if self._last is not None:
+            self._longest = max(self._longest or 0.0, now - self._last)
+        self._last = now
+
+    @property
+    def end(self) -> float | None:
+        """Return when to stop the robot unless a command comes before [s]; None for never."""
+        if self._last is None or self._longest is None or self._longest > LEISURELY:
+            return None
+        return self._last + LIMIT
+
+    def is_over(self, now: float) -> bool:
+        """
+        Tell once whether velocities have ceased.
+
+        :param now: the time [s, steady clock]
+        :returns: whether they have; then nothing is waited for until the next
+        """
+        if self.end is None or now < self.end:
+            return False
+        self._last = self._longest = None
+        return True
+
+
+class Mailbox:
+    """
+    Holds one motion that waits for the robot to be free, or the knowledge that a stop is owed.
+
+    A newer command takes the place of an older one, so nothing queues up before a slow robot.  A
+    stop takes the place of any motion, and is never lost to one: it stays owed until it is taken.
+    """
+
+    def __init__(self, patience: float) -> None:
+        """
+        Hold nothing.
+
+        :param patience: how old a motion may be when it is taken [s]; older ones are dropped
+        """
+        self._patience = patience
+        self._newest: Command | None = None
+        self._motion: Command | None = None
+        #: whether a stop has to be sent before any motion
+        self.is_stop_owed = False
+        #: how many motions were replaced, or dropped for their age or for a stop
+        self.dropped = 0
+
+    def put(self, command: Command) -> None:
+        """
+        Take a command in, in place of what waits.
+
+        :param command: the newest command
+        """
+        if command.is_stop:
+            self.owe_stop()
+            return
+        self.clear()
+        self._newest = self._motion = command
+
+    def put_back(self, command: Command) -> None:
+        """
+        Take in again a motion that the robot did not take, if it is still what is wanted.
+
+        :param command: the motion, which was taken from here
+        """
+        if command is self._newest:
+            self._motion = command
+
+    def owe_stop(self) -> None:
+        """Drop what waits; a stop is owed."""
+        self.clear()
+        self.is_stop_owed = True
+
+    def clear(self) -> None:
+        """Forget the motion that waits, if one does, and all before it."""
+        self.dropped += self._motion is not None
+        self._newest = self._motion = None
+
+    def take_stop(self) -> bool:
+        """
+        Take the stop that is owed.
+
+        :returns: whether one was
+        """
+        was_owed, self.is_stop_owed = self.is_stop_owed, False
+        return was_owed
+
+    def has_motion(self, now: float) -> bool:
+        """
+        Tell whether a motion waits that may be sent; one that has grown too old is dropped.
+
+        :param now: the time [s, steady clock]
+        :returns: whether there is one, and no stop comes before it
+        """
+        if self._motion is not None and now - self._motion.time > self._patience:
+            self.clear()
+        return self._motion is not None and not self.is_stop_owed
+
+    def take_motion(self, now: float) -> Command | None:
+        """
+        Take the motion that waits, if it may be sent.
+
+        :param now: the time [s, steady clock]
+        :returns: the motion; None if there is none
+        """
+        if not self.has_motion(now):
+            return None
+        motion, self._motion = self._motion, None
+        return motion
+
+
+#: How long the robot may take to confirm a stop, or to switch manual control on [s].
+PATIENCE = 1.0
+#: After so many motions in a row without an answer within the hold, no more are sent.
+LATE_IN_A_ROW = 3
+#: A publisher that was silent for so long [s] has come to rest, as one that sent a zero has.
+REST = 1.0
+
+
+class Kind(Enum):
+    """What the robot is asked for."""
+
+    MOTION = 'motion'
+    STOP = 'stop'
+    #: manual control, for a motion that was refused without it
+    TAKE = 'take'
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """
+    One call to make now.
+
+    :param kind: what it asks for
+    :param command: the velocity of a motion or a stop; None for ``TAKE``
+    :param deadline: how long the robot may take to answer [s]
+    """
+
+    kind: Kind
+    command: Command | None
+    deadline: float
+
+
+class Helm:
+    """
+    Turns commands that come into orders that go, one motion at a time.
+
+    A motion is sent when nothing else is under way.  A stop is sent at once, beside a motion that
+    is under way; and once more after that motion has ended, for the two may have arrived in
+    either order.  After what went wrong (a lost link, a refusal, a robot that is too slow) no
+    motion is sent until the commander has come to rest: a zero, or nothing for a while.
+    """
+
+    def __init__(self, hold: float) -> None:
+        """
+        Know of no robot, and send nothing.
+
+        :param hold: how long the robot keeps a velocity [s]
+        """
+        self._hold = hold
+        self._mailbox = Mailbox(hold)
+        self._silence = Silence()
+        self._under_way: list[Order] = []
+        self._overtaken: Order | None = None
+        self._wants_control = False
+        self._is_linked = False
+        self._late = 0
+        self._heard_last = float('-inf')
+        #: whether motions wait for the commander to come to rest
+        self.is_barred = False
+        #: whether the robot was given a motion, and has not confirmed a stop since
+        self.may_move = False
+        #: whether manual control was switched on for a motion
+        self.has_taken = False
+
+    @property
+    def dropped(self) -> int:
+        """Return how many motions were never sent, because of something newer or their age."""
+        return self._mailbox.dropped
+
+    @property
+    def next_look(self) -> float | None:
+        """Return when to ask again what is due, if nothing happens before [s]."""
+        return self._silence.end
+
+    def hear(self, command: Command) -> None:
+        """
+        Take a command in.
+
+        :param command: the newest command
+        """
+        is_rest = command.is_stop or command.time - self._heard_last > REST
+        self._heard_last = command.time
+        if self._is_linked and is_rest:
+            self.is_barred = False
+        if command.is_stop or not self.is_barred:
+            self._silence.hear(command.is_stop, command.time)
+            self._mailbox.put(command)
+
+    def due(self, now: float) -> Order | None:
+        """
+        Return what to send now; ask again until it is nothing.
+
+        :param now: the time [s, steady clock]
+        :returns: the order, which is under way from now on
+        """
+        if self._silence.is_over(now):
+            self._mailbox.owe_stop()
+        if not self._is_linked:
+            return None
+        order = self._stop(now) or self._take(now) or self._motion(now)
+        if order is not None:
+            self._under_way.append(order)
+        return order
+
+    def ended(self, order: Order, outcome: Outcome, now: float) -> None:
+        """
+        Take in how an order ended.
+
+        :param order: the order
+        :param outcome: how it ended
+        :param now: the time [s, steady clock]
+        """
+        self._under_way.remove(order)
+        if order.kind is Kind.STOP:
+            self._stop_ended(outcome)
+        elif order.kind is Kind.TAKE:
+            self._take_ended(outcome)
+        else:
+            self._motion_ended(order, outcome, now)
+
+    def connect(self) -> None:
+        """Take in that the robot answers."""
+        self._is_linked = True
+
+    def lose(self) -> None:
+        """Take in that the robot is out of reach; it is stopped when it is back."""
+        self._is_linked = False
+        self.bar()
+
+    def bar(self) -> None:
+        """Send no motion until the commander has come to rest, and stop the robot if it moves."""
+        self.is_barred = True
+        self.rest()
+
+    def held_up(self, now: float) -> None:
+        """
+        Take in that this program was frozen: what comes in now was waiting, and may be old.
+
+        :param now: the time [s, steady clock]
+        """
+        self._heard_last = now
+        self.bar()
+
+    def rest(self) -> None:
+        """Forget every motion that came, and stop the robot if it moves."""
+        self._wants_control = False
+        self._silence = Silence()
+        self._mailbox.clear()
+        if self.may_move:
+            self._mailbox.owe_stop()
+
+    def _stop(self, now: float) -> Order | None:
+        if any(order.kind is Kind.STOP for order in self._under_way):
+            return None
+        if not self._mailbox.take_stop():
+            return None
+        self._overtaken = next(
+            (order for order in self._under_way if order.kind is Kind.MOTION), None)
+        return Order(Kind.STOP, Command(0.0, 0.0, now), PATIENCE)
+
+    def _take(self, now: float) -> Order | None:
+        if self._under_way or not self._wants_control:
+            return None
+        self._wants_control = False
+        return Order(Kind.TAKE, None, PATIENCE) if self._mailbox.has_motion(now) else None
+
+    def _motion(self, now: float) -> Order | None:
+        command = None if self._under_way else self._mailbox.take_motion(now)
+        if command is None:
+            return None
+        self.may_move = True
+        return Order(Kind.MOTION, command, self._hold)
+
+    def _stop_ended(self, outcome: Outcome) -> None:
+        if not outcome.is_heard:
+            self._mailbox.owe_stop()
+        elif not self._under_way and not self._mailbox.is_stop_owed:
+            self.may_move = False
+
+    def _take_ended(self, outcome: Outcome) -> None:
+        if outcome.is_success:
+            self.has_taken = True
+        elif outcome.is_heard:
+            self.bar()
+
+    def _motion_ended(self, order: Order, outcome: Outcome, now: float) -> None:
+        assert order.command is not None
+        was_overtaken, self._overtaken = order is self._overtaken, None
+        is_late = outcome.trouble is Trouble.LATE
+        self._late = self._late + 1 if is_late else 0
+        # Which of the two came last is not known; a newer motion would make up for it.
+        if is_late or (was_overtaken and not self._mailbox.has_motion(now)):
+            self._mailbox.owe_stop()
+        if outcome.code == ERROR_NO_MANUAL_CONTROL:
+            self._wants_control = True
+            self._mailbox.put_back(order.command)
+        elif self._late >= LATE_IN_A_ROW or (outcome.is_heard and not outcome.is_success):
+            self._late = 0
+            self.bar()

@@ -1,0 +1,112 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Results of calls, and what they tell of the connection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+SUCCESS = 0
+
+
+class Trouble(Enum):
+    """Why there is no answer."""
+
+    #: none came in time; the robot may still do what it was asked
+    LATE = 'late'
+    #: there is no connection
+    GONE = 'gone'
+    #: the robot does not know this call, or broke down over it
+    FAILED = 'failed'
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """
+    The robot's answer to one call, or why there is none.
+
+    :param code: the robot's error code, 0 for success; None without an answer
+    :param trouble: why there is no answer
+    :param text: the same for a person
+    """
+
+    code: int | None = None
+    trouble: Trouble | None = None
+    text: str = ''
+
+    @property
+    def is_success(self) -> bool:
+        """Whether the robot did as it was asked."""
+        return self.code == SUCCESS
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether the robot was there to answer."""
+        return self.trouble in (None, Trouble.FAILED)
+
+
+#: A robot that has answered nothing for so long [s], though it was asked, is out of reach.
+PATIENCE = 1.0
+
+
+class Change(Enum):
+    """What became of the link."""
+
+    FOUND = 'found'
+    LOST = 'lost'
+    BACK = 'back'
+
+
+class Link:
+    """The link to a robot; tells each change of it once."""
+
+    def __init__(self) -> None:
+        """Know of no robot."""
+        self.is_up = False
+        #: why it was lost last
+        self.reason = ''
+        #: how often it was lost
+        self.losses = 0
+        #: when it changed last [s, steady clock]
+        self.since = float('nan')
+        self._heard_last = float('-inf')
+        self._failing_since: float | None = None
+
+    def note(self, outcome: Outcome, begun: float, now: float) -> Change | None:
+        """
+        Take in how a call ended.
+
+        :param outcome: how
+        :param begun: when it began [s, steady clock]
+        :param now: the time [s, steady clock]
+        :returns: what has changed with it
+        """
+        if outcome.is_heard:
+            self._failing_since, self._heard_last = None, now
+            return None if self.is_up else self._found(now)
+        if self._failing_since is None:
+            self._failing_since = begun
+        silence = now - max(self._failing_since, self._heard_last)
+        is_lost = outcome.trouble is Trouble.GONE or silence >= PATIENCE
+        return self._lost(outcome.text, now) if is_lost and self.is_up else None
+
+    def _found(self, now: float) -> Change:
+        self.is_up, self.since = True, now
+        return Change.BACK if self.losses else Change.FOUND
+
+    def _lost(self, reason: str, now: float) -> Change:
+        self.is_up, self.since, self.reason = False, now, reason
+        self.losses += 1
+        return Change.LOST

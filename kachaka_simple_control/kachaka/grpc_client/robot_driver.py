@@ -1,0 +1,239 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A robot behind gRPC: driven, watched, and left at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import math
+import threading
+import time
+from typing import TYPE_CHECKING
+
+from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.kachaka.error_codes import ErrorTexts, Level
+from kachaka_simple_control.kachaka.grpc_client.command_arbiter import Command, Helm, Kind, Order
+from kachaka_simple_control.kachaka.grpc_client.connection_state import (
+    Change,
+    Link,
+    Outcome,
+    Trouble,
+)
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
+
+#: A motion may be under way, and beside it a stop that overtakes it.
+WORKERS = 2
+#: How long the robot may take to answer when it is told of the end [s]; asked thrice at most.
+FAREWELL = 0.3
+#: How long it may take to switch manual control on or off for somebody else [s].
+MANUAL_CONTROL_DEADLINE = 3.0
+#: How often a worker without work looks at the clock [s].
+BEAT = 0.1
+GOES_ON = 'moves again after a zero, or after 1 s without velocities'
+
+
+class RealRobot:
+    """
+    Puts a ``Helm`` between whoever commands and the robot, and threads that make its calls.
+
+    May be used by many threads.  Nothing is sent before ``note`` has heard of an answer.
+    """
+
+    def __init__(
+            self, client: RobotClient, hold: float, texts: ErrorTexts,
+            tell: Callable[[Level, str], None],
+            give_up: Callable[[str], None] = lambda _: None) -> None:
+        """
+        Be ready to drive.
+
+        :param client: its calls
+        :param hold: how long the robot keeps a velocity [s]
+        :param texts: what its errors mean
+        :param tell: called with what a person should know; must return at once
+        :param give_up: called with the reason when motions are cut short; likewise
+        """
+        self._client = client
+        self._hold = hold
+        self._helm = Helm(hold)
+        self._tell = tell
+        self._give_up = give_up
+        self._changed = threading.Condition()
+        self._is_over = False
+        self._has_control = False
+        self._workers = [
+            threading.Thread(target=self._work, name=f'robot-{number}', daemon=True)
+            for number in range(WORKERS)]
+        self.link = Link()
+        self.texts = texts
+        #: how long the robot took to answer a velocity last [s]
+        self.round_trip = math.nan
+        for worker in self._workers:
+            worker.start()
+
+    @property
+    def dropped(self) -> int:
+        """Return how many motions were never sent, for newer ones or for their age."""
+        return self._helm.dropped
+
+    def drive(self, command: Command) -> None:
+        """
+        Let the robot have a command as soon as it can; returns at once.
+
+        :param command: the newest command
+        """
+        with self._changed:
+            self._helm.hear(command)
+            self._changed.notify()
+
+    def set_manual_control(self, enabled: bool) -> Outcome:
+        """
+        Let the robot take velocities, or none; returns when it has answered.
+
+        :param enabled: whether it takes them
+        :returns: how that ended
+        """
+        if not enabled:
+            # What came before must not take the robot again.
+            with self._changed:
+                self._helm.rest()
+                self._changed.notify()
+        begun = time.monotonic()
+        outcome = self._client.set_manual_control(enabled, MANUAL_CONTROL_DEADLINE)
+        with self._changed:
+            self._note(outcome, begun)
+            if outcome.is_success:
+                self._controls(enabled)
+        return outcome
+
+    def note(self, outcome: Outcome, begun: float) -> None:
+        """
+        Learn from a call that somebody else made whether the robot is in reach.
+
+        :param outcome: how it ended
+        :param begun: when it began [s, steady clock]
+        """
+        with self._changed:
+            self._note(outcome, begun)
+
+    def close(self) -> None:
+        """Leave the robot at rest, and give it back; at the latest after 2 s."""
+        with self._changed:
+            self._is_over = True
+            self._changed.notify_all()
+            may_move, has_control = self._helm.may_move, self._has_control
+        if may_move:
+            self._client.set_velocity(0.0, 0.0, FAREWELL)
+        for worker in self._workers:
+            worker.join(FAREWELL)
+        if may_move:
+            # Once more, for a motion was perhaps under way.
+            self._client.set_velocity(0.0, 0.0, FAREWELL)
+        if has_control:
+            self._client.set_manual_control(False, FAREWELL)
+        self._client.close()
+
+    def _work(self) -> None:
+        with self._changed:
+            while not self._is_over:
+                now = time.monotonic()
+                order = self._helm.due(now)
+                if order is not None:
+                    self._carry_out(order)
+                    continue
+                self._pause(now)
+
+    def _pause(self, now: float) -> None:
+        """Wait for something to do; and notice when this program was frozen meanwhile."""
+        look = self._helm.next_look
+        timeout = BEAT if look is None else max(0.0, min(look - now, BEAT))
+        self._changed.wait(timeout)
+        self._look_back(now, timeout)
+
+    def _look_back(self, begun: float, allowed: float) -> None:
+        """Notice that something took longer than it can: this program was frozen."""
+        woken = time.monotonic()
+        if woken - begun > allowed + self._hold and not self._is_over:
+            if self._helm.may_move:
+                text = f'the bridge was held up for {woken - begun:.1f} s; the robot {GOES_ON}'
+                self._tell(Level.WARN, text)
+            self._helm.held_up(woken)
+
+    def _carry_out(self, order: Order) -> None:
+        self._changed.release()
+        begun = time.monotonic()
+        try:
+            outcome = self._perform(order)
+        except Exception as error:  # whatever it is, the next zero must be able to leave
+            text = escaped(f'{type(error).__name__}: {error}')
+            outcome = Outcome(trouble=Trouble.FAILED, text=text)
+        finally:
+            self._changed.acquire()
+        was_barred = self._helm.is_barred
+        self._helm.ended(order, outcome, time.monotonic())
+        if order.command is not None and outcome.is_heard:
+            self.round_trip = time.monotonic() - begun
+        if order.kind is Kind.TAKE and outcome.is_success:
+            self._controls(True)
+        self._note(outcome, begun)
+        if self._helm.is_barred and not was_barred and self.link.is_up:
+            self._cut(order, outcome)
+        # What came while a call was frozen is as old as what came while nothing was done.
+        self._look_back(begun, order.deadline)
+        self._changed.notify()
+
+    def _perform(self, order: Order) -> Outcome:
+        command = order.command
+        if command is None:
+            return self._client.set_manual_control(True, order.deadline)
+        return self._client.set_velocity(command.linear, command.angular, order.deadline)
+
+    def _note(self, outcome: Outcome, begun: float) -> None:
+        if self._is_over:
+            return  # calls that the end cut short say nothing about the link
+        change = self.link.note(outcome, begun, time.monotonic())
+        if change is Change.LOST:
+            moved = self._helm.may_move
+            self._helm.lose()
+            self._tell(Level.ERROR, f'the link to the robot is lost: {self.link.reason}')
+            if moved:
+                self._give_up(f'the link to the robot was lost: {self.link.reason}')
+        elif change is not None:
+            self._helm.connect()
+            if change is Change.BACK:
+                self._tell(Level.WARN, f'the link to the robot is back; it {GOES_ON}')
+            self._changed.notify()
+
+    def _cut(self, order: Order, outcome: Outcome) -> None:
+        if outcome.trouble is not None:
+            reason = f'the robot did not answer a velocity: {outcome.text}'
+        else:
+            what = 'manual control' if order.kind is Kind.TAKE else 'a velocity'
+            reason = f'the robot refused {what}: {self.describe(outcome)}'
+        self._tell(Level.ERROR, f'{reason}; it {GOES_ON}')
+        self._give_up(reason)
+
+    def _controls(self, enabled: bool) -> None:
+        self._has_control = enabled
+        self._tell(Level.OK, f"manual control {'enabled' if enabled else 'disabled'}")
+
+    def describe(self, outcome: Outcome) -> str:
+        """
+        Say why the robot did not do something.
+
+        :param outcome: how that ended
+        :returns: the error's code and text, or what kept the answer away
+        """
+        return outcome.text if outcome.code is None else self.texts.describe(outcome.code)

@@ -1,0 +1,38 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+The simulated robot as its owner's programs see it: over gRPC, without ROS.
+
+In a process of its own, which says where it listens in its first line on standard output::
+
+    kachaka_sim --grpc-port 0
+    python -m kachaka_simple_control.kachaka.simulator.command --grpc-port 0
+    ready: simulated Kachaka at 127.0.0.1:40153
+
+Within this process, in a thread of its own::
+
+    from kachaka_simple_control.kachaka.simulator.grpc_server import serving
+    from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+
+    with serving(SimulatedKachaka(time.monotonic())) as server:
+        client = kachaka_api.KachakaApiClient(server.address)
+        ...
+        pose, velocity = server.call(lambda robot, now: robot.state(now))
+
+``serving`` takes ``port`` (0: any free one), ``host`` and ``clock``.  A program whose own thread
+runs ``grpc.aio`` should use the process, or ``GrpcServer`` in its own loop: two loops with
+``grpc.aio`` in one process disturb each other.
+
+Importing this package alone needs neither grpc nor kachaka_api; its modules do.
+"""

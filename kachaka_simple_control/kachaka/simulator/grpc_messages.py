@@ -1,0 +1,160 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Protobuf messages of the simulated robot."""
+
+from __future__ import annotations
+
+import math
+
+from kachaka_api.generated import kachaka_api_pb2 as pb2
+from kachaka_simple_control.kachaka.error_codes import SUCCESS
+from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity
+
+#: The frames that the official bridge's users see.
+MAP_FRAME = 'map'
+ODOMETRY_FRAME = 'odom'
+ROBOT_FRAME = 'base_footprint'
+
+
+def result(code: int) -> pb2.Result:
+    """
+    Return the outcome of a request.
+
+    :param code: 0, or the code of the error
+    :returns: the message
+    """
+    return pb2.Result(success=code == SUCCESS, error_code=code)
+
+
+def metadata(cursor: int) -> pb2.Metadata:
+    """
+    Return what goes with each reading.
+
+    :param cursor: of the reading
+    :returns: the message
+    """
+    return pb2.Metadata(cursor=cursor)
+
+
+def rotation(angle: float) -> pb2.Quaternion:
+    """
+    Return a turn about the vertical.
+
+    :param angle: the turn [rad], counter-clockwise positive
+    :returns: the message
+    """
+    return pb2.Quaternion(z=math.sin(angle / 2.0), w=math.cos(angle / 2.0))
+
+
+def pose(value: Pose) -> pb2.Pose:
+    """
+    Return a pose, with its heading from -pi to pi.
+
+    :param value: the pose
+    :returns: the message
+    """
+    return pb2.Pose(x=value.x, y=value.y, theta=math.remainder(value.theta, math.tau))
+
+
+def odometry(where: Pose, velocity: Velocity, stamp: int) -> pb2.RosOdometry:
+    """
+    Return odometry as ROS has it; its covariances are 0, for it says nothing about them.
+
+    :param where: the pose in odometry
+    :param velocity: the velocity
+    :param stamp: when it was read [ns since 1970]
+    :returns: the message
+    """
+    return pb2.RosOdometry(
+        header=pb2.RosHeader(stamp_nsec=stamp, frame_id=ODOMETRY_FRAME),
+        child_frame_id=ROBOT_FRAME,
+        pose=pb2.Pose3dWithCovariance(
+            pose=pb2.Pose3d(
+                position=pb2.Vector3(x=where.x, y=where.y),
+                orientation=rotation(where.theta)),
+            covariance=[0.0] * 36),
+        twist=pb2.TwistWithCovariance(
+            twist=pb2.Twist(
+                linear=pb2.Vector3(x=velocity.linear_x),
+                angular=pb2.Vector3(z=velocity.angular_z)),
+            covariance=[0.0] * 36))
+
+
+def transform(where: Pose, frame: str, child: str, stamp: int) -> pb2.RosTransformStamped:
+    """
+    Return where a frame is.
+
+    :param where: its pose in the other
+    :param frame: the other
+    :param child: the frame
+    :param stamp: when it was there [ns since 1970]
+    :returns: the message
+    """
+    return pb2.RosTransformStamped(
+        header=pb2.RosHeader(stamp_nsec=stamp, frame_id=frame), child_frame_id=child,
+        translation=pb2.Vector3(x=where.x, y=where.y), rotation=rotation(where.theta))
+
+
+class Localisation:
+    """
+    The place of odometry on the map: the same, until somebody corrects it.
+
+    :param offset: where odometry begins on the map
+    """
+
+    def __init__(self) -> None:
+        """Let map and odometry be the same."""
+        self.offset = ORIGIN
+
+    def to_map(self, pose: Pose) -> Pose:
+        """
+        Return where something is on the map.
+
+        :param pose: where it is in odometry
+        :returns: the same pose on the map
+        """
+        return _after(self.offset, pose)
+
+    def to_odometry(self, pose: Pose) -> Pose:
+        """
+        Return where something is in odometry.
+
+        :param pose: where it is on the map
+        :returns: the same pose in odometry
+        """
+        return _after(_inverse(self.offset), pose)
+
+    def correct(self, believed: Pose, pose: Pose) -> None:
+        """
+        Let the robot believe that it is somewhere.
+
+        :param believed: where, on the map
+        :param pose: where it is in odometry
+        """
+        self.offset = _after(believed, _inverse(pose))
+
+
+def _after(first: Pose, second: Pose) -> Pose:
+    """Return the second pose, seen from where the first one is seen from."""
+    cosine, sine = math.cos(first.theta), math.sin(first.theta)
+    return Pose(
+        first.x + cosine * second.x - sine * second.y,
+        first.y + sine * second.x + cosine * second.y,
+        first.theta + second.theta)
+
+
+def _inverse(pose: Pose) -> Pose:
+    cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
+    return Pose(
+        -cosine * pose.x - sine * pose.y, sine * pose.x - cosine * pose.y, -pose.theta)

@@ -1,0 +1,105 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What the command does when nothing is to move; needs no ROS."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from kachaka_simple_control.cli import Options
+from kachaka_simple_control.control.plan_runner import HIGHEST_RATE, lowest_rate
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.files.library import find, library
+from kachaka_simple_control.files.robot_profile import KACHAKA, profile_of, RobotProfile
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.report.plan_plot import check_plot_file, save_plot
+from kachaka_simple_control.report.plan_view import Preview
+from kachaka_simple_control.report.text_tables import plan_table
+
+#: How often a velocity is sent where nobody says [Hz]: the lesson's.
+RATE = 10.0
+
+
+def look(options: Options) -> None:
+    """
+    Show what motions will do.
+
+    :param options: which, and how to show them
+    :raises InvalidMotionError: if a motion cannot be done, or there is none of that name
+    :raises UsageError: if it cannot be shown like that, or sent at that rate
+    """
+    if options.plot is not None:
+        check_plot_file(options.plot)
+    if options.list:
+        _say(listing(options))
+    if options.plan or options.plot is not None:
+        previews = [_preview(name, options) for name in options.motions or ['lesson']]
+        if options.plan:
+            _say(plan_table(previews))
+        if options.plot is not None:
+            save_plot(options.plot, previews)
+
+
+def check_rate(rate: float, profile: RobotProfile) -> None:
+    """
+    Make sure that a robot can be driven at a rate.
+
+    :param rate: how often a velocity is sent [Hz]
+    :param profile: the robot
+    :raises UsageError: if it cannot
+    """
+    lowest = lowest_rate(profile.hold)
+    if not lowest <= rate <= HIGHEST_RATE:
+        raise UsageError(
+            f'rate is {rate:g} Hz; for {profile.name} it must be from {lowest:g} to '
+            f'{HIGHEST_RATE:g} Hz')
+
+
+def listing(options: Options) -> str:
+    """
+    List the motions that come with the package.
+
+    :param options: robot and rate to plan them with
+    :returns: a line for each: name, duration, description
+    """
+    rows = []
+    for name in library():
+        preview = _preview(name, options)
+        rows.append((name, f'{preview.plan.duration:.1f} s', find(name).motion.description))
+    width = max(len(name) for name, _, _ in rows)
+    return '\n'.join(
+        f'{name:{width}}  {duration:>8}  {description}' for name, duration, description in rows)
+
+
+def _say(text: str) -> None:
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        # Python would try once more when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):  # which only says: `head` has seen enough
+            raise UsageError(f'it cannot be printed: {error.strerror}') from None
+
+
+def _preview(name: str, options: Options) -> Preview:
+    motion_file = find(name)
+    profile = profile_of(options.robot or motion_file.robot or KACHAKA.name)
+    limits = motion_file.check(profile.limits, profile.name)
+    rate = next(
+        rate for rate in (options.rate, motion_file.rate, RATE) if rate is not None)
+    check_rate(rate, profile)
+    return Preview(
+        motion_file.motion.name, profile.name, plan(motion_file.motion, limits, rate), limits,
+        profile.footprint)

@@ -1,0 +1,195 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What was sent and what odometry answered, with times."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+import math
+
+from kachaka_simple_control.motion.plan import Plan, plan, Stage
+from kachaka_simple_control.motion.steps import Step
+from kachaka_simple_control.telemetry.events import (
+    Answered,
+    Began,
+    Closed,
+    Ended,
+    Event,
+    Opened,
+    Planned,
+    Sent,
+)
+
+#: A message is not early if it is by less than this [s]: times are sums of others.
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Movement:
+    """
+    One step and the messages that belong to it.
+
+    :param stage: what was planned
+    :param began: when it began by the plan [s on the steady clock]
+    :param sent: its messages, from its first to the one after its last, which ends it
+    :param is_whole: whether it was driven to its end
+    """
+
+    stage: Stage
+    began: float
+    sent: tuple[Sent, ...]
+    is_whole: bool = True
+
+    @property
+    def step(self) -> Step:
+        """Return what was asked for."""
+        return self.stage.step
+
+
+@dataclass
+class DrivenMotion:
+    """
+    A motion, and what became of it.
+
+    :param planned: what was to be driven
+    :param sent: every message since it was planned, in order: zeros to a robot just met, its own,
+        the zeros of the stop
+    :param began: when its first own message was sent [s on the steady clock]; nan before
+    :param ended: when it was over [s on the steady clock]; None as long as it is not
+    :param reason: why it was over before its end; None if it was driven to its end
+    :param is_fault: whether something went wrong, if it was over before its end
+    """
+
+    planned: Planned
+    sent: list[Sent] = field(default_factory=list)
+    began: float = math.nan
+    ended: float | None = None
+    reason: str | None = None
+    is_fault: bool = True
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether the robot was told to move, or to wait, as planned."""
+        return not math.isnan(self.began)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it was driven to its end."""
+        return self.ended is not None and self.reason is None
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The timed velocities that were to be sent."""
+        return plan(self.planned.motion, self.planned.limits, self.planned.rate)
+
+    @property
+    def own_messages(self) -> Sequence[Sent]:
+        """Return its messages, from t = 0 to the zero that ended it."""
+        if not self.has_begun:
+            return ()
+        return self.sent[self._first(0.0):self._last() + 1]
+
+    @property
+    def movements(self) -> list[Movement]:
+        """Return its steps as far as they were begun, in order."""
+        if not self.has_begun or not self.sent:
+            return []
+        last = self._last()
+        until = self.sent[last].time
+        stages = [stage for stage in self.plan.stages
+                  if self.is_whole or self._begins_by(stage, until)]
+        starts = [self._first(stage.start) for stage in stages]
+        return [
+            Movement(stage, self.began + stage.start, tuple(self.sent[first:following + 1]),
+                     self.is_whole or self.began + stage.end <= until + ROUNDING)
+            for stage, first, following in zip(stages, starts, [*starts[1:], last])]
+
+    def _begins_by(self, stage: Stage, until: float) -> bool:
+        # The zero that a rest begins with is as good as any zero of the stop.
+        rests = stage.max_linear_velocity == stage.max_angular_velocity == 0.0
+        return self.began + stage.start < until + (ROUNDING if rests else -ROUNDING)
+
+    def _first(self, elapsed: float) -> int:
+        return bisect_left(self.sent, self.began + elapsed - ROUNDING, key=_time)
+
+    def _is_zero_after_start(self, sent: Sent) -> bool:
+        return sent.velocity.is_zero and sent.time > self.began
+
+    def _last(self) -> int:
+        """Return which message ended it."""
+        end = len(self.sent) - 1
+        if self.is_whole:
+            return min(end, self._first(self.plan.duration))
+        # All zeros at the end but the first are left to the stop.
+        while end > 0 and self._is_zero_after_start(self.sent[end - 1]):
+            end -= 1
+        return end
+
+
+@dataclass
+class Record:
+    """
+    What happened, as far as this program can tell.
+
+    :param opened: what began; None before anything did
+    :param motions: what was to be driven, in order
+    :param odometry: every pose that arrived, in order
+    :param closed: how it ended; None if nobody told: it goes on, or was killed
+    """
+
+    opened: Opened | None = None
+    motions: list[DrivenMotion] = field(default_factory=list)
+    odometry: list[Answered] = field(default_factory=list)
+    closed: Closed | None = None
+
+    @property
+    def movements(self) -> list[Movement]:
+        """Return the steps of all motions, as far as they were begun, in order."""
+        return [movement for motion in self.motions for movement in motion.movements]
+
+    @property
+    def sent(self) -> list[Sent]:
+        """Return every message, in order."""
+        return [message for motion in self.motions for message in motion.sent]
+
+    def hear(self, event: Event) -> None:
+        """
+        Take note of what happened.
+
+        :param event: what it was; nothing but odometry comes before the first plan
+        """
+        match event:
+            case Sent():
+                self.motions[-1].sent.append(event)
+            case Answered():
+                self.odometry.append(event)
+            case Planned():
+                self.motions.append(DrivenMotion(event))
+            case Began():
+                self.motions[-1].began = event.time
+            case Ended():
+                motion = self.motions[-1]
+                motion.ended, motion.reason = event.time, event.reason
+                motion.is_fault = event.is_fault
+            case Opened():
+                self.opened = event
+            case Closed():
+                self.closed = event
+
+
+def _time(sent: Sent) -> float:
+    return sent.time

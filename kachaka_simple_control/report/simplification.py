@@ -1,0 +1,126 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Lines with so few points that a page stays small, and that look the same; pure."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Sequence
+import math
+from typing import NamedTuple
+
+from kachaka_simple_control.motion.geometry import Point
+from kachaka_simple_control.report.velocity_plot import Corner
+
+
+def straightened(points: Sequence[Point], grain: float, most: int) -> list[Point]:
+    """
+    Leave away the points of a path that lie on the way from one that stays to the next.
+
+    :param points: the path [m]
+    :param grain: how far beside the way a point may lie [m], above 0; doubled until few stay
+    :param most: how many points may stay
+    :returns: the points that stay, the first and the last among them
+    """
+    kept = _straightened(points, grain)
+    while len(kept) > most:
+        grain *= 2.0
+        kept = _straightened(kept, grain)
+    return kept
+
+
+def _straightened(points: Sequence[Point], grain: float) -> list[Point]:
+    if len(points) < 3:
+        return list(points)
+    kept = [points[0]]
+    sleeve = _Sleeve(points[0], grain)
+    before = points[0]
+    for point in points[1:]:
+        if point == before:
+            continue
+        if not sleeve.takes(point):
+            kept.append(before)
+            sleeve = _Sleeve(before, grain)
+            sleeve.takes(point)
+        before = point
+    return [*kept, before]
+
+
+class _Sleeve:
+    """All directions from a point that pass all others so far, and how far they reach."""
+
+    __slots__ = ('_grain', '_high', '_low', '_middle', '_reach', '_start')
+
+    def __init__(self, start: Point, grain: float) -> None:
+        self._start, self._grain = start, grain
+        self._middle = self._low = self._high = math.nan
+        self._reach = 0.0
+
+    def takes(self, point: Point) -> bool:
+        x, y = point[0] - self._start[0], point[1] - self._start[1]
+        distance = math.hypot(x, y)
+        # Who goes back has turned somewhere.
+        if distance < self._reach - self._grain:
+            return False
+        if distance <= self._grain:
+            return True
+        half = math.asin(self._grain / distance)
+        direction = math.atan2(y, x)
+        if self._reach == 0.0:
+            self._middle, self._low, self._high = direction, -half, half
+        else:
+            off = math.remainder(direction - self._middle, math.tau)
+            if not self._low <= off <= self._high:
+                return False
+            self._low, self._high = max(self._low, off - half), min(self._high, off + half)
+        self._reach = max(self._reach, distance)
+        return True
+
+
+class Band(NamedTuple):
+    """
+    Between which values something was in a stretch of time.
+
+    :param begin: when the stretch begins [s]
+    :param lowest: the lowest value
+    :param highest: the highest value
+    """
+
+    begin: float
+    lowest: float
+    highest: float
+
+
+def bands(corners: Sequence[Corner], end: float, count: int) -> list[Band]:
+    """
+    Return between which values something was, in stretches of equal length.
+
+    :param corners: times [s] and values, in order; each value lasts until the next
+    :param end: until when [s], from 0 on
+    :param count: how many stretches
+    :returns: a band for each that the corners reach into
+    """
+    found = []
+    held: list[float] = []
+    first = 0
+    for number in range(count):
+        last = bisect_left(corners, (end * (number + 1) / count,), first)
+        values = held + [value for _, value in corners[first:last]]
+        if first >= len(corners):
+            break
+        if values:
+            found.append(Band(end * number / count, min(values), max(values)))
+            held = values[-1:]
+        first = last
+    return found
