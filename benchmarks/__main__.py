@@ -48,10 +48,10 @@ def measure(scale: Scale) -> dict[str, Any]:
     :param scale: how much
     :returns: the run, plain data
     """
-    from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
+    from kachaka_simple_control.ros.dds_transport import use_localhost_only
     # Before anything loads rclpy: no robot, and no other run, may hear this one.
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    stay_on_this_machine()
+    use_localhost_only()
     from benchmarks import endings, machine, planning, timing
     described = machine.describe()
     begin = time.monotonic()

@@ -135,8 +135,8 @@ def main() -> None:
     options = parser.parse_args()
     # Before anything loads rclpy: no robot, and no other run, may hear this one.
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
-    stay_on_this_machine()
+    from kachaka_simple_control.ros.dds_transport import use_localhost_only
+    use_localhost_only()
     rounds, count = (2, 6) if options.quick else (6, 30)
     for table in tables(measure(rounds, count)):
         print(f'\n{table.text()}', end='')

@@ -36,7 +36,7 @@ import time
 from typing import Any
 
 from kachaka_simple_control.report.metrics import median, quantile
-from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
+from kachaka_simple_control.ros.dds_transport import use_localhost_only
 
 from benchmarks.meter import process_time
 from benchmarks.nanosleep import BILLION, sleep_until
@@ -72,7 +72,7 @@ def measure(
         [s])
     """
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    stay_on_this_machine()
+    use_localhost_only()
     entries = [{'who': who, 'rate': rate, 'latency': [], 'sent': 0, 'cpu': 0.0}
                for rate in rates for who in NAMES]
     with _robot() as robot, _floor(robot) as floor, _bridge(robot) as bridge:

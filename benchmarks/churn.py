@@ -34,12 +34,12 @@ import time
 
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.control import processes
-from kachaka_simple_control.kachaka.bridge_process import simulation
+from kachaka_simple_control.kachaka.bridge_process import simulated_bridge
 from kachaka_simple_control.ros.dds_transport import (
     CHOICES,
     LOCALHOST_ONLY,
     RANGE,
-    stay_on_this_machine,
+    use_localhost_only,
 )
 import rclpy
 from rclpy.node import Node
@@ -141,13 +141,13 @@ def measure(motion: str, rate: float, runs: int, nice: int) -> Counter[str]:
     :param nice: what is added to the niceness of each
     :returns: what they ended with, and how often; nothing for a run that reached its end
     """
-    command = [*processes.command('kachaka_simple_control.__main__'), motion, '--quiet',
+    command = [*processes.python_command('kachaka_simple_control.__main__'), motion, '--quiet',
                '--rate', str(rate)]
     ends: Counter[str] = Counter()
     for index in range(runs):
         done = subprocess.run(
             ['nice', '-n', str(nice), *command] if nice else command, cwd=ROOT,
-            env=processes.environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            env=processes.child_environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE, text=True, timeout=LONGEST, check=False)
         said = ''.join(done.stderr.splitlines()[-1:]) or f'exit code {done.returncode}'
         ends[said if done.returncode else ''] += 1
@@ -177,8 +177,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     with others(options.nodes, options.restarts, SETTLING + LONGEST * options.runs):
         time.sleep(SETTLING)
-        stay_on_this_machine()
-        with simulation():
+        use_localhost_only()
+        with simulated_bridge():
             ends = measure(options.motion, options.rate, options.runs, options.nice)
     print(f'{ends.pop("", 0)} of {options.runs} runs reached their end, beside {options.nodes} '
           f'nodes of which {options.restarts:g} a second are restarted '

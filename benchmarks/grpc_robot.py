@@ -95,9 +95,9 @@ class GrpcRobot:
     def _start(self, module: str, *options: str) -> subprocess.Popen[str]:
         # Its standard input is a pipe that only this process holds: it ends with us.
         process = subprocess.Popen(
-            [*processes.command(f'kachaka_simple_control.kachaka.{module}'), *options,
+            [*processes.python_command(f'kachaka_simple_control.kachaka.{module}'), *options,
              '--with-parent'],
-            cwd=ROOT, env={**processes.environment(), 'ROS_DOMAIN_ID': str(self._domain)},
+            cwd=ROOT, env={**processes.child_environment(), 'ROS_DOMAIN_ID': str(self._domain)},
             text=True,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
             start_new_session=True)

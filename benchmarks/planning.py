@@ -24,9 +24,9 @@ from typing import Any
 
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.motion.planner import along, way_of, WayLimits
+from kachaka_simple_control.motion.planner import limits_along, path_segment, PathLimits
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Step, Turn
-from kachaka_simple_control.motion.velocity_profile import quickest
+from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 
 #: The velocities that a Kachaka takes, and ramps that are gentle for it.
 LIMITS = Limits(0.3, 1.57, 0.3, 1.5, 1.5, 8.0)
@@ -111,7 +111,7 @@ def measure_exactness(rates: Sequence[int] = RATES) -> list[dict[str, Any]]:
         driven = WAYS[way](goal, SHAPES[shape], float(rate))
         entries.append({
             'goal': name, 'unit': 'rad' if isinstance(goal, Turn) else 'm', 'shape': shape,
-            'rate': rate, 'way': way, 'asked': way_of(goal).distance,
+            'rate': rate, 'way': way, 'asked': path_segment(goal).distance,
             'least': min(driven), 'most': max(driven)})
     return entries
 
@@ -139,8 +139,8 @@ def sampled(goal: Forward | Turn, limits: Limits, rate: float) -> list[float]:
     :param rate: how often a velocity is sent [Hz]
     :returns: velocity times interval, summed up [m or rad]
     """
-    way = way_of(goal)
-    profile = quickest(way.distance, *along(way, limits))
+    way = path_segment(goal)
+    profile = time_optimal_profile(way.distance, *limits_along(way, limits))
     count = math.ceil(profile.duration * rate)
     return [math.fsum(profile.velocity_at(index / rate) for index in range(count)) / rate]
 
@@ -158,11 +158,11 @@ def smoothed(goal: Forward | Turn, limits: Limits, rate: float) -> list[float]:
     :param rate: how often a velocity is sent [Hz]
     :returns: velocity times interval, summed up [m or rad], for each phase
     """
-    way = way_of(goal)
-    return [_smoothed(way.distance, along(way, limits), rate, phase) for phase in PHASES]
+    way = path_segment(goal)
+    return [_smoothed(way.distance, limits_along(way, limits), rate, phase) for phase in PHASES]
 
 
-def _smoothed(distance: float, limits: WayLimits, rate: float, phase: float) -> float:
+def _smoothed(distance: float, limits: PathLimits, rate: float, phase: float) -> float:
     wanted_for = distance / limits.velocity
     driven = velocity = 0.0
     index = 0

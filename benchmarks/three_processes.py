@@ -37,9 +37,9 @@ from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.preview_command import RATE
+from kachaka_simple_control.preview_command import DEFAULT_RATE
 from kachaka_simple_control.report.metrics import median
-from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
+from kachaka_simple_control.ros.dds_transport import use_localhost_only
 
 from benchmarks.grpc_robot import GrpcRobot
 from benchmarks.process import ROOT
@@ -82,7 +82,7 @@ def measure(motions: Sequence[str] = MOTIONS, runs: int = RUNS) -> list[Run]:
     :param runs: how often each
     :returns: every run
     """
-    stay_on_this_machine()
+    use_localhost_only()
     domain = os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     robot = GrpcRobot('kachaka', int(domain))
     found = []
@@ -105,7 +105,7 @@ def planned_as_driven(motion: str) -> Plan:
     :returns: the plan
     """
     file = find(motion)
-    return plan(file.motion, file.check(KACHAKA.limits, KACHAKA.name), file.rate or RATE)
+    return plan(file.motion, file.check(KACHAKA.limits, KACHAKA.name), file.rate or DEFAULT_RATE)
 
 
 def errors(start: Pose, end: Pose, planned: Pose) -> tuple[float, float]:
@@ -177,9 +177,9 @@ def _drive(robot: GrpcRobot, motion: str, planned: Plan) -> Run:
 
 def _command(motion: str, timeout: float) -> str:
     """Run the command, and return why it failed; nothing if it did not."""
-    command = [*processes.command('kachaka_simple_control.__main__'), motion, '--quiet']
+    command = [*processes.python_command('kachaka_simple_control.__main__'), motion, '--quiet']
     done = subprocess.run(
-        command, cwd=ROOT, env=processes.environment(), stdin=subprocess.DEVNULL, text=True,
+        command, cwd=ROOT, env=processes.child_environment(), stdin=subprocess.DEVNULL, text=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, timeout=timeout, check=False)
     if done.returncode == 0:
         return ''

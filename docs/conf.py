@@ -96,9 +96,9 @@ def setup(app):
 
 def write_parameters():
     """Write the table of the node's parameters, from the one place that declares them."""
-    from kachaka_simple_control.ros.parameters import Settings
+    from kachaka_simple_control.ros.parameters import NodeParameters
     rows = ['| parameter | default | range | what it is |', '|---|---|---|---|']
-    for field in fields(Settings):
+    for field in fields(NodeParameters):
         bounds = field.metadata['range']
         span = f'{bounds[0]:g} to {bounds[1]:g}' if bounds else ''
         description = field.metadata['description']

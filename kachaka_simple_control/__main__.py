@@ -30,8 +30,8 @@ def act(options: Options) -> None:
     :raises ControlError: if it could not be done
     """
     if options.looks_only:
-        from kachaka_simple_control.preview_command import look
-        look(options)
+        from kachaka_simple_control.preview_command import preview
+        preview(options)
         return
     try:
         # Here, for much of the command needs no ROS, and Ctrl+C is heard by now.

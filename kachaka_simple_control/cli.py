@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import sys
 import traceback
 
-from kachaka_simple_control.control.signals import WATCH
+from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import (
     ControlError,
     InvalidMotionError,
@@ -184,9 +184,9 @@ def exit_code(body: Callable[[], None]) -> int:
     except Exception as error:
         code = _code_of(error)
         # That a signal stopped the motion is known; anything else is worth a line even then.
-        if WATCH.signum is None or not _is_expected(error):
+        if signal_dispatcher.signum is None or not _is_expected(error):
             print(f'{NAME}: {_text(error)}', file=sys.stderr)
-    return code if WATCH.signum is None else SIGNALLED + WATCH.signum
+    return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
 
 
 def _address(text: str) -> str:

@@ -22,20 +22,24 @@ import threading
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.cli import Options
-from kachaka_simple_control.control.output import never_wait, STDERR, STDOUT
-from kachaka_simple_control.display.display_launcher import DisplayTeller, worth_showing
+from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
+from kachaka_simple_control.display.display_launcher import DisplayProcess, should_display
 from kachaka_simple_control.errors import ControlError, UsageError
 from kachaka_simple_control.files.robot_profile import KACHAKA, profile_of
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.preview_command import check_rate
 from kachaka_simple_control.report.recording import lacking
-from kachaka_simple_control.report.report_directory import report_folder
+from kachaka_simple_control.report.report_directory import prepare_report_dir
 from kachaka_simple_control.report.text_tables import table
-from kachaka_simple_control.ros.dds_transport import is_told_to_stay, stay_on_this_machine
+from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
 from kachaka_simple_control.ros.parameters import check_names
-from kachaka_simple_control.ros.qos import SERVICE_QUALITY
+from kachaka_simple_control.ros.qos import SERVICE_QOS
 from kachaka_simple_control.ros.startup import start_ros
-from kachaka_simple_control.telemetry.subscriber_process import Listeners, listeners, REPORTER
+from kachaka_simple_control.telemetry.subscriber_process import (
+    REPORTER,
+    subscriber_processes,
+    SubscriberProcesses,
+)
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -43,7 +47,7 @@ from std_srvs.srv import Trigger
 
 if TYPE_CHECKING:
     from kachaka_simple_control.files.motion_file import MotionFile
-    from kachaka_simple_control.kachaka.bridge_process import SimulationProcess
+    from kachaka_simple_control.kachaka.bridge_process import BridgeProcess
 
 def drive(options: Options) -> None:
     """
@@ -53,20 +57,20 @@ def drive(options: Options) -> None:
     :raises ControlError: if it could not be done; the robot was stopped
     :raises InvalidMotionError: if it cannot be done; nothing has moved
     """
-    never_wait(STDOUT, STDERR)
+    make_nonblocking(STDOUT, STDERR)
     motion_file = _motion_file(options)
     check_names(options.ros_arguments)
     # Started last, a bridge ends last: after its robot was stopped and given back.
     with contextlib.ExitStack() as helpers:
         if options.report is not None:
-            helpers.enter_context(report_folder(options.report))
-        if options.brings_robot or is_told_to_stay():
-            stay_on_this_machine()
+            helpers.enter_context(prepare_report_dir(options.report))
+        if options.brings_robot or is_localhost_requested():
+            use_localhost_only()
         start_ros(options.ros_arguments)
         robot_control = KachakaSimpleControl(parameter_overrides=[
             Parameter(name, value=value)
             for name, value in _parameters(options, motion_file).items()])
-        told = helpers.enter_context(listeners(robot_control.audience))
+        told = helpers.enter_context(subscriber_processes(robot_control.audience))
         try:
             _start_listeners(told, options, is_lesson=motion_file is None)
             robot_control.introduce(_title(motion_file))
@@ -88,9 +92,9 @@ def drive(options: Options) -> None:
         print(table(robot_control.record, still_after))
 
 
-def _start_listeners(told: Listeners, options: Options, is_lesson: bool) -> None:
-    if not options.quiet and worth_showing(is_lesson):
-        told.join(DisplayTeller())
+def _start_listeners(told: SubscriberProcesses, options: Options, is_lesson: bool) -> None:
+    if not options.quiet and should_display(is_lesson):
+        told.join(DisplayProcess())
     if options.report is not None:
         if (missing := lacking()) is not None:
             print(f'report: {missing}', file=sys.stderr)
@@ -102,12 +106,12 @@ def _title(motion_file: MotionFile | None) -> str:
 
 
 def _robot_of(
-        options: Options, namespace: str) -> contextlib.AbstractContextManager[SimulationProcess]:
+        options: Options, namespace: str) -> contextlib.AbstractContextManager[BridgeProcess]:
     """Return the robot that the command brings along, in a process of its own."""
-    from kachaka_simple_control.kachaka.bridge_process import real_robot, simulation
+    from kachaka_simple_control.kachaka.bridge_process import real_bridge, simulated_bridge
     if options.address is None:
-        return simulation(namespace)
-    return real_robot(options.address, namespace)
+        return simulated_bridge(namespace)
+    return real_bridge(options.address, namespace)
 
 
 def _motion_file(options: Options) -> MotionFile | None:
@@ -169,7 +173,7 @@ class RunService:
         self._node = node
         self._prepare = prepare
         service = node.create_service(
-            Trigger, '~/run', self._on_request, qos_profile=SERVICE_QUALITY)
+            Trigger, '~/run', self._on_request, qos_profile=SERVICE_QOS)
         node.get_logger().info(f'Standing by: call {service.srv_name} to start, ~/stop to stop')
 
     def _on_request(

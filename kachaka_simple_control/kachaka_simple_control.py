@@ -31,26 +31,37 @@ if __name__ == '__main__':
 
 from kachaka_simple_control import cli
 from kachaka_simple_control.control.drive_requests import DriveRequest
-from kachaka_simple_control.control.output import discard_what_nobody_reads, never_wait_for_log
-from kachaka_simple_control.control.signals import WATCH
+from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
+from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.files.robot_profile import profile_of
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.drive_log import Record
-from kachaka_simple_control.ros.dds_transport import avoid_shared_memory
-from kachaka_simple_control.ros.debug_topics import Showing
+from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.ros.dds_transport import use_udp_transport
+from kachaka_simple_control.ros.debug_topics import IntrospectionPublishers
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.names import names_of
 from kachaka_simple_control.ros.odometry import listen_to_odometry
-from kachaka_simple_control.ros.parameters import declare, declare_robot, opened
-from kachaka_simple_control.ros.qos import SERVICE_QUALITY
+from kachaka_simple_control.ros.parameters import (
+    declare_parameters,
+    declare_robot,
+    session_started,
+)
+from kachaka_simple_control.ros.qos import SERVICE_QOS
 from kachaka_simple_control.ros.session import Session
-from kachaka_simple_control.ros.startup import check_node_names, refused_in_one_line
+from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import VelocityMessage, VelocityPublisher
-from kachaka_simple_control.telemetry.events import Answered, Audience, Began, Ended, Planned, Sent
+from kachaka_simple_control.telemetry.events import (
+    EventBus,
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    VelocitySent,
+)
 import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -79,9 +90,9 @@ class KachakaSimpleControl(Node):
         :param node_options: options of ``rclpy.node.Node``, such as ``namespace``
         :raises UsageError: if a parameter has a value, or something a name, that cannot work
         """
-        avoid_shared_memory()
-        never_wait_for_log()
-        with refused_in_one_line(NAME):
+        use_udp_transport()
+        make_log_nonblocking()
+        with one_line_errors(NAME):
             super().__init__(NAME, **node_options)
         try:
             self._set_up()
@@ -93,7 +104,7 @@ class KachakaSimpleControl(Node):
 
     def _set_up(self) -> None:
         self.profile = profile_of(declare_robot(self))
-        self.settings = declare(self, self.profile)
+        self.settings = declare_parameters(self, self.profile)
         self.names = names = names_of(
             self.profile, self.settings.robot_namespace, self.settings.manual_control)
         check_node_names(self, names, TOPICS, SERVICES)
@@ -101,13 +112,13 @@ class KachakaSimpleControl(Node):
             self.profile.message_type, self.profile.frame,
             lambda: self.get_clock().now().to_msg())
         self.publisher = VelocityPublisher(self, names.velocity, message)
-        self._showing = Showing(self, self.publisher, self.profile)
+        self._showing = IntrospectionPublishers(self, self.publisher, self.profile)
         if self.settings.summary or self.settings.odometry_timeout:
             listen_to_odometry(self, names, self._on_odometry, self._showing.in_frame)
         self._session = Session(self, self.publisher, self.profile, names, self.settings)
         #: who is told what happens
-        self.audience = Audience()
-        self.record = Record()
+        self.audience = EventBus()
+        self.record = DriveLog()
         if self.settings.summary:
             self.audience.join(self.record.hear)
         self._showing.follow(self.audience, self._session.lookout)
@@ -115,7 +126,7 @@ class KachakaSimpleControl(Node):
         self._session.edge.on_began = self._on_began
         # In a group of its own: its callback waits for the stop, and others go on meanwhile.
         self.create_service(
-            Trigger, '~/stop', self._on_stop, qos_profile=SERVICE_QUALITY,
+            Trigger, '~/stop', self._on_stop, qos_profile=SERVICE_QOS,
             callback_group=MutuallyExclusiveCallbackGroup())
         self._wake = self.create_guard_condition(lambda: None)
         self._leave_nothing_moving()
@@ -206,7 +217,7 @@ class KachakaSimpleControl(Node):
 
         :param title: what people call what is driven
         """
-        self.audience.tell(opened(self, title, self.profile, self.names, self.settings))
+        self.audience.tell(session_started(self, title, self.profile, self.names, self.settings))
 
     def expect(self, brought: Callable[[], bytes | None]) -> None:
         """
@@ -234,7 +245,7 @@ class KachakaSimpleControl(Node):
         """Stop the robot, give it back, and destroy the node."""
         self._session.close()
         self._showing.close()
-        WATCH.forget(self)
+        signal_dispatcher.forget(self)
         atexit.unregister(self._session.close)
         super().destroy_node()
 
@@ -266,22 +277,22 @@ class KachakaSimpleControl(Node):
         with self._session.serving(request):
             planned = plan(motion, limits, self.settings.rate)
             self._showing.expect(planned)
-            self.audience.tell(Planned(motion, limits, self.settings.rate))
+            self.audience.tell(MotionPlanned(motion, limits, self.settings.rate))
             try:
                 self._session.drive(planned, request)
             except BaseException as error:
                 is_fault = not isinstance(error, (MotionRefusedError, KeyboardInterrupt))
-                self.audience.tell(Ended(time.monotonic(), _reason(error), is_fault))
+                self.audience.tell(MotionEnded(time.monotonic(), _reason(error), is_fault))
                 raise
-            self.audience.tell(Ended(time.monotonic()))
+            self.audience.tell(MotionEnded(time.monotonic()))
         return planned
 
     def _on_sent(self, now: float, velocity: Velocity) -> None:
         if self.audience:
-            self.audience.tell(Sent(now, velocity))
+            self.audience.tell(VelocitySent(now, velocity))
 
     def _on_began(self, now: float) -> None:
-        self.audience.tell(Began(now))
+        self.audience.tell(MotionStarted(now))
 
     async def _on_stop(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -308,16 +319,16 @@ class KachakaSimpleControl(Node):
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
         self._session.odometry.hear(now, velocity)
         if self.audience:
-            self.audience.tell(Answered(now, pose, velocity))
+            self.audience.tell(OdometryReceived(now, pose, velocity))
 
     def _leave_nothing_moving(self) -> None:
         # rclpy's own handlers would shut the context down before anything could be published.
         rclpy.signals.uninstall_signal_handlers()
-        if not WATCH.listen(self):
+        if not signal_dispatcher.listen(self):
             self.get_logger().warning(
                 'Made outside the main thread, this node does not hear signals: make it in the '
                 'main thread, or call stop_robot() on the way out')
-        WATCH.reinstall()
+        signal_dispatcher.reinstall()
         before_shutdown(self.context, self._session.close)
         # The last registered is the first called: the robot is given back before.
         atexit.unregister(_discard_if_stopped)
@@ -326,13 +337,13 @@ class KachakaSimpleControl(Node):
 
 
 def _discard_if_stopped() -> None:
-    if WATCH.signum is not None:
-        discard_what_nobody_reads()
+    if signal_dispatcher.signum is not None:
+        discard_unread()
 
 
 def _reason(error: BaseException) -> str:
-    if WATCH.signum is not None:
-        return f'stopped by {signal.Signals(WATCH.signum).name}'
+    if signal_dispatcher.signum is not None:
+        return f'stopped by {signal.Signals(signal_dispatcher.signum).name}'
     return str(error) or type(error).__name__
 
 

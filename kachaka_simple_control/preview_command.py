@@ -19,20 +19,20 @@ import os
 import sys
 
 from kachaka_simple_control.cli import Options
-from kachaka_simple_control.control.plan_runner import HIGHEST_RATE, lowest_rate
+from kachaka_simple_control.control.plan_runner import MAX_RATE, min_rate
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.files.robot_profile import KACHAKA, profile_of, RobotProfile
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.plan_plot import check_plot_file, save_plot
-from kachaka_simple_control.report.plan_view import Preview
+from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.text_tables import plan_table
 
 #: How often a velocity is sent where nobody says [Hz]: the lesson's.
-RATE = 10.0
+DEFAULT_RATE = 10.0
 
 
-def look(options: Options) -> None:
+def preview(options: Options) -> None:
     """
     Show what motions will do.
 
@@ -60,11 +60,11 @@ def check_rate(rate: float, profile: RobotProfile) -> None:
     :param profile: the robot
     :raises UsageError: if it cannot
     """
-    lowest = lowest_rate(profile.hold)
-    if not lowest <= rate <= HIGHEST_RATE:
+    lowest = min_rate(profile.hold)
+    if not lowest <= rate <= MAX_RATE:
         raise UsageError(
             f'rate is {rate:g} Hz; for {profile.name} it must be from {lowest:g} to '
-            f'{HIGHEST_RATE:g} Hz')
+            f'{MAX_RATE:g} Hz')
 
 
 def listing(options: Options) -> str:
@@ -93,13 +93,13 @@ def _say(text: str) -> None:
             raise UsageError(f'it cannot be printed: {error.strerror}') from None
 
 
-def _preview(name: str, options: Options) -> Preview:
+def _preview(name: str, options: Options) -> PlanView:
     motion_file = find(name)
     profile = profile_of(options.robot or motion_file.robot or KACHAKA.name)
     limits = motion_file.check(profile.limits, profile.name)
     rate = next(
-        rate for rate in (options.rate, motion_file.rate, RATE) if rate is not None)
+        rate for rate in (options.rate, motion_file.rate, DEFAULT_RATE) if rate is not None)
     check_rate(rate, profile)
-    return Preview(
+    return PlanView(
         motion_file.motion.name, profile.name, plan(motion_file.motion, limits, rate), limits,
         profile.footprint)

@@ -19,7 +19,7 @@ import os
 import random
 import signal
 
-from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
+from kachaka_simple_control.ros.dds_transport import use_localhost_only
 import pytest
 
 # Before anything loads rclpy: no other robot, and no other test run, may hear this one.
@@ -28,7 +28,7 @@ if (worker := os.environ.get('PYTEST_XDIST_WORKER')) is not None:
     # Beside each other, too: one domain for each of gw0, gw1, ...
     number = int(os.environ['ROS_DOMAIN_ID']) + int(worker.removeprefix('gw'))
     os.environ['ROS_DOMAIN_ID'] = str(number % 101)
-stay_on_this_machine()
+use_localhost_only()
 # In the background of a shell Ctrl+C is ignored, and so it would be by all that is started here.
 for signum in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
     if signal.getsignal(signum) == signal.SIG_IGN:

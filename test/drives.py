@@ -13,9 +13,9 @@
 # limitations under the License.
 """Drives that ended in every way, as records, in simulated time."""
 
-from kachaka_simple_control.kachaka.simulator.drive_model import Fidelity
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.steps import Motion, Repeat
-from kachaka_simple_control.telemetry.events import Ended, Planned
+from kachaka_simple_control.telemetry.events import MotionEnded, MotionPlanned
 from plans import LESSON, SQUARE
 from rehearsal import Rehearsal
 
@@ -69,15 +69,16 @@ def killed():
 def never_began():
     """Return a program that found no robot."""
     rehearsal = Rehearsal(20.0, title='square', odometry_period=None)
-    rehearsal.tell(Planned(SQUARE, rehearsal.limits, 20.0))
-    rehearsal.tell(Ended(rehearsal.now + 10.0, NOBODY))
+    rehearsal.tell(MotionPlanned(SQUARE, rehearsal.limits, 20.0))
+    rehearsal.tell(MotionEnded(rehearsal.now + 10.0, NOBODY))
     return rehearsal.close(None, None, NOBODY)
 
 
 def hour():
     """Return an hour of squares at 50 Hz, with odometry at 20 Hz."""
     rehearsal = Rehearsal(
-        50.0, fidelity=Fidelity(linear_gain=0.9995, angular_gain=1.0002, odometry_noise=0.001),
+        50.0, fidelity=SimulationParameters(linear_gain=0.9995, angular_gain=1.0002,
+        odometry_noise=0.001),
         odometry_period=0.05, title='hour')
     rehearsal.drive(Motion('hour', [Repeat(205, SQUARE.steps)]))
     return rehearsal.close()

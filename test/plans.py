@@ -19,7 +19,7 @@ from kachaka_simple_control.files.robot_profile import Box, Disc
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
-from kachaka_simple_control.report.plan_view import Preview
+from kachaka_simple_control.report.plan_view import PlanView
 
 #: At full speed at once: a step takes its length over its speed.
 ABRUPT = Limits(0.25, 1.0)
@@ -44,4 +44,4 @@ HOUR = Motion('hour', [Repeat(250, SQUARE.steps)])
 
 def preview(motion, limits=GENTLE, rate=20.0, footprint=BOX, robot='kachaka'):
     """Return a motion's plan, ready to be looked at."""
-    return Preview(motion.name, robot, plan(motion, limits, rate), limits, footprint)
+    return PlanView(motion.name, robot, plan(motion, limits, rate), limits, footprint)

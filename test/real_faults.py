@@ -28,7 +28,7 @@ import signal
 import sys
 import time
 
-from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
+from kachaka_simple_control.ros.dds_transport import use_localhost_only
 from real_support import commander, faulty_robot, real_bridge
 from ros_support import Probe, wait_until
 
@@ -169,7 +169,7 @@ def row(name, does, result):
 def main():
     """Print the table, and what the bridges said beside it."""
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    stay_on_this_machine()
+    use_localhost_only()
     probe = Probe()
     print(line(*HEAD), line(*('---' for _ in HEAD)), sep='\n', flush=True)
     for number, (name, does) in enumerate(zip(SCENARIOS, DOES)):

@@ -19,18 +19,18 @@ from pathlib import Path
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.drive_log import Record
-from kachaka_simple_control.report.recording import Bag
-from kachaka_simple_control.telemetry.events import Opened, Planned, Sent
+from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.report.recording import FaultTolerantRecorder
+from kachaka_simple_control.telemetry.events import MotionPlanned, SessionStarted, VelocitySent
 from recordings import sent_velocities, stamp_of
 
 LIMITS = Limits(0.3, 1.5)
-TWIST = Opened(
+TWIST = SessionStarted(
     'test', 'kachaka', LIMITS, 0.3, 1.7e9 + 0.123456789, '/kachaka/manual_control/cmd_vel',
     '/kachaka/odometry/odometry')
-STAMPED = Opened(
+STAMPED = SessionStarted(
     'test', 'turtlebot3', LIMITS, 0.5, 1.6e9, '/cmd_vel', '/odom', 'TwistStamped', 'base')
-PLANNED = Planned(Motion('bend', (Move(0.1, 0.5, 3.0),)), LIMITS, 10.0)
+PLANNED = MotionPlanned(Motion('bend', (Move(0.1, 0.5, 3.0),)), LIMITS, 10.0)
 
 
 class RecordedDrive:
@@ -40,8 +40,8 @@ class RecordedDrive:
         """Begin one."""
         self.folder, self.opened = Path(folder), opened
         self.file = self.folder / 'run.mcap'
-        self.record = Record()
-        self.bag = Bag(self.folder, self.record)
+        self.record = DriveLog()
+        self.bag = FaultTolerantRecorder(self.folder, self.record)
         self.tell(opened, PLANNED)
 
     def tell(self, *events):
@@ -52,7 +52,7 @@ class RecordedDrive:
 
     def send(self, first, count, velocity=0.1):
         """Tell velocities, one each 0.1 s."""
-        self.tell(*(Sent(first + number / 10.0, Velocity(velocity, 0.0))
+        self.tell(*(VelocitySent(first + number / 10.0, Velocity(velocity, 0.0))
                     for number in range(count)))
 
     def expected(self, until=math.inf):

@@ -18,7 +18,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from kachaka_simple_control.telemetry.events import Opened, Sent
+from kachaka_simple_control.telemetry.events import SessionStarted, VelocitySent
 import pytest
 
 
@@ -56,7 +56,7 @@ def read_with_rosbags(path: Path) -> list[Read]:
 READERS = [read_with_mcap, read_with_rosbags]
 
 
-def velocities(found: list[Read], opened: Opened) -> list[tuple[int, float, float]]:
+def velocities(found: list[Read], opened: SessionStarted) -> list[tuple[int, float, float]]:
     """Return stamp, linear and angular velocity of all that was sent, in the order of a file."""
     messages = [read for read in found if read.topic == opened.velocity_topic]
     twists = [getattr(read.message, 'twist', read.message) for read in messages]
@@ -75,12 +75,13 @@ def header_stamp(message: Any) -> int:
     return message.header.stamp.sec * 10 ** 9 + message.header.stamp.nanosec
 
 
-def stamp_of(opened: Opened, time: float) -> int:
+def stamp_of(opened: SessionStarted, time: float) -> int:
     """Return the stamp that a time of the steady clock must have [ns since 1970]."""
     return round(opened.epoch * 1e9) + round(time * 1e9)
 
 
-def sent_velocities(sent: list[Sent], opened: Opened) -> list[tuple[int, float, float]]:
+def sent_velocities(sent: list[VelocitySent], opened: SessionStarted) -> list[
+        tuple[int, float, float]]:
     """Return stamp, linear and angular velocity of what was sent, in the order it was sent in."""
     return sorted((stamp_of(opened, one.time), one.velocity.linear_x, one.velocity.angular_z)
                   for one in sent)

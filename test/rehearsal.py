@@ -19,27 +19,27 @@ from collections.abc import Callable, Iterator
 import math
 import random
 
-from kachaka_simple_control.control.plan_runner import Player
+from kachaka_simple_control.control.plan_runner import TickScheduler
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.simulator.drive_model import Fidelity
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion
-from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.telemetry.events import (
-    Answered,
-    Began,
-    Closed,
-    Ended,
     Event,
-    Opened,
-    Planned,
-    Sent,
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    SessionEnded,
+    SessionStarted,
+    VelocitySent,
 )
 
 #: A robot that drives a little wrong, always in the same way.
-IMPERFECT = Fidelity(lag=0.05, linear_gain=0.985, angular_gain=1.012)
+IMPERFECT = SimulationParameters(lag=0.05, linear_gain=0.985, angular_gain=1.012)
 #: On 2026-11-21.
 EPOCH = 1_795_219_200.0
 STOP = [0.0] * 10 + [0.04 * number for number in range(1, 11)]
@@ -57,10 +57,10 @@ class Rehearsal:
 
     def __init__(
             self, rate: float = 10.0, lateness: Callable[[int], float] | None = None,
-            fidelity: Fidelity = IMPERFECT, odometry_period: float | None = 0.02,
+            fidelity: SimulationParameters = IMPERFECT, odometry_period: float | None = 0.02,
             title: str = 'rehearsal') -> None:
         """Open the record; the robot stands somewhere and looks somewhere."""
-        self.record, self.events, self.now = Record(), [], 5000.0
+        self.record, self.events, self.now = DriveLog(), [], 5000.0
         self._rate, self._late = rate, lateness or jitter()
         self._robot = SimulatedKachaka(self.now, fidelity)
         self._robot.set_manual_control(True, self.now)
@@ -69,7 +69,7 @@ class Rehearsal:
         self._count = 0
         self._is_stopped = True
         self.limits = KACHAKA.limits
-        self.tell(Opened(
+        self.tell(SessionStarted(
             title, KACHAKA.name, self.limits, KACHAKA.hold, EPOCH,
             '/kachaka/manual_control/cmd_vel', '/kachaka/odometry/odometry',
             footprint=KACHAKA.footprint,
@@ -92,7 +92,7 @@ class Rehearsal:
         :param lost: from when to when nothing is sent [s after t = 0]
         """
         planned = plan(motion, self.limits, self._rate)
-        self.tell(Planned(motion, self.limits, self._rate))
+        self.tell(MotionPlanned(motion, self.limits, self._rate))
         for _ in range(0 if self._count else 10):
             self._send(self.now + 0.05, ZERO)
         start = self.now + 0.0005
@@ -103,7 +103,7 @@ class Rehearsal:
             late = 0.0 if not began else self._late(self._count)
             if not began:
                 self._pass(start)
-                self.tell(Began(start))
+                self.tell(MotionStarted(start))
                 began = True
             self._send(start + due + late, velocity)
         if until <= planned.duration and reason is None:
@@ -113,7 +113,7 @@ class Rehearsal:
         else:
             self._send(start + planned.duration + self._late(self._count), ZERO)
             self._is_stopped = False
-        self.tell(Ended(self.now, reason, is_fault))
+        self.tell(MotionEnded(self.now, reason, is_fault))
 
     def stop(self, time: float) -> None:
         """Send a whole stop."""
@@ -122,17 +122,17 @@ class Rehearsal:
             self._send(max(self.now, time + after + 0.0002), ZERO)
 
     def close(self, still_after: float | None = 0.12, signal: int | None = None,
-              error: str | None = None, rest: float = 0.4) -> Record:
+              error: str | None = None, rest: float = 0.4) -> DriveLog:
         """Stop unless that was done, let the robot come to rest, and tell the end."""
         if not self._is_stopped:
             self.stop(self.now + 1.0 / self._rate)
         self._pass(self.now + rest)
-        self.tell(Closed(self.now, still_after, signal, error))
+        self.tell(SessionEnded(self.now, still_after, signal, error))
         return self.record
 
     @staticmethod
     def _ticks(planned: object, until: float) -> Iterator[tuple[float, Velocity]]:
-        player, time = Player(planned), 0.0
+        player, time = TickScheduler(planned), 0.0
         while time < until and (due := player.due(time)) is not None:
             yield time, due.velocity
             time = due.deadline
@@ -145,13 +145,13 @@ class Rehearsal:
         self._robot.set_robot_velocity(
             velocity.linear_x / limits.max_linear_velocity,
             velocity.angular_z / limits.max_angular_velocity, self.now)
-        self.tell(Sent(self.now, velocity))
+        self.tell(VelocitySent(self.now, velocity))
 
     def _pass(self, time: float) -> None:
         while self._odometry <= time:
             pose, velocity = self._robot.odometry(self._odometry)
             wrapped = type(pose)(pose.x, pose.y, math.remainder(pose.theta, math.tau))
-            self.tell(Answered(self._odometry + 0.003, wrapped, velocity))
+            self.tell(OdometryReceived(self._odometry + 0.003, wrapped, velocity))
             self._odometry += self._period
         self.now = max(self.now, time)
 

@@ -22,44 +22,50 @@ from kachaka_simple_control.control import processes
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.telemetry.event_stream import events, packets, WHOLE
-from kachaka_simple_control.telemetry.events import Audience, Began, Planned, Sent
-from kachaka_simple_control.telemetry.subscriber_process import Teller
+from kachaka_simple_control.telemetry.event_stream import decode, encode, WHOLE
+from kachaka_simple_control.telemetry.events import (
+    EventBus,
+    MotionPlanned,
+    MotionStarted,
+    VelocitySent,
+)
+from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 
-LONG = Planned(
+LONG = MotionPlanned(
     Motion('long', tuple(Move(0.1, 0.001 * k, 0.1) for k in range(1000))), Limits(0.3, 1.5), 10.0)
 COUNT = """
 import sys
-from kachaka_simple_control.telemetry.event_stream import events
-told = list(events(sys.stdin.buffer))
+from kachaka_simple_control.telemetry.event_stream import decode
+told = list(decode(sys.stdin.buffer))
 sys.exit(len(told))
 """
 
 
 def teller_of(source):
     """Return a teller to a program."""
-    return Teller([sys.executable, '-c', source], processes.environment())
+    return SubscriberProcess([sys.executable, '-c', source], processes.child_environment())
 
 
 @given(st.lists(st.one_of(
-    st.builds(Began, st.floats(0.0, 1e6)),
-    st.builds(Sent, st.floats(0.0, 1e6), st.builds(Velocity, st.floats(-1, 1), st.floats(-2, 2))),
+    st.builds(MotionStarted, st.floats(0.0, 1e6)),
+    st.builds(VelocitySent, st.floats(0.0, 1e6),
+    st.builds(Velocity, st.floats(-1, 1), st.floats(-2, 2))),
     st.just(LONG)), max_size=10))
 def test_what_is_written_is_what_is_read(told):
-    packed = [packet for event in told for packet in packets(event)]
+    packed = [packet for event in told for packet in encode(event)]
     assert all(len(packet) <= WHOLE for packet in packed)
-    assert list(events(io.BytesIO(b''.join(packed)))) == told
+    assert list(decode(io.BytesIO(b''.join(packed)))) == told
 
 
 def test_an_event_that_was_cut_off_is_left_away():
     """The program that told it was killed."""
-    data = b''.join(packets(Began(1.0)) + packets(LONG))
-    assert list(events(io.BytesIO(data[:-100]))) == [Began(1.0)]
+    data = b''.join(encode(MotionStarted(1.0)) + encode(LONG))
+    assert list(decode(io.BytesIO(data[:-100]))) == [MotionStarted(1.0)]
 
 
 def test_a_listener_hears_all_until_the_end():
     teller = teller_of(COUNT)
-    for event in (LONG, Began(1.0), LONG):
+    for event in (LONG, MotionStarted(1.0), LONG):
         teller.tell(event)
     assert teller.close(20.0) == 3
     assert teller.deaf_because is None
@@ -69,14 +75,14 @@ def test_a_listener_that_is_gone_holds_nobody_up():
     teller = teller_of('')
     assert teller._process.wait(20.0) == 0
     for _ in range(3):
-        teller.tell(Began(1.0))
+        teller.tell(MotionStarted(1.0))
     assert teller.deaf_because == 'it is gone (Broken pipe)'
 
 
 def test_a_listener_that_does_not_read_holds_nobody_up():
     teller = teller_of('import time; time.sleep(60)')
     for number in range(100_000):
-        teller.tell(Began(float(number)))
+        teller.tell(MotionStarted(float(number)))
     assert teller.deaf_because == 'it did not keep up'
     assert teller.close(0.0) is None
     teller._process.kill()
@@ -84,7 +90,7 @@ def test_a_listener_that_does_not_read_holds_nobody_up():
 
 
 def test_a_hearer_that_fails_is_told_nothing_more():
-    audience, heard, calls = Audience(), [], []
+    audience, heard, calls = EventBus(), [], []
 
     def fail(event):
         calls.append(event)
@@ -93,7 +99,7 @@ def test_a_hearer_that_fails_is_told_nothing_more():
     audience.join(fail)
     audience.join(heard.append)
     for number in range(3):
-        audience.tell(Began(float(number)))
+        audience.tell(MotionStarted(float(number)))
     assert len(heard) == 3
     assert len(calls) == 1
     assert [str(error) for error in audience.failures] == ['deaf']

@@ -23,7 +23,7 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.mcap_recorder import stamp
 from kachaka_simple_control.report.rosbag2_metadata import definition
-from kachaka_simple_control.telemetry.events import Answered, Began, Sent
+from kachaka_simple_control.telemetry.events import MotionStarted, OdometryReceived, VelocitySent
 import pytest
 from recorded_drive import LIMITS, PLANNED, RecordedDrive, STAMPED, TWIST
 from recordings import header_stamp, read_with_rosbags, READERS, stamp_of, velocities
@@ -38,9 +38,10 @@ TYPES = ['geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped', 'nav_msgs/
 TIMES = st.floats(1.0, 1e6)
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 VELOCITIES = st.builds(Velocity, NUMBERS, NUMBERS)
-SENT = st.builds(Sent, TIMES, VELOCITIES)
+SENT = st.builds(VelocitySent, TIMES, VELOCITIES)
 ANSWERED = st.builds(
-    Answered, TIMES, st.builds(Pose, NUMBERS, NUMBERS, st.floats(-100.0, 100.0)), VELOCITIES)
+    OdometryReceived, TIMES, st.builds(Pose, NUMBERS, NUMBERS, st.floats(-100.0, 100.0)),
+    VELOCITIES)
 
 
 def exactly(rows):
@@ -108,7 +109,8 @@ def test_the_definitions_are_those_of_ros(message_type):
 def test_the_path_leads_from_where_the_robot_is_to_where_the_plan_ends(read, tmp_path):
     drive = RecordedDrive(tmp_path)
     start = Pose(1.0, -2.0, math.pi / 2.0)
-    drive.tell(Answered(9.9, start), Sent(10.0, Velocity(0.1, 0.5)), Began(10.0))
+    drive.tell(
+        OdometryReceived(9.9, start), VelocitySent(10.0, Velocity(0.1, 0.5)), MotionStarted(10.0))
     assert drive.bag.finish() is None
     (path,) = [one for one in read(drive.file) if one.topic == PATH]
     first, last = path.message.poses[0], path.message.poses[-1]
@@ -126,7 +128,7 @@ def test_the_folder_is_a_bag_with_all_that_rosbag2_asks_for(tmp_path):
     rosbag2 = pytest.importorskip('rosbags.rosbag2')
     drive = RecordedDrive(tmp_path, STAMPED)
     drive.send(10.0, 20)
-    drive.tell(Began(10.0), Answered(10.5, Pose()))
+    drive.tell(MotionStarted(10.0), OdometryReceived(10.5, Pose()))
     assert drive.bag.finish() is None
     (tmp_path / 'report.html').write_text('other files do no harm')
     with rosbag2.Reader(tmp_path) as reader, rosbag2.Reader(drive.file) as file:
@@ -170,7 +172,8 @@ def test_a_minute_at_50_hz_takes_little_room(tmp_path):
     drive = RecordedDrive(tmp_path)
     for second, tick in itertools.product(range(60), range(50)):
         time = 10.0 + second + tick / 50.0
-        drive.tell(Sent(time, Velocity(0.1, 0.001 * tick)), Answered(time, Pose(time, 0.0, 0.1)))
+        drive.tell(VelocitySent(time, Velocity(0.1, 0.001 * tick)),
+            OdometryReceived(time, Pose(time, 0.0, 0.1)))
         if tick == 0:
             drive.bag.flush(time)
     assert drive.bag.finish() is None

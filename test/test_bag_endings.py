@@ -21,8 +21,8 @@ from pathlib import Path
 
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.report import recording
-from kachaka_simple_control.report.mcap_recorder import BagFile
-from kachaka_simple_control.telemetry.events import Answered
+from kachaka_simple_control.report.mcap_recorder import CrashSafeFile
+from kachaka_simple_control.telemetry.events import OdometryReceived
 import pytest
 from recorded_drive import RecordedDrive, TWIST
 from recordings import read_with_mcap, read_with_rosbags, READERS, velocities
@@ -47,7 +47,7 @@ def test_what_was_told_late_comes_in_its_place(tmp_path):
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 5)
     drive.bag.flush(10.25)
-    drive.tell(Answered(10.26, Pose()))
+    drive.tell(OdometryReceived(10.26, Pose()))
     drive.bag.flush(11.0)
     for read in READERS:
         stamps = [one.stamp for one in read(drive.file)]
@@ -93,7 +93,7 @@ def test_a_full_disk_ends_the_recording_and_leaves_what_was_there(limit, monkeyp
     stored = 0
     for first in range(10, 30):
         drive.send(float(first), 10, velocity=first / 1000.0)
-        drive.tell(Answered(first + 0.5, Pose(first / 7.0, first / 3.0)))
+        drive.tell(OdometryReceived(first + 0.5, Pose(first / 7.0, first / 3.0)))
         drive.bag.flush(first + 1.0)
         stored += 0 if drive.bag.failure else 11
     assert drive.bag.finish() == 'run.mcap ends early: No space left on device'
@@ -145,7 +145,7 @@ def test_a_failure_of_another_kind_ends_the_recording_too(monkeypatch, tmp_path)
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 10)
     drive.bag.flush(20.0)
-    monkeypatch.setattr(BagFile, 'flush', lambda self: 1 // 0)
+    monkeypatch.setattr(CrashSafeFile, 'flush', lambda self: 1 // 0)
     drive.send(12.0, 10)
     drive.bag.flush(20.0)
     assert drive.bag.failure.startswith('run.mcap ends early: ZeroDivisionError')

@@ -15,7 +15,15 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.claims import Claim, Claims, HELD, LEASE, MOST, NOTHING, WANTED
+from kachaka_simple_control.control.claims import (
+    Claim,
+    CLAIM_TIMEOUT,
+    Claims,
+    HELD,
+    MAX_CLAIMS,
+    NOTHING,
+    WANTED,
+)
 import pytest
 
 HOLDER = Claim('bb', HELD, 'somebody')
@@ -46,8 +54,8 @@ def test_a_claim_that_is_not_heard_of_any_more_is_over():
     """Killed or frozen: whatever DDS still lists."""
     claims = Claims('cc')
     claims.hear(HOLDER, 10.0)
-    assert claims.holder(10.0 + LEASE) is HOLDER
-    assert claims.holder(10.01 + LEASE) is None
+    assert claims.holder(10.0 + CLAIM_TIMEOUT) is HOLDER
+    assert claims.holder(10.01 + CLAIM_TIMEOUT) is None
 
 
 def test_a_claim_may_be_taken_back():
@@ -65,10 +73,10 @@ def test_ones_own_claim_is_no_rival():
 
 def test_the_network_cannot_fill_the_memory():
     claims = Claims('cc')
-    for number in range(10 * MOST):
+    for number in range(10 * MAX_CLAIMS):
         claims.hear(Claim(str(number), HELD, 'flood'), 0.0)
     claims.hear(HOLDER, 0.0)
-    assert len(claims._heard) <= MOST
+    assert len(claims._heard) <= MAX_CLAIMS
     assert claims.holder(0.1) is not None
 
 

@@ -20,7 +20,7 @@ import subprocess
 
 from kachaka_simple_control import cli
 from kachaka_simple_control.cli import exit_code, Options, parse, split_ros_arguments
-from kachaka_simple_control.control.signals import SignalWatch
+from kachaka_simple_control.control.signals import SignalDispatcher
 from kachaka_simple_control.errors import (
     InvalidMotionError,
     RobotNotFoundError,
@@ -130,7 +130,7 @@ def test_a_body_that_ends_well_is_0():
 def test_a_signal_decides_the_exit_code_whatever_followed_from_it(
         monkeypatch, capsys, error, printed):
     """A run that a signal stopped fails in one way or another; only the unexpected is told."""
-    watch = SignalWatch()
+    watch = SignalDispatcher()
     watch.signum = signal.SIGTERM
     monkeypatch.setattr(cli, 'WATCH', watch)
 

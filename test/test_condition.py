@@ -18,27 +18,27 @@ from __future__ import annotations
 import dataclasses
 
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.telemetry.events import Ended, Planned
+from kachaka_simple_control.telemetry.events import MotionEnded, MotionPlanned
 import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
 from kachaka_simple_control.ros.session_status import (  # noqa: I100
-    condition,
+    diagnose,
+    SessionStatus,  # noqa: I100
     Severity,
-    Standing,  # noqa: I100
-    Tally,  # noqa: I100
+    TickStatistics,  # noqa: I100
 )
 from plans import ABRUPT  # noqa: I100
 
-WELL = Standing(
+WELL = SessionStatus(
     listeners=1, others=(), guardian='matched', odometry_age=0.02,
     manual_control='asked for 3 s ago', halted_by=None)
 
 
 def told(tally=None, **changes):
     """Return the diagnosis of what is well but for some changes."""
-    return condition(tally or Tally(), dataclasses.replace(WELL, **changes), 0.0)
+    return diagnose(tally or TickStatistics(), dataclasses.replace(WELL, **changes), 0.0)
 
 
 @pytest.mark.parametrize('changes, severity, text', [
@@ -57,11 +57,11 @@ def test_the_worst_is_the_message(changes, severity, text):
 
 
 def test_skipped_velocities_and_an_early_end_are_worth_a_warning():
-    tally = Tally()
+    tally = TickStatistics()
     tally.skipped = 2
     assert told(tally)[:2] == (Severity.WARN, 'velocities were skipped')
-    tally.hear(Planned(Motion('on', (Move(0.1, 0.0, 1.0),)), ABRUPT, 10.0))
-    tally.hear(Ended(1.0, 'the robot left'))
+    tally.hear(MotionPlanned(Motion('on', (Move(0.1, 0.0, 1.0),)), ABRUPT, 10.0))
+    tally.hear(MotionEnded(1.0, 'the robot left'))
     tally.count()
     diagnosis = told(tally)
     assert diagnosis[:2] == (

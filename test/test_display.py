@@ -24,14 +24,20 @@ import types
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.display import terminal
-from kachaka_simple_control.display.display_launcher import DISPLAY
-from kachaka_simple_control.display.display_process import Display
-from kachaka_simple_control.display.renderers import Lines, Panel, screen_for
+from kachaka_simple_control.display.display_launcher import DISPLAY_MODULE
+from kachaka_simple_control.display.display_process import TerminalDisplay
+from kachaka_simple_control.display.renderers import LineRenderer, PanelRenderer, renderer_for
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Wait
-from kachaka_simple_control.telemetry.event_stream import packets
-from kachaka_simple_control.telemetry.events import Began, Closed, Ended, Planned, Sent
+from kachaka_simple_control.telemetry.event_stream import encode
+from kachaka_simple_control.telemetry.events import (
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    SessionEnded,
+    VelocitySent,
+)
 from program import COMMAND, program
 import pytest
 from terminals import at_terminal, Screen
@@ -41,34 +47,35 @@ pytest.importorskip('rich', reason='needs rich')
 #: Tells of a drive, in real time, and writes log lines meanwhile, one of them in two halves.
 TELLER = """
 import os, sys, time
-from kachaka_simple_control.telemetry.events import Audience
-from kachaka_simple_control.telemetry.subscriber_process import listeners
-from kachaka_simple_control.display.display_launcher import DisplayTeller
+from kachaka_simple_control.telemetry.events import EventBus
+from kachaka_simple_control.telemetry.subscriber_process import subscriber_processes
+from kachaka_simple_control.display.display_launcher import DisplayProcess
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
-from kachaka_simple_control.telemetry.events import Began, Ended, Opened, Planned, Sent
+from kachaka_simple_control.telemetry.events import MotionStarted, MotionEnded, SessionStarted,
+MotionPlanned, VelocitySent
 
 limits = Limits(0.25, 1.0)
-audience, slowest = Audience(), 0.0
-with listeners(audience) as told:
-    told.join(DisplayTeller())
-    audience.tell(Opened(
+audience, slowest = EventBus(), 0.0
+with subscriber_processes(audience) as told:
+    told.join(DisplayProcess())
+    audience.tell(SessionStarted(
         'there', 'kachaka', limits, 0.3, 0.0, 'cmd_vel', None, settings={'guardian': True}))
-    audience.tell(Planned(Motion('there', (Forward(DISTANCE),)), limits, 50.0))
+    audience.tell(MotionPlanned(Motion('there', (Forward(DISTANCE),)), limits, 50.0))
     sys.stdin.readline()  # until there is somebody to see it
-    audience.tell(Began(time.monotonic()))
+    audience.tell(MotionStarted(time.monotonic()))
     for tick in range(round(200 * DISTANCE)):
         before = time.monotonic()
-        audience.tell(Sent(before, Velocity(0.25)))
+        audience.tell(VelocitySent(before, Velocity(0.25)))
         if tick % 10 == 0:
             os.write(2, b'[INFO] line %d ' % tick)
             time.sleep(0.001)
             os.write(2, b'is whole\\n')
         slowest = max(slowest, time.monotonic() - before)
         time.sleep(0.02)
-    audience.tell(Sent(time.monotonic(), ZERO))
-    audience.tell(Ended(time.monotonic()))
+    audience.tell(VelocitySent(time.monotonic(), ZERO))
+    audience.tell(MotionEnded(time.monotonic()))
     ended = time.monotonic()
 print(f'slowest {slowest:.3f} closed {time.monotonic() - ended:.3f}')
 """
@@ -193,11 +200,11 @@ def test_frames_are_drawn_while_the_robot_s_thread_sleeps(monkeypatch):
         show=lambda *_: drawn.append(time.monotonic() - sent[-1]))
     with os.fdopen(reader) as stdin:
         monkeypatch.setattr(sys, 'stdin', stdin)
-        display = threading.Thread(target=Display(screen, os.getppid()).run)
+        display = threading.Thread(target=TerminalDisplay(screen, os.getppid()).run)
         display.start()
         for _ in range(25):
             sent.append(time.monotonic())
-            os.write(writer, packets(Sent(sent[-1], Velocity(0.1)))[0])
+            os.write(writer, encode(VelocitySent(sent[-1], Velocity(0.1)))[0])
             time.sleep(0.08)
         os.close(writer)
         display.join()
@@ -210,13 +217,14 @@ def test_a_display_that_comes_late_tells_all_lines():
     """The drive was over before its program had started."""
     told, velocity = [], Velocity(0.25)
     motion = Motion('there', (Forward(0.25), Wait(1.0)))
-    told.append(Planned(motion, Limits(0.25, 1.0), 10.0))
+    told.append(MotionPlanned(motion, Limits(0.25, 1.0), 10.0))
     told += [event for tick in range(20) for event in (
-        Sent(100.0 + tick / 10, velocity), *([Began(100.0)] if tick == 0 else []))]
-    told += [Ended(102.0), Closed(102.5)]
+        VelocitySent(100.0 + tick / 10, velocity), *([MotionStarted(100.0)] if tick == 0 else []))]
+    told += [MotionEnded(102.0), SessionEnded(102.5)]
     ended = subprocess.run(
-        processes.command(DISPLAY), env=processes.environment(), capture_output=True, check=True,
-        input=b''.join(packet for event in told for packet in packets(event)))
+        processes.python_command(DISPLAY_MODULE), env=processes.child_environment(),
+        capture_output=True, check=True,
+        input=b''.join(packet for event in told for packet in encode(event)))
     assert ended.stderr.decode().splitlines() == [
         'step 1 of 2: forward 0.25 m (1 s)', 'step 2 of 2: wait 1 s (1 s)']
 
@@ -226,31 +234,32 @@ def test_room_is_made_wherever_the_cursor_is(cursor):
     screen = Screen(80, 20)
     screen.write('\n'.join(map(str, range(cursor + 1))))
     screen.write('\r')
-    screen.write(terminal.opening(20, 6) + terminal.drawing(20, ['a', 'b', 'c', 'd', 'e', 'f']))
+    screen.write(
+        terminal.reserve_rows(20, 6) + terminal.draw_rows(20, ['a', 'b', 'c', 'd', 'e', 'f']))
     assert screen.lines[14:] == ['a', 'b', 'c', 'd', 'e', 'f']
     assert screen.row == min(cursor, 13)
-    screen.write(f'{terminal.CLOSE}end')
+    screen.write(f'{terminal.RELEASE_ROWS}end')
     assert screen.above[-1] == 'end'
     assert len(screen.above) == cursor + 1
 
 
 def test_where_there_is_no_panel_closing_it_does_no_harm():
     screen = Screen(80, 20)
-    screen.write(f'one\r\n{terminal.CLOSE}two')
+    screen.write(f'one\r\n{terminal.RELEASE_ROWS}two')
     assert screen.above == ['one', 'two']
 
 
 def test_without_rich_it_says_so_once_and_tells_lines(monkeypatch):
     leader, follower = os.openpty()
     monkeypatch.setenv('TERM', 'xterm')
-    assert isinstance(screen_for(follower), Panel)
+    assert isinstance(renderer_for(follower), PanelRenderer)
     for name in [name for name in sys.modules if name.partition('.')[0] == 'rich']:
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.delitem(sys.modules, 'kachaka_simple_control.display.panel')
-    assert isinstance(screen_for(follower), Lines)
+    assert isinstance(renderer_for(follower), LineRenderer)
     assert b'install rich' in os.read(leader, 1000)
     monkeypatch.setenv('TERM', 'dumb')
-    assert isinstance(screen_for(follower), Lines)
+    assert isinstance(renderer_for(follower), LineRenderer)
     for descriptor in (leader, follower):
         os.close(descriptor)
 

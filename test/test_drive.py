@@ -19,11 +19,16 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.kachaka.simulator.drive_model import approach, Drive, Fidelity, IDEAL
+from kachaka_simple_control.kachaka.simulator.drive_model import (
+    DriveModel,
+    first_order_response,
+    IDEAL,
+    SimulationParameters,
+)
 from kachaka_simple_control.motion.geometry import integrate, ORIGIN, Velocity, ZERO
 import pytest
 
-REAL = Fidelity(
+REAL = SimulationParameters(
     lag=0.15, linear_acceleration=0.4, angular_acceleration=3.0, linear_gain=0.97,
     angular_gain=1.04, velocity_noise=0.1)
 velocities = st.builds(Velocity, st.floats(-0.3, 0.3), st.floats(-1.57, 1.57))
@@ -33,7 +38,7 @@ questions = st.lists(st.floats(0.0, 2.5), max_size=20)
 
 def drive_and_ask(fidelity, commands, questions, start=0.0):
     """Give the commands, after their pauses; ask in between; answer the state after 2.5 s."""
-    drive, time = Drive(fidelity, start, seed=7), start
+    drive, time = DriveModel(fidelity, start, seed=7), start
     asked = sorted(start + question for question in questions)
     for pause, velocity in commands:
         time += pause
@@ -75,8 +80,8 @@ def test_same_seed_same_drive_at_any_hour():
 
 def test_other_seed_other_drive():
     """Noise is noise."""
-    noisy = Fidelity(velocity_noise=0.2)
-    first, second = (Drive(noisy, 0.0, seed) for seed in (1, 2))
+    noisy = SimulationParameters(velocity_noise=0.2)
+    first, second = (DriveModel(noisy, 0.0, seed) for seed in (1, 2))
     for drive in (first, second):
         drive.aim(Velocity(0.1), 0.0)
     assert first.at(1.0) != second.at(1.0)
@@ -86,7 +91,7 @@ def test_velocity_noise_has_the_deviation_it_was_given():
     """The way in 1 s is the sum of 1000 velocities: noise * velocity * sqrt(1 s * 1 ms)."""
     ways = []
     for seed in range(200):
-        drive = Drive(Fidelity(velocity_noise=0.5), 0.0, seed)
+        drive = DriveModel(SimulationParameters(velocity_noise=0.5), 0.0, seed)
         drive.aim(Velocity(0.1), 0.0)
         ways.append(drive.at(1.0)[0].x)
     mean = sum(ways) / len(ways)
@@ -98,7 +103,7 @@ def test_velocity_noise_has_the_deviation_it_was_given():
 
 def test_lag_delays_and_catches_up():
     """First order: behind by velocity * lag while it drives, and none of it is lost at the end."""
-    drive = Drive(Fidelity(lag=0.1), 0.0, 0)
+    drive = DriveModel(SimulationParameters(lag=0.1), 0.0, 0)
     drive.aim(Velocity(0.2), 0.0)
     assert drive.at(0.1)[1].linear_x == pytest.approx(0.2 * (1.0 - math.exp(-1.0)))
     assert drive.at(2.0)[0].x == pytest.approx(0.2 * (2.0 - 0.1))
@@ -110,7 +115,7 @@ def test_lag_delays_and_catches_up():
 
 def test_acceleration_is_limited():
     """0.2 m/s at 0.4 m/s^2: a ramp of 0.5 s, which costs 0.05 m."""
-    drive = Drive(Fidelity(linear_acceleration=0.4), 0.0, 0)
+    drive = DriveModel(SimulationParameters(linear_acceleration=0.4), 0.0, 0)
     drive.aim(Velocity(0.2), 0.0)
     assert drive.at(0.25)[1].linear_x == pytest.approx(0.1)
     assert drive.at(2.0)[1].linear_x == 0.2
@@ -119,7 +124,7 @@ def test_acceleration_is_limited():
 
 def test_gain_errors_change_the_way():
     """A demanded metre is another metre."""
-    drive = Drive(Fidelity(linear_gain=0.9, angular_gain=1.1), 0.0, 0)
+    drive = DriveModel(SimulationParameters(linear_gain=0.9, angular_gain=1.1), 0.0, 0)
     drive.aim(Velocity(0.1, 0.0), 0.0)
     drive.aim(Velocity(0.0, 0.5), 1.0)
     pose, velocity = drive.at(2.0)
@@ -129,7 +134,7 @@ def test_gain_errors_change_the_way():
 
 def test_spiral_is_close_to_a_fine_integration():
     """While both velocities change, the path is put together from circles; this says how well."""
-    drive = Drive(Fidelity(lag=0.3), 0.0, 0)
+    drive = DriveModel(SimulationParameters(lag=0.3), 0.0, 0)
     drive.aim(Velocity(0.3, 1.5), 0.0)
     pose, step = ORIGIN, 1e-5
     for index in range(100_000):
@@ -141,7 +146,7 @@ def test_spiral_is_close_to_a_fine_integration():
 
 def test_a_long_rest_costs_nothing():
     """A robot with a lag that nobody told anything for a day answers at once."""
-    drive = Drive(REAL, 0.0, 0)
+    drive = DriveModel(REAL, 0.0, 0)
     drive.aim(Velocity(0.1), 0.0)
     drive.aim(ZERO, 0.2)
     # 86 million grid points would take minutes.
@@ -158,9 +163,10 @@ def test_a_long_rest_costs_nothing():
 def test_following_in_two_parts_is_following_in_one(
         velocity, target, duration, share, lag, acceleration):
     """The solution is exact, so it can be cut anywhere."""
-    end, way = approach(velocity, target, duration, lag, acceleration)
-    first, way_before = approach(velocity, target, share * duration, lag, acceleration)
-    second, way_after = approach(first, target, (1.0 - share) * duration, lag, acceleration)
+    end, way = first_order_response(velocity, target, duration, lag, acceleration)
+    first, way_before = first_order_response(velocity, target, share * duration, lag, acceleration)
+    second, way_after = first_order_response(
+        first, target, (1.0 - share) * duration, lag, acceleration)
     assert second == pytest.approx(end, abs=1e-9)
     assert way_before + way_after == pytest.approx(way, abs=1e-9)
     assert min(velocity, target) - 1e-12 <= end <= max(velocity, target) + 1e-12
@@ -173,4 +179,4 @@ def test_following_in_two_parts_is_following_in_one(
 def test_impossible_figures_are_refused(name, value):
     """At once, with the name and the value."""
     with pytest.raises(ValueError, match=f'{name} is {value}; it must be'):
-        Fidelity(**{name: value})
+        SimulationParameters(**{name: value})

@@ -18,7 +18,7 @@ import threading
 from fake_time import FakeTime, Wire
 from kachaka_simple_control.control.drive_requests import DriveRequests
 from kachaka_simple_control.control.latch import Latch
-from kachaka_simple_control.control.velocity_gate import PublisherEdge
+from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.limits import Limits
 import pytest
@@ -33,7 +33,7 @@ class Bench:
     def __init__(self):
         """Have a robot that is ours."""
         self.time = FakeTime()
-        self.edge = PublisherEdge(
+        self.edge = VelocityGate(
             Wire(self.time).transmit, Limits(0.3, 1.57), Latch(), None, self.time.clock,
             self.time.clock)
         self.edge.admit()

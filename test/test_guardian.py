@@ -21,7 +21,7 @@ import sys
 import time
 
 from kachaka_simple_control.control.guardian import Guardian
-from kachaka_simple_control.control.processes import is_frozen
+from kachaka_simple_control.control.processes import is_stopped
 from program import children_of, COMMAND, is_running, program, script
 import pytest
 from ros_support import wait_until
@@ -198,15 +198,15 @@ node.move_robot(0.1, 0.0, 20.0)
 
 def test_a_process_is_frozen_from_sigstop_to_sigcont():
     with subprocess.Popen(['sleep', '20']) as process:
-        assert not is_frozen(process.pid)
+        assert not is_stopped(process.pid)
         for signum, frozen in ((signal.SIGSTOP, True), (signal.SIGCONT, False)):
             process.send_signal(signum)
             end = time.monotonic() + 3.0
-            while is_frozen(process.pid) != frozen and time.monotonic() < end:
+            while is_stopped(process.pid) != frozen and time.monotonic() < end:
                 time.sleep(0.01)
-            assert is_frozen(process.pid) == frozen
+            assert is_stopped(process.pid) == frozen
         process.kill()
-    assert not is_frozen(process.pid)
+    assert not is_stopped(process.pid)
 
 
 def test_a_short_freeze_does_not_stop_a_healthy_run(listener, tmp_path):

@@ -35,7 +35,7 @@ pytestmark = pytest.mark.ros
 #: Makes a node, and tells its threads and the addresses that it listens at.
 LOOK = """
 import json, pathlib, sys, time
-from kachaka_simple_control.ros.dds_transport import avoid_shared_memory, stay_on_this_machine
+from kachaka_simple_control.ros.dds_transport import use_udp_transport, use_localhost_only
 {way}()
 import rclpy
 rclpy.init()
@@ -77,8 +77,8 @@ sys.stdin.read()
 #: Newcomers of ours, one after the other, and how long [s] each took to meet the robot.
 NEWCOMERS = """
 import json, sys, time
-from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
-stay_on_this_machine()
+from kachaka_simple_control.ros.dds_transport import use_localhost_only
+use_localhost_only()
 import rclpy
 from geometry_msgs.msg import Twist
 took = []
@@ -108,7 +108,7 @@ def needs_fast_dds():
 
 def environment(**chosen):
     """Return an environment in which nothing but this is chosen."""
-    free = {name: value for name, value in processes.environment().items()
+    free = {name: value for name, value in processes.child_environment().items()
             if name not in dds_transport.CHOICES}
     return {**free, **chosen}
 
@@ -292,8 +292,8 @@ def test_a_profile_of_ones_own_is_not_replaced():
         for variable in dds_transport.CHOICES:
             os.environ.pop(variable, None)
         os.environ[name] = 'own.xml'
-        dds_transport.avoid_shared_memory()
-        dds_transport.stay_on_this_machine()
+        dds_transport.use_udp_transport()
+        dds_transport.use_localhost_only()
         assert os.environ[name] == 'own.xml'
         assert dds_transport.TRANSPORTS not in os.environ
         assert os.environ[dds_transport.RANGE] == 'LOCALHOST'

@@ -22,7 +22,7 @@ import time
 import uuid
 
 from kachaka_simple_control.control.claims import ClaimedError, MachineClaim
-from kachaka_simple_control.control.processes import is_frozen
+from kachaka_simple_control.control.processes import is_stopped
 import pytest
 from ros_support import environment, wait_until
 
@@ -118,7 +118,7 @@ def test_a_program_that_is_frozen_keeps_it(name):
         go(holder)
         assert holder.stdout.readline() == 'taken\n'
         holder.send_signal(signal.SIGSTOP)
-        assert wait_until(lambda: is_frozen(holder.pid))
+        assert wait_until(lambda: is_stopped(holder.pid))
         assert refused(name) == f'process {holder.pid}, which does not answer'
         holder.send_signal(signal.SIGCONT)
 

@@ -96,19 +96,19 @@ def test_parameters_cannot_be_changed_while_driving(listener, watcher, make):
 
 
 def test_parameters_are_described_with_their_ranges(watcher, make):
-    from kachaka_simple_control.ros.parameters import Settings
+    from kachaka_simple_control.ros.parameters import NodeParameters
     node = make()
     executor = rclpy.executors.SingleThreadedExecutor()
     executor.add_node(node)
     thread = threading.Thread(target=executor.spin, daemon=True)
     thread.start()
-    names = [setting.name for setting in fields(Settings)]
+    names = [setting.name for setting in fields(NodeParameters)]
     answer = watcher.call(
         DescribeParameters, '/kachaka_simple_control/describe_parameters',
         DescribeParameters.Request(names=names))
     executor.shutdown()
     thread.join()
-    for setting, told in zip(fields(Settings), answer.descriptors, strict=True):
+    for setting, told in zip(fields(NodeParameters), answer.descriptors, strict=True):
         assert told.description == setting.metadata['description']
         assert told.read_only
         spans = [(span.from_value, span.to_value) for span in told.floating_point_range]

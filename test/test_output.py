@@ -24,14 +24,14 @@ import subprocess
 import sys
 import time
 
-from kachaka_simple_control.control.output import PATIENCE
+from kachaka_simple_control.control.output import FLUSH_TIMEOUT
 from program import children_of, COMMAND, environment, fill, is_running
 import pytest
 from terminals import at_terminal
 
 BEGIN = """
 import os, sys, time
-from kachaka_simple_control.control.output import never_wait
+from kachaka_simple_control.control.output import make_nonblocking
 """
 
 
@@ -116,7 +116,7 @@ for line in range(2000):
 sys.exit(7)
 """)) as started:
         assert started.end(20.0) == 7
-    assert time.monotonic() - begun < 2 * PATIENCE + 2.0
+    assert time.monotonic() - begun < 2 * FLUSH_TIMEOUT + 2.0
 
 
 def test_a_reader_who_is_slow_gets_all():
@@ -126,7 +126,7 @@ for line in range(5000):
     print(f'{line:09}')
     print(f'{line:09}', file=sys.stderr, flush=True)
 """)) as started:
-        time.sleep(PATIENCE)
+        time.sleep(FLUSH_TIMEOUT)
         lines = started.text().split()
     assert sorted(lines) == sorted(2 * [f'{line:09}' for line in range(5000)])
 
@@ -192,8 +192,8 @@ print('nor this', file=sys.stderr)
 def test_a_stopped_terminal_holds_nobody_up():
     with at_terminal([sys.executable, '-c', """
 import sys
-from kachaka_simple_control.control.output import never_wait
-never_wait(1, 2)
+from kachaka_simple_control.control.output import make_nonblocking
+make_nonblocking(1, 2)
 print('begun')
 sys.stdin.readline()
 print('x')
@@ -218,9 +218,9 @@ assert mine.getvalue() == 'x\\n'
 def test_a_display_draws_whole_frames_all_the_same():
     """It has a process of its own, which may wait."""
     run("""
-from kachaka_simple_control.control.output import wait_again
+from kachaka_simple_control.control.output import make_blocking
 never_wait(2)
-wait_again(2)
+make_blocking(2)
 assert os.get_blocking(2)
 """, stderr=subprocess.PIPE)
 

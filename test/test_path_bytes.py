@@ -20,7 +20,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.geometry import Pose
-from kachaka_simple_control.report.paths import PathBytes
+from kachaka_simple_control.report.paths import PathSerializer
 import pytest
 
 pytest.importorskip('nav_msgs', reason='needs nav_msgs')
@@ -60,7 +60,7 @@ def message(frame, poses, time):
 
 @given(FRAMES, st.lists(st.tuples(POSES, TIMES), max_size=5), TIMES)
 def test_a_path_is_packed_as_ros_packs_it(frame, poses, time):
-    own = PathBytes(frame)
+    own = PathSerializer(frame)
     packed = own.path([own.pose(pose, when) for pose, when in poses], time)
     meant = message(frame, poses, time)
     # Not the bytes: what ROS leaves between two numbers is anything.

@@ -17,11 +17,11 @@ import math
 import re
 
 from hypothesis import given
-from kachaka_simple_control.control.plan_runner import Player
+from kachaka_simple_control.control.plan_runner import TickScheduler
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
-from kachaka_simple_control.report.plan_view import in_words, Preview
+from kachaka_simple_control.report.plan_view import describe_step, PlanView
 from kachaka_simple_control.report.text_tables import plan_table
 from plans import ABRUPT, EIGHT, EMPTY, GENTLE, HOUR, LESSON, preview, SPIN, SQUARE, SQUARE_CW
 import pytest
@@ -153,14 +153,14 @@ def test_robots_and_rates_that_differ_have_a_column():
     (Repeat(4, [Wait(1.0)]), 'repeat 4 times'),
 ])
 def test_steps_in_words(step, words):
-    assert in_words(step) == words
+    assert describe_step(step) == words
 
 
 @pytest.mark.parametrize('name', [
     'x' * 300, '四角' * 100, 'two\nlines\tand a bell\x07', '$a_b$', ''])
 def test_a_name_keeps_to_its_line(name):
     """Names come from files, and may be anything."""
-    for previews in ([Preview(name, name, plan(SQUARE, GENTLE, 20.0), GENTLE)],
+    for previews in ([PlanView(name, name, plan(SQUARE, GENTLE, 20.0), GENTLE)],
                      [preview(SQUARE), preview(Motion(name, SQUARE.steps), robot=name)]):
         table = plan_table(previews)
         assert all(line.isprintable() for line in table.splitlines())
@@ -184,7 +184,7 @@ def test_any_table_fits_a_terminal(motion, limits, rate):
 @given(MOTIONS, LIMITS, RATES)
 def test_as_many_velocities_are_told_as_are_sent(motion, limits, rate):
     one = preview(motion, limits, rate)
-    player = Player(one.plan)
+    player = TickScheduler(one.plan)
     sent, now = 0, 0.0
     while sent < 3000 and (due := player.due(now)) is not None:
         sent, now = sent + 1, due.deadline

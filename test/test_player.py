@@ -15,7 +15,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.plan_runner import Player
+from kachaka_simple_control.control.plan_runner import TickScheduler
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
@@ -28,12 +28,12 @@ MOVES = st.lists(
 RATES = st.floats(5.0, 200.0)
 
 
-def player_of(*moves: Move, rate: float = 10.0) -> Player:
+def player_of(*moves: Move, rate: float = 10.0) -> TickScheduler:
     """Return a player at the start of some moves."""
-    return Player(plan(Motion('test', moves), LIMITS, rate))
+    return TickScheduler(plan(Motion('test', moves), LIMITS, rate))
 
 
-def walk(player: Player) -> list:
+def walk(player: TickScheduler) -> list:
     """Ask exactly at each deadline; return (time asked, answer)."""
     answers, now = [], 0.0
     while (due := player.due(now)) is not None:

@@ -17,9 +17,9 @@ from itertools import pairwise
 
 from fake_time import FakeTime, Wire
 from kachaka_simple_control.control.latch import Latch
-from kachaka_simple_control.control.plan_runner import max_gap, play
-from kachaka_simple_control.control.velocity_gate import PublisherEdge
-from kachaka_simple_control.control.waiting import NAP
+from kachaka_simple_control.control.plan_runner import max_gap, run_plan
+from kachaka_simple_control.control.velocity_gate import VelocityGate
+from kachaka_simple_control.control.waiting import POLL_PERIOD
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
@@ -54,7 +54,7 @@ class Bench:
         self.time = FakeTime()
         self.wire = Wire(self.time)
         self.latch = Latch()
-        self.edge = PublisherEdge(
+        self.edge = VelocityGate(
             self.wire.transmit, LIMITS, self.latch, None,
             self.time.clock, self.time.clock)
         self.edge.admit()
@@ -63,7 +63,8 @@ class Bench:
 
     def play(self):
         """Play the plan."""
-        return play(self.plan, self.edge, HOLD, self.companion, self.time.clock, self.time.sleep)
+        return run_plan(
+            self.plan, self.edge, HOLD, self.companion, self.time.clock, self.time.sleep)
 
 
 def test_a_move_is_held_for_its_duration_and_ends_in_a_zero():
@@ -104,7 +105,7 @@ def test_a_motion_that_is_always_late_shows_signs_of_life_all_the_same():
     bench.companion.beat = lambda: beats.append(bench.time.now)
     bench.play()
     gaps = [after - before for before, after in pairwise(beats)]
-    assert max(gaps) <= late + NAP + 1e-6
+    assert max(gaps) <= late + POLL_PERIOD + 1e-6
 
 
 def test_a_graph_that_answers_slowly_ends_no_healthy_run():

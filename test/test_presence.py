@@ -20,7 +20,7 @@ import pytest
 pytestmark = pytest.mark.ros
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
 
-from kachaka_simple_control.ros.guardian_process import introduce, Presence  # noqa: E402, I100
+from kachaka_simple_control.ros.guardian_process import create_matched_node, GuardianNode  # noqa: E402, I100
 
 TOPIC = '/kachaka/manual_control/cmd_vel'
 
@@ -38,7 +38,7 @@ def enter(greeted):
     context.init(args=[])
     domain = context.get_domain_id()
     context.try_shutdown()
-    return lambda: Presence(TOPIC, 'Twist', 'base_link', domain, greeted.append)
+    return lambda: GuardianNode(TOPIC, 'Twist', 'base_link', domain, greeted.append)
 
 
 def publishers(watcher):
@@ -48,7 +48,7 @@ def publishers(watcher):
 
 
 def test_who_is_answered_stays(listener, watcher, enter, greeted):
-    presence = introduce(enter, lambda: False)
+    presence = create_matched_node(enter, lambda: False)
     try:
         assert presence.is_matched
         assert publishers(watcher) == 1
@@ -59,7 +59,7 @@ def test_who_is_answered_stays(listener, watcher, enter, greeted):
 
 def test_who_is_not_answered_greets_anew(watcher, enter, greeted):
     began = time.monotonic()
-    presence = introduce(enter, lambda: False)
+    presence = create_matched_node(enter, lambda: False)
     try:
         assert time.monotonic() - began > 2.0
         assert len(set(greeted)) == len(greeted) == 4
@@ -70,6 +70,6 @@ def test_who_is_not_answered_greets_anew(watcher, enter, greeted):
 
 
 def test_who_has_something_to_do_stays(enter, greeted):
-    presence = introduce(enter, lambda: True)
+    presence = create_matched_node(enter, lambda: True)
     presence.end()
     assert len(greeted) == 1

@@ -19,7 +19,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.motion.velocity_profile import quickest
+from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 import pytest
 from strategies import or_infinite, spread
 
@@ -43,7 +43,7 @@ def pieces(profile):
 
 @given(DISTANCES, BOUNDS)
 def test_it_begins_at_nothing_and_ends_at_the_distance_to_the_last_bit(distance, bounds):
-    profile = quickest(distance, *bounds)
+    profile = time_optimal_profile(distance, *bounds)
     assert profile.position_at(0.0) == 0.0
     assert profile.position_at(profile.duration) == distance
     assert profile.position_at(-1.0) == 0.0
@@ -56,7 +56,7 @@ def test_it_begins_at_nothing_and_ends_at_the_distance_to_the_last_bit(distance,
 @given(DISTANCES, BOUNDS, PARTS)
 def test_it_keeps_within_its_limits_at_every_time(distance, bounds, part):
     velocity, acceleration, deceleration, _ = bounds
-    profile = quickest(distance, *bounds)
+    profile = time_optimal_profile(distance, *bounds)
     time = part * profile.duration
     assert 0.0 < profile.duration < math.inf
     assert -1e-12 * distance <= profile.position_at(time) <= distance * (1.0 + 1e-12)
@@ -66,7 +66,7 @@ def test_it_keeps_within_its_limits_at_every_time(distance, bounds, part):
 
 @given(DISTANCES, SMOOTH)
 def test_its_acceleration_changes_no_faster_than_the_jerk(distance, bounds):
-    profile = quickest(distance, *bounds)
+    profile = time_optimal_profile(distance, *bounds)
     for start, end in pieces(profile):
         # Inside of each piece, where rounding of a mark does not matter.
         times = [start + (end - start) * part for part in (0.1, 0.9)]
@@ -78,7 +78,7 @@ def test_its_acceleration_changes_no_faster_than_the_jerk(distance, bounds):
 @given(DISTANCES, BOUNDS)
 def test_positions_are_the_sum_of_velocities_and_those_of_accelerations(distance, bounds):
     """Simpson's rule is exact for the parabolas that velocities are made of."""
-    profile = quickest(distance, *bounds)
+    profile = time_optimal_profile(distance, *bounds)
     for start, end in pieces(profile):
         half = (start + end) / 2.0
         # Velocities just within the piece: at its ends those of a rectangle jump.
@@ -94,7 +94,7 @@ def test_positions_are_the_sum_of_velocities_and_those_of_accelerations(distance
 @given(DISTANCES, BOUNDS)
 def test_where_the_velocity_is_not_reached_there_is_no_cruise(distance, bounds):
     """To cruise below the largest velocity would be to give time away."""
-    profile = quickest(distance, *bounds)
+    profile = time_optimal_profile(distance, *bounds)
     assert profile.velocity == bounds[0] or profile.cruise <= 1e-9 * profile.duration
 
 
@@ -105,13 +105,13 @@ def test_without_a_limit_of_jerk_it_is_the_trapezoid_of_the_textbooks(
     ramps = velocity * velocity * slowness / 2.0
     expected = (distance / velocity + velocity * slowness / 2.0 if ramps <= distance
                 else math.sqrt(2.0 * distance * slowness))
-    profile = quickest(distance, velocity, acceleration, deceleration)
+    profile = time_optimal_profile(distance, velocity, acceleration, deceleration)
     assert profile.duration == pytest.approx(expected, rel=1e-12)
 
 
 @given(DISTANCES, FINITE)
 def test_with_a_limit_of_velocity_alone_it_is_a_rectangle(distance, velocity):
-    profile = quickest(distance, velocity)
+    profile = time_optimal_profile(distance, velocity)
     assert profile.duration == distance / velocity
     assert profile.velocity_at(0.0) == velocity
     assert profile.velocity_at(profile.duration / 2.0) == velocity
@@ -120,7 +120,7 @@ def test_with_a_limit_of_velocity_alone_it_is_a_rectangle(distance, velocity):
 @given(DISTANCES, FINITE)
 def test_with_a_limit_of_jerk_alone_it_takes_the_textbooks_time(distance, jerk):
     """Four equal parts of jerk, up, down, down and up: s = 2 j (t / 4)^3."""
-    profile = quickest(distance, math.inf, jerk=jerk)
+    profile = time_optimal_profile(distance, math.inf, jerk=jerk)
     assert profile.duration == pytest.approx(4.0 * math.pow(distance / (2.0 * jerk), 1.0 / 3.0))
 
 
@@ -132,7 +132,7 @@ def test_with_a_limit_of_jerk_alone_it_takes_the_textbooks_time(distance, jerk):
     ((2.0, 1.0, 9.0, 1.0), 2.0, 10.0 / 2.0 + (3.0 + 2.0 * math.sqrt(2.0)) / 2.0),
 ])
 def test_some_profiles_are_those_reckoned_by_hand(bounds, peak, duration):
-    profile = quickest(10.0, *bounds)
+    profile = time_optimal_profile(10.0, *bounds)
     assert profile.velocity == pytest.approx(peak)
     assert profile.duration == pytest.approx(duration)
 
@@ -140,7 +140,7 @@ def test_some_profiles_are_those_reckoned_by_hand(bounds, peak, duration):
 @given(DISTANCES, BOUNDS, st.integers(0, 3), st.floats(1.0, 10.0))
 def test_a_larger_limit_makes_nothing_slower(distance, bounds, which, factor):
     larger = [bound * (factor if index == which else 1.0) for index, bound in enumerate(bounds)]
-    slow, quick = quickest(distance, *bounds), quickest(distance, *larger)
+    slow, quick = time_optimal_profile(distance, *bounds), time_optimal_profile(distance, *larger)
     assert quick.duration <= slow.duration * (1.0 + 1e-12)
 
 
@@ -148,8 +148,8 @@ def test_a_larger_limit_makes_nothing_slower(distance, bounds, which, factor):
 def test_with_acceleration_and_deceleration_exchanged_it_is_the_film_backwards(
         distance, bounds, part):
     velocity, acceleration, deceleration, jerk = bounds
-    there = quickest(distance, velocity, acceleration, deceleration, jerk)
-    back = quickest(distance, velocity, deceleration, acceleration, jerk)
+    there = time_optimal_profile(distance, velocity, acceleration, deceleration, jerk)
+    back = time_optimal_profile(distance, velocity, deceleration, acceleration, jerk)
     time = part * there.duration
     assert back.duration == pytest.approx(there.duration, rel=1e-12)
     assert back.position_at(back.duration - time) == pytest.approx(
@@ -161,21 +161,22 @@ def test_other_units_make_no_other_profile(distance, bounds, length, time):
     """Millimetres or miles, seconds or minutes: the drive is the same."""
     velocity, acceleration, deceleration, jerk = bounds
     square, cube = time * time, time * time * time
-    other = quickest(
+    other = time_optimal_profile(
         distance * length, velocity * length / time, acceleration * length / square,
         deceleration * length / square, jerk * length / cube)
-    assert other.duration == pytest.approx(quickest(distance, *bounds).duration * time, rel=1e-9)
+    assert other.duration == pytest.approx(
+        time_optimal_profile(distance, *bounds).duration * time, rel=1e-9)
 
 
 @given(BOUNDS)
 def test_no_distance_takes_no_time(bounds):
-    profile = quickest(0.0, *bounds)
+    profile = time_optimal_profile(0.0, *bounds)
     assert profile.duration == profile.position_at(0.0) == profile.velocity_at(0.0) == 0.0
 
 
 @given(st.floats(5e-324, 1e-6), BOUNDS)
 def test_the_tiniest_distances_break_nothing(distance, bounds):
-    profile = quickest(distance, *bounds)
+    profile = time_optimal_profile(distance, *bounds)
     for part in (0.0, 0.3, 0.7, 1.0):
         assert 0.0 <= profile.position_at(part * profile.duration) <= distance * (1.0 + 1e-12)
         assert 0.0 <= profile.velocity_at(part * profile.duration) <= bounds[0]
@@ -183,4 +184,4 @@ def test_the_tiniest_distances_break_nothing(distance, bounds):
 
 def test_what_nothing_limits_is_refused():
     with pytest.raises(InvalidMotionError, match='nothing limits the velocity'):
-        quickest(1.0, math.inf)
+        time_optimal_profile(1.0, math.inf)

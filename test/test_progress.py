@@ -19,21 +19,21 @@ import math
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from kachaka_simple_control.display.drive_status import COARSE, Progress, State
-from kachaka_simple_control.display.renderers import APART, StepLines
+from kachaka_simple_control.display.drive_status import COARSE, DriveState, DriveTracker
+from kachaka_simple_control.display.renderers import APART, StepLogger
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn, Wait
 from kachaka_simple_control.telemetry.events import (
-    Answered,
-    Began,
-    Closed,
-    Ended,
-    Opened,
-    Planned,
-    Sent,
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    SessionEnded,
+    SessionStarted,
+    VelocitySent,
 )
 import pytest
 from strategies import LIMITS, MOTIONS, UNHURRIED
@@ -42,22 +42,23 @@ START = 100.0
 #: At full speed at once: 2 s forward, 1 s to the left, 1 s of rest.
 ABRUPT = Limits(0.25, 1.0)
 THREE = Motion('three', (Forward(0.5), Turn(1.0), Wait(1.0)))
-OPENED = Opened('three', 'kachaka', ABRUPT, 0.3, 0.0, 'cmd_vel', 'odometry')
+OPENED = SessionStarted('three', 'kachaka', ABRUPT, 0.3, 0.0, 'cmd_vel', 'odometry')
 TIMES = st.floats(0.0, 1000.0)
 VELOCITIES = st.builds(Velocity, st.floats(-1.0, 1.0), st.floats(-2.0, 2.0))
 EVENTS = st.one_of(
-    st.just(OPENED), st.builds(Planned, st.just(THREE), st.just(ABRUPT), st.just(10.0)),
-    st.just(Planned(Motion('empty', ()), ABRUPT, 10.0)),
-    st.builds(Began, TIMES), st.builds(Sent, TIMES, VELOCITIES),
-    st.builds(Answered, TIMES, st.builds(Pose, st.floats(-9, 9), st.floats(-9, 9)), VELOCITIES),
-    st.builds(Ended, TIMES, st.none() | st.text()), st.builds(Closed, TIMES))
+    st.just(OPENED), st.builds(MotionPlanned, st.just(THREE), st.just(ABRUPT), st.just(10.0)),
+    st.just(MotionPlanned(Motion('empty', ()), ABRUPT, 10.0)),
+    st.builds(MotionStarted, TIMES), st.builds(VelocitySent, TIMES, VELOCITIES),
+    st.builds(OdometryReceived, TIMES, st.builds(Pose, st.floats(-9, 9), st.floats(-9, 9)),
+    VELOCITIES),
+    st.builds(MotionEnded, TIMES, st.none() | st.text()), st.builds(SessionEnded, TIMES))
 
 
 def begun(motion=THREE, limits=ABRUPT, opened=OPENED):
     """Return the progress of a motion whose first velocity was sent."""
-    progress = Progress()
-    for event in (opened, Planned(motion, limits, 10.0), Sent(START, Velocity(0.25)),
-                  Began(START)):
+    progress = DriveTracker()
+    for event in (opened, MotionPlanned(motion, limits, 10.0), VelocitySent(START, Velocity(0.25)),
+                  MotionStarted(START)):
         progress.hear(event)
     return progress
 
@@ -69,16 +70,16 @@ def driven(until, step=0.1, gain=1.0):
         elapsed = tick * step
         velocity = Velocity(0.25) if elapsed < 2.0 - 1e-9 else (
             Velocity(0.0, 1.0) if elapsed < 3.0 - 1e-9 else ZERO)
-        progress.hear(Sent(START + elapsed, velocity))
+        progress.hear(VelocitySent(START + elapsed, velocity))
         pose = Pose(0.25 * gain * min(elapsed, 2.0), 0.0, max(0.0, min(elapsed - 2.0, 1.0)))
-        progress.hear(Answered(START + elapsed, pose, velocity))
+        progress.hear(OdometryReceived(START + elapsed, pose, velocity))
     return progress
 
 
 @given(st.lists(EVENTS, max_size=12), TIMES)
 def test_any_events_in_any_order_are_looked_at(told, now):
     """A display must not fail in the middle of a drive, whatever it is told."""
-    progress = Progress()
+    progress = DriveTracker()
     for event in told:
         progress.hear(event)
         glance = progress.at(now)
@@ -138,33 +139,33 @@ def test_what_is_left_is_what_odometry_says_as_long_as_it_speaks():
     left = progress.at(START + 1.0).step.left
     assert (left.distance, left.is_seen) == (pytest.approx(0.375), True)
     for tick in range(11, 18):
-        progress.hear(Sent(START + tick / 10, Velocity(0.25)))
+        progress.hear(VelocitySent(START + tick / 10, Velocity(0.25)))
     left = progress.at(START + 1.7).step.left
     assert (left.distance, left.is_seen) == (pytest.approx(0.075), False)
 
 
 def test_a_stretch_over_two_steps_is_shared_between_them():
     progress = begun()
-    progress.hear(Answered(START + 1.9, Pose(0.475), Velocity(0.25)))
-    progress.hear(Answered(START + 2.1, Pose(0.5, 0.0, 0.1), Velocity(0.0, 1.0)))
+    progress.hear(OdometryReceived(START + 1.9, Pose(0.475), Velocity(0.25)))
+    progress.hear(OdometryReceived(START + 2.1, Pose(0.5, 0.0, 0.1), Velocity(0.0, 1.0)))
     assert progress.at(START + 2.1).step.left.angle == pytest.approx(0.95)
 
 
 def test_states_follow_each_other():
-    progress = Progress()
-    assert progress.at(0.0).state is State.READY
+    progress = DriveTracker()
+    assert progress.at(0.0).state is DriveState.READY
     progress.hear(OPENED)
-    progress.hear(Planned(THREE, ABRUPT, 10.0))
-    assert progress.at(1.0).state is State.WAITING
-    progress.hear(Sent(2.0, ZERO))
-    assert progress.at(2.05).state is State.MEETING
-    progress.hear(Sent(2.1, Velocity(0.25)))
-    progress.hear(Began(2.1))
-    assert progress.at(2.1).state is State.DRIVING
-    progress.hear(Sent(6.1, ZERO))
-    progress.hear(Ended(6.1))
-    assert progress.at(6.15).state is State.STOPPING
-    assert progress.at(6.3).state is State.STOPPED
+    progress.hear(MotionPlanned(THREE, ABRUPT, 10.0))
+    assert progress.at(1.0).state is DriveState.WAITING
+    progress.hear(VelocitySent(2.0, ZERO))
+    assert progress.at(2.05).state is DriveState.MEETING
+    progress.hear(VelocitySent(2.1, Velocity(0.25)))
+    progress.hear(MotionStarted(2.1))
+    assert progress.at(2.1).state is DriveState.DRIVING
+    progress.hear(VelocitySent(6.1, ZERO))
+    progress.hear(MotionEnded(6.1))
+    assert progress.at(6.15).state is DriveState.STOPPING
+    assert progress.at(6.3).state is DriveState.STOPPED
     assert progress.at(6.3).part == 1.0
 
 
@@ -172,27 +173,27 @@ def test_a_stop_is_seen_from_its_first_zeros():
     """Its end is told 0.4 s later; until then no step begins that never will."""
     progress = driven(1.9)
     for number in range(10):
-        progress.hear(Sent(START + 1.95 + 0.0001 * number, ZERO))
-    progress.hear(Sent(START + 1.99, ZERO))
+        progress.hear(VelocitySent(START + 1.95 + 0.0001 * number, ZERO))
+    progress.hear(VelocitySent(START + 1.99, ZERO))
     glance = progress.at(START + 2.03)
-    assert glance.state is State.STOPPING
+    assert glance.state is DriveState.STOPPING
     assert glance.step.number == 1
-    assert StepLines().look(glance, START + 2.03) == []
-    progress.hear(Ended(START + 2.35, 'stopped by SIGINT'))
-    assert progress.at(START + 2.5).state is State.CUT_SHORT
+    assert StepLogger().look(glance, START + 2.03) == []
+    progress.hear(MotionEnded(START + 2.35, 'stopped by SIGINT'))
+    assert progress.at(START + 2.5).state is DriveState.CUT_SHORT
 
 
 def test_zeros_of_a_plan_are_no_stop():
-    assert driven(3.5).at(START + 3.5).state is State.DRIVING
+    assert driven(3.5).at(START + 3.5).state is DriveState.DRIVING
 
 
 def test_as_long_as_odometry_sees_it_move_it_is_stopping():
     progress = driven(1.0)
-    progress.hear(Ended(START + 1.0, 'stopped by SIGINT'))
-    assert progress.at(START + 1.2).state is State.STOPPING
-    progress.hear(Answered(START + 1.2, Pose(0.3), ZERO))
+    progress.hear(MotionEnded(START + 1.0, 'stopped by SIGINT'))
+    assert progress.at(START + 1.2).state is DriveState.STOPPING
+    progress.hear(OdometryReceived(START + 1.2, Pose(0.3), ZERO))
     glance = progress.at(START + 1.2)
-    assert (glance.state, glance.reason) == (State.CUT_SHORT, 'stopped by SIGINT')
+    assert (glance.state, glance.reason) == (DriveState.CUT_SHORT, 'stopped by SIGINT')
     assert glance.part == pytest.approx(0.25)
 
 
@@ -200,17 +201,17 @@ def test_a_program_that_says_nothing_is_held_up():
     progress = driven(1.0)
     assert progress.at(START + 1.5).silence is None
     assert progress.at(START + 3.0).silence == pytest.approx(2.0)
-    progress.hear(Ended(START + 3.0))
+    progress.hear(MotionEnded(START + 3.0))
     assert progress.at(START + 5.0).silence is None
 
 
 def test_movements_by_call_are_counted_without_an_end():
     """Nobody knows how many a program has in mind."""
-    lesson = Opened('lesson', 'kachaka', ABRUPT, 0.3, 0.0, 'cmd_vel', None)
+    lesson = SessionStarted('lesson', 'kachaka', ABRUPT, 0.3, 0.0, 'cmd_vel', None)
     progress = begun(Motion('move_robot', (Move(0.1, 0.0, 1.0),)), ABRUPT, lesson)
     assert progress.at(START).step.number == 1
-    progress.hear(Ended(START + 1.0))
-    progress.hear(Planned(Motion('move_robot', (Move(0.0, 0.5, 1.0),)), ABRUPT, 10.0))
+    progress.hear(MotionEnded(START + 1.0))
+    progress.hear(MotionPlanned(Motion('move_robot', (Move(0.0, 0.5, 1.0),)), ABRUPT, 10.0))
     step = progress.at(START + 1.0).step
     assert (step.number, step.count, step.words) == (2, None, 'move 0 m/s, 0.5 rad/s')
 
@@ -219,7 +220,7 @@ def test_movements_by_call_are_counted_without_an_end():
 @given(st.lists(st.floats(0.01, 3.0), min_size=1, max_size=20))
 def test_lines_tell_each_step_once_and_not_too_fast(durations):
     progress = begun(Motion('three', tuple(map(Wait, durations))))
-    lines, told = StepLines(), []
+    lines, told = StepLogger(), []
     for tick in range(round(sum(durations) * 20) + 1):
         now = START + tick / 20
         told += [(now, line) for line in lines.look(progress.at(now), now)]
@@ -237,25 +238,25 @@ def test_lines_tell_each_step_once_and_not_too_fast(durations):
 
 
 def test_a_line_has_what_there_is_to_know():
-    assert StepLines().look(begun().at(START), START) == ['step 1 of 3: forward 0.5 m (2 s)']
+    assert StepLogger().look(begun().at(START), START) == ['step 1 of 3: forward 0.5 m (2 s)']
 
 
 def test_a_motion_that_is_driven_again_is_told_again():
-    progress, lines, told = begun(), StepLines(), []
+    progress, lines, told = begun(), StepLogger(), []
     for run in range(2):
         start = START + 10.0 * run
-        progress.hear(Planned(THREE, ABRUPT, 10.0))
+        progress.hear(MotionPlanned(THREE, ABRUPT, 10.0))
         told += lines.look(progress.at(start - 0.1), start - 0.1)
-        progress.hear(Began(start))
+        progress.hear(MotionStarted(start))
         told += lines.look(progress.at(start), start)
-        progress.hear(Ended(start + 4.0))
+        progress.hear(MotionEnded(start + 4.0))
     assert told == ['step 1 of 3: forward 0.5 m (2 s)'] * 2
 
 
 def test_a_robot_that_does_not_come_is_told_of_once():
-    progress, lines = Progress(), StepLines()
+    progress, lines = DriveTracker(), StepLogger()
     progress.hear(OPENED)
-    progress.hear(Planned(THREE, ABRUPT, 10.0))
+    progress.hear(MotionPlanned(THREE, ABRUPT, 10.0))
     told = [line for tick in range(100) for line in lines.look(progress.at(tick), float(tick))]
     assert told == ['three: waiting for the robot']
 
@@ -264,12 +265,13 @@ def test_a_robot_that_does_not_come_is_told_of_once():
 def drawn():
     """Return what draws a panel without colours."""
     pytest.importorskip('rich', reason='needs rich')
-    from kachaka_simple_control.display.panel import panel
+    from kachaka_simple_control.display.panel import render_panel
     from rich.console import Console
 
     def draw(glance, columns, encoding='utf-8', hint='Ctrl+C stops the robot'):
         file = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
-        return panel(Console(file=file, highlight=False, markup=False), columns, glance, hint)
+        return render_panel(
+            Console(file=file, highlight=False, markup=False), columns, glance, hint)
     return draw
 
 
@@ -289,14 +291,14 @@ def test_a_panel_has_all_figures(drawn, columns):
        title=st.text(max_size=80))
 def test_no_line_of_a_panel_is_wider_than_the_terminal(columns, told, now, title):
     pytest.importorskip('rich', reason='needs rich')
-    from kachaka_simple_control.display.panel import HEIGHT, panel
+    from kachaka_simple_control.display.panel import HEIGHT, render_panel
     from rich.cells import cell_len
     from rich.console import Console
-    progress = Progress()
-    for event in (Opened(title, 'kachaka', ABRUPT, 0.3, 0.0, 'a', None), *told):
+    progress = DriveTracker()
+    for event in (SessionStarted(title, 'kachaka', ABRUPT, 0.3, 0.0, 'a', None), *told):
         progress.hear(event)
     console = Console(file=io.StringIO(), highlight=False, markup=False)
-    lines = panel(console, columns, progress.at(now), 'Ctrl+C stops the robot')
+    lines = render_panel(console, columns, progress.at(now), 'Ctrl+C stops the robot')
     assert len(lines) == HEIGHT
     assert max(map(cell_len, lines)) < columns
     assert all(line.isprintable() for line in lines)
@@ -314,6 +316,6 @@ def test_the_bar_can_be_read_without_colours(drawn, encoding):
 def test_a_long_reason_takes_two_lines(drawn):
     progress = driven(1.0)
     reason = 'the guardian stopped the robot: the node fell silent, and stayed so'
-    progress.hear(Ended(START + 1.0, reason))
+    progress.hear(MotionEnded(START + 1.0, reason))
     lines = drawn(progress.at(START + 5.0), 60)
     assert ' '.join(' '.join(lines[1:3]).split()) == f'CUT SHORT {reason}'

@@ -17,8 +17,8 @@ import contextlib
 import threading
 
 from fake_time import FakeTime, Wire
-from kachaka_simple_control.control.latch import Flag, Latch
-from kachaka_simple_control.control.velocity_gate import PublisherEdge
+from kachaka_simple_control.control.latch import Latch, SharedFlag
+from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
@@ -48,7 +48,7 @@ def latch():
 @pytest.fixture
 def edge(time, wire, latch):
     """Return an edge to a robot that has not been taken."""
-    return PublisherEdge(wire.transmit, Limits(0.3, 1.57), latch, None, time.clock, time.clock)
+    return VelocityGate(wire.transmit, Limits(0.3, 1.57), latch, None, time.clock, time.clock)
 
 
 def test_before_the_robot_is_ours_not_even_a_zero_leaves(edge, wire):
@@ -129,7 +129,7 @@ def test_the_gap_is_checked_directly_before_publishing(edge, time, wire):
 
 def test_a_machine_that_slept_is_a_gap_although_the_steady_clock_stood_still(wire, latch):
     steady, awake = FakeTime(), FakeTime()
-    edge = PublisherEdge(wire.transmit, Limits(0.3, 1.57), latch, None, steady.clock, awake.clock)
+    edge = VelocityGate(wire.transmit, Limits(0.3, 1.57), latch, None, steady.clock, awake.clock)
     edge.admit()
     run = edge.begin(0.2)
     edge.send(run, FORWARD)
@@ -160,7 +160,7 @@ def test_no_motion_follows_the_first_zero_of_a_stop_in_another_thread():
     """Two threads, one stopping the other, many times: order on the wire is what counts."""
     for _ in range(200):
         sent = []
-        edge = PublisherEdge(sent.append, Limits(0.3, 1.57), Latch())
+        edge = VelocityGate(sent.append, Limits(0.3, 1.57), Latch())
         edge.admit()
         run = edge.begin(10.0)
         begun = threading.Event()
@@ -181,8 +181,8 @@ def test_no_motion_follows_the_first_zero_of_a_stop_in_another_thread():
 
 
 def test_the_flag_is_up_while_dds_has_the_message():
-    flag, seen = Flag(), []
-    edge = PublisherEdge(lambda _: seen.append(flag.is_set), Limits(0.3, 1.57), Latch(), flag)
+    flag, seen = SharedFlag(), []
+    edge = VelocityGate(lambda _: seen.append(flag.is_set), Limits(0.3, 1.57), Latch(), flag)
     edge.admit()
     edge.send(edge.begin(0.2), FORWARD)
     assert seen == [True]
@@ -190,8 +190,8 @@ def test_the_flag_is_up_while_dds_has_the_message():
 
 
 def test_the_flag_is_up_while_dds_is_asked_something_and_down_again_when_that_fails(edge):
-    flag, seen = Flag(), []
-    edge = PublisherEdge(lambda _: None, Limits(0.3, 1.57), Latch(), flag)
+    flag, seen = SharedFlag(), []
+    edge = VelocityGate(lambda _: None, Limits(0.3, 1.57), Latch(), flag)
     edge.admit()
     run = edge.begin(0.2)
 
@@ -238,7 +238,7 @@ def test_what_dds_takes_is_no_gap(time):
     def transmit(_):
         time.now += 0.33
 
-    edge = PublisherEdge(
+    edge = VelocityGate(
         transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
     edge.admit()
     run = edge.begin(0.2)

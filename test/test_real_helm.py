@@ -19,39 +19,39 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
-    Command,
-    Helm,
-    Kind,
-    LATE_IN_A_ROW,
-    LEISURELY,
-    LIMIT,
-    Mailbox,
-    REST,
-    Silence,
+    CommandArbiter,
+    CommandTimeout,
+    LatestCommand,
+    MAX_CONSECUTIVE_TIMEOUTS,
+    MAX_STREAM_PERIOD,
+    REARM_IDLE_TIME,
+    RpcKind,
+    STREAM_TIMEOUT,
+    VelocityCommand,
 )
-from kachaka_simple_control.kachaka.grpc_client.connection_state import Outcome, Trouble
+from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 import pytest
 
 HOLD = KACHAKA.hold
-OK = Outcome(code=0)
-NO_CONTROL = Outcome(code=13151)
-REFUSED = Outcome(code=21051)
-LATE = Outcome(trouble=Trouble.LATE)
-GONE = Outcome(trouble=Trouble.GONE)
+OK = RpcResult(code=0)
+NO_CONTROL = RpcResult(code=13151)
+REFUSED = RpcResult(code=21051)
+LATE = RpcResult(trouble=RpcFailure.LATE)
+GONE = RpcResult(trouble=RpcFailure.GONE)
 
 
 def motion(time, linear=0.5):
-    return Command(linear, 0.0, time)
+    return VelocityCommand(linear, 0.0, time)
 
 
 def stop(time):
-    return Command(0.0, 0.0, time)
+    return VelocityCommand(0.0, 0.0, time)
 
 
 @pytest.fixture
 def helm():
     """Return a helm whose robot answers."""
-    helm = Helm(HOLD)
+    helm = CommandArbiter(HOLD)
     helm.connect()
     return helm
 
@@ -69,7 +69,7 @@ def sent(helm, now):
                           st.floats(0.0, 0.2)), max_size=40))
 def test_mailbox_holds_the_newest_and_never_what_came_before_a_stop(steps):
     """Whatever happens in whichever order."""
-    mailbox, now, taken = Mailbox(HOLD), 0.0, []
+    mailbox, now, taken = LatestCommand(HOLD), 0.0, []
     newest, last_stop, is_owed = None, -1.0, False
     for name, pause in steps:
         now += pause
@@ -97,29 +97,29 @@ def test_mailbox_holds_the_newest_and_never_what_came_before_a_stop(steps):
 # Silence.
 
 def test_ceased_velocities_are_noticed_before_the_hold_ends():
-    silence = Silence()
+    silence = CommandTimeout()
     for time in (0.0, 0.1, 0.2):
         silence.hear(False, time)
-    assert silence.end == pytest.approx(0.2 + LIMIT)
-    assert not silence.is_over(0.2 + LIMIT - 1e-6)
-    assert silence.is_over(0.2 + LIMIT)
+    assert silence.end == pytest.approx(0.2 + STREAM_TIMEOUT)
+    assert not silence.is_over(0.2 + STREAM_TIMEOUT - 1e-6)
+    assert silence.is_over(0.2 + STREAM_TIMEOUT)
     assert not silence.is_over(9.0), 'told once'
-    assert LIMIT < HOLD
+    assert STREAM_TIMEOUT < HOLD
 
 
 @given(st.floats(0.2, 0.25), st.integers(1, 20))
 def test_a_5_hz_publisher_is_left_to_the_hold(period, count):
     """However late its messages are."""
-    silence = Silence()
+    silence = CommandTimeout()
     for tick in range(count):
         silence.hear(False, tick * period)
     assert silence.end is None
 
 
-@given(st.lists(st.floats(0.001, LIMIT - 1e-6), max_size=20))
+@given(st.lists(st.floats(0.001, STREAM_TIMEOUT - 1e-6), max_size=20))
 def test_no_gap_below_the_limit_is_an_end(gaps):
     """At any rate, mixed in any way."""
-    silence, now = Silence(), 0.0
+    silence, now = CommandTimeout(), 0.0
     silence.hear(False, now)
     for gap in gaps:
         now += gap
@@ -127,10 +127,10 @@ def test_no_gap_below_the_limit_is_an_end(gaps):
         silence.hear(False, now)
 
 
-@given(st.floats(0.01, LEISURELY), st.integers(2, 20))
+@given(st.floats(0.01, MAX_STREAM_PERIOD), st.integers(2, 20))
 def test_a_run_of_ours_that_is_not_given_up_is_never_cut_short(period, count):
     """Our node gives up when a velocity is more than 0.1 s late."""
-    silence = Silence()
+    silence = CommandTimeout()
     for tick in range(count):
         silence.hear(False, tick * period)
     last = (count - 1) * period
@@ -138,7 +138,7 @@ def test_a_run_of_ours_that_is_not_given_up_is_never_cut_short(period, count):
 
 
 def test_a_zero_ends_the_waiting_and_what_was_learnt():
-    silence = Silence()
+    silence = CommandTimeout()
     for is_stop, time in ((False, 0.0), (False, 0.05), (True, 0.1), (False, 0.2)):
         silence.hear(is_stop, time)
     assert silence.end is None
@@ -147,7 +147,7 @@ def test_a_zero_ends_the_waiting_and_what_was_learnt():
 # The helm.
 
 def test_nothing_is_sent_before_the_robot_answers():
-    helm = Helm(HOLD)
+    helm = CommandArbiter(HOLD)
     helm.hear(stop(0.0))
     helm.hear(motion(0.1))
     assert helm.due(0.1) is None
@@ -170,13 +170,13 @@ def test_a_stop_overtakes_a_motion_and_is_sent_again_after_it(helm):
     slow = sent(helm, 0.0)
     helm.hear(stop(0.1))
     overtaking = sent(helm, 0.1)
-    assert overtaking.kind is Kind.STOP
+    assert overtaking.kind is RpcKind.STOP
     helm.ended(overtaking, OK, 0.12)
     assert helm.due(0.12) is None
     assert helm.may_move
     helm.ended(slow, OK, 0.2)
     again = sent(helm, 0.2)
-    assert again.kind is Kind.STOP
+    assert again.kind is RpcKind.STOP
     helm.ended(again, OK, 0.21)
     assert not helm.may_move
     assert helm.due(9.0) is None
@@ -195,7 +195,7 @@ def test_manual_control_is_switched_on_for_a_motion_which_is_then_sent(helm):
     helm.hear(motion(0.0))
     helm.ended(sent(helm, 0.0), NO_CONTROL, 0.01)
     take = sent(helm, 0.01)
-    assert take.kind is Kind.TAKE
+    assert take.kind is RpcKind.TAKE
     helm.ended(take, OK, 0.02)
     assert helm.has_taken
     assert sent(helm, 0.02).command == motion(0.0)
@@ -213,7 +213,7 @@ def test_a_zero_while_manual_control_comes_on_leaves_no_motion(helm):
     take = sent(helm, 0.01)
     helm.hear(stop(0.02))
     zero = sent(helm, 0.02)
-    assert zero.kind is Kind.STOP
+    assert zero.kind is RpcKind.STOP
     helm.ended(zero, NO_CONTROL, 0.03)
     helm.ended(take, OK, 0.04)
     assert helm.due(0.04) is None
@@ -223,17 +223,17 @@ def test_a_motion_from_before_the_release_does_not_take_the_robot_again(helm):
     helm.hear(motion(0.0))
     under_way = sent(helm, 0.0)
     helm.rest()
-    assert sent(helm, 0.01).kind is Kind.STOP
+    assert sent(helm, 0.01).kind is RpcKind.STOP
     helm.ended(under_way, NO_CONTROL, 0.02)
     assert helm.due(0.02) is None
 
 
-@pytest.mark.parametrize('refused', [Kind.MOTION, Kind.TAKE])
+@pytest.mark.parametrize('refused', [RpcKind.MOTION, RpcKind.TAKE])
 def test_after_a_refusal_nothing_moves_until_the_commander_has_rested(helm, refused):
     """An emergency stop that is released must not set the robot in motion again."""
     helm.hear(motion(0.0))
     order = sent(helm, 0.0)
-    if refused is Kind.TAKE:
+    if refused is RpcKind.TAKE:
         helm.ended(order, NO_CONTROL, 0.01)
         order = sent(helm, 0.01)
     helm.ended(order, REFUSED, 0.02)
@@ -244,16 +244,16 @@ def test_after_a_refusal_nothing_moves_until_the_commander_has_rested(helm, refu
     helm.hear(stop(6.0))
     helm.ended(sent(helm, 6.0), OK, 6.0)
     helm.hear(motion(6.1))
-    assert sent(helm, 6.1).kind is Kind.MOTION
+    assert sent(helm, 6.1).kind is RpcKind.MOTION
 
 
 def test_silence_is_a_rest_too(helm):
     helm.hear(motion(0.0))
     helm.bar()
-    helm.hear(motion(REST))
-    assert helm.due(REST) is None
-    helm.hear(motion(REST + REST + 0.1))
-    assert sent(helm, REST + REST + 0.1).kind is Kind.MOTION
+    helm.hear(motion(REARM_IDLE_TIME))
+    assert helm.due(REARM_IDLE_TIME) is None
+    helm.hear(motion(REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1))
+    assert sent(helm, REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1).kind is RpcKind.MOTION
 
 
 def test_what_waited_while_the_bridge_was_frozen_is_not_sent(helm):
@@ -263,7 +263,7 @@ def test_what_waited_while_the_bridge_was_frozen_is_not_sent(helm):
     helm.hear(motion(5.0))
     helm.held_up(5.0)
     helm.hear(motion(5.001))
-    assert sent(helm, 5.001).kind is Kind.STOP
+    assert sent(helm, 5.001).kind is RpcKind.STOP
 
 
 def test_a_link_that_is_back_brings_a_stop_and_no_motion(helm):
@@ -278,7 +278,7 @@ def test_a_link_that_is_back_brings_a_stop_and_no_motion(helm):
     helm.hear(motion(2.05))
     helm.connect()
     zero = sent(helm, 2.1)
-    assert zero.kind is Kind.STOP
+    assert zero.kind is RpcKind.STOP
     helm.ended(zero, OK, 2.1)
     helm.hear(motion(2.2))
     assert helm.due(2.2) is None
@@ -287,16 +287,16 @@ def test_a_link_that_is_back_brings_a_stop_and_no_motion(helm):
 def test_a_stop_without_an_answer_is_sent_again(helm):
     helm.hear(stop(0.0))
     helm.ended(sent(helm, 0.0), LATE, 1.0)
-    assert sent(helm, 1.0).kind is Kind.STOP
+    assert sent(helm, 1.0).kind is RpcKind.STOP
 
 
 def test_a_robot_too_slow_for_its_own_hold_is_stopped_between_and_then_for_good(helm):
-    for tick in range(LATE_IN_A_ROW):
+    for tick in range(MAX_CONSECUTIVE_TIMEOUTS):
         helm.hear(motion(float(tick)))
         helm.ended(sent(helm, float(tick)), LATE, tick + HOLD)
         helm.hear(motion(tick + HOLD))
         zero = sent(helm, tick + HOLD)
-        assert zero.kind is Kind.STOP, 'nothing piles up in a slow robot'
+        assert zero.kind is RpcKind.STOP, 'nothing piles up in a slow robot'
         helm.ended(zero, OK, tick + 0.5)
         helm.due(tick + 0.8)
     assert helm.is_barred
@@ -306,5 +306,5 @@ def test_ceased_velocities_stop_the_robot_before_its_hold_does(helm):
     for time in (0.0, 0.1):
         helm.hear(motion(time))
         helm.ended(sent(helm, time), OK, time + 0.01)
-    assert helm.next_look == pytest.approx(0.1 + LIMIT)
-    assert sent(helm, 0.1 + LIMIT).kind is Kind.STOP
+    assert helm.next_look == pytest.approx(0.1 + STREAM_TIMEOUT)
+    assert sent(helm, 0.1 + STREAM_TIMEOUT).kind is RpcKind.STOP

@@ -18,13 +18,17 @@ from __future__ import annotations
 from hypothesis import strategies as st
 from hypothesis.stateful import invariant, precondition, rule, RuleBasedStateMachine
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.grpc_client.command_arbiter import Command, Helm, Kind
-from kachaka_simple_control.kachaka.grpc_client.connection_state import Outcome, Trouble
+from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
+    CommandArbiter,
+    RpcKind,
+    VelocityCommand,
+)
+from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 
 HOLD = KACHAKA.hold
 OUTCOMES = st.sampled_from([
-    Outcome(code=0), Outcome(code=0), Outcome(code=13151), Outcome(code=21051),
-    Outcome(trouble=Trouble.LATE), Outcome(trouble=Trouble.FAILED)])
+    RpcResult(code=0), RpcResult(code=0), RpcResult(code=13151), RpcResult(code=21051),
+    RpcResult(trouble=RpcFailure.LATE), RpcResult(trouble=RpcFailure.FAILED)])
 PAUSES = st.sampled_from([0.001, 0.02, 0.1, 0.2, 0.4])
 
 
@@ -34,7 +38,7 @@ class HelmAtRandom(RuleBasedStateMachine):
     def __init__(self):
         """Begin with a link."""
         super().__init__()
-        self.helm = Helm(HOLD)
+        self.helm = CommandArbiter(HOLD)
         self.helm.connect()
         self.is_linked = True
         self.now = 0.0
@@ -51,18 +55,18 @@ class HelmAtRandom(RuleBasedStateMachine):
     def motion_comes(self, linear):
         """Hear the newest command."""
         self.now += 0.001
-        self.helm.hear(Command(linear, 0.0, self.now))
+        self.helm.hear(VelocityCommand(linear, 0.0, self.now))
 
     @rule()
     def stop_comes(self):
         """Hear a zero; it has to leave at once, unless one is under way."""
         self.now += 0.001
         self.last_stop = self.now
-        self.helm.hear(Command(0.0, 0.0, self.now))
-        if self.is_linked and not any(order.kind is Kind.STOP for order in self.under_way):
+        self.helm.hear(VelocityCommand(0.0, 0.0, self.now))
+        if self.is_linked and not any(order.kind is RpcKind.STOP for order in self.under_way):
             order = self.helm.due(self.now)
             assert order is not None
-            assert order.kind is Kind.STOP
+            assert order.kind is RpcKind.STOP
             self.under_way.append(order)
 
     @precondition(lambda self: self.under_way)
@@ -99,34 +103,34 @@ class HelmAtRandom(RuleBasedStateMachine):
         while (order := self.helm.due(self.now)) is not None:
             assert self.is_linked
             kinds = [other.kind for other in self.under_way]
-            if order.kind is Kind.STOP:
-                assert Kind.STOP not in kinds
+            if order.kind is RpcKind.STOP:
+                assert RpcKind.STOP not in kinds
             else:
                 assert not kinds, 'one at a time'
-            if order.kind is Kind.MOTION:
+            if order.kind is RpcKind.MOTION:
                 assert order.command.time > self.last_stop, 'older than a stop'
                 assert self.now - order.command.time <= HOLD
-            if order.kind is Kind.TAKE:
-                assert Kind.MOTION in self.ended, 'only for a motion that was refused'
+            if order.kind is RpcKind.TAKE:
+                assert RpcKind.MOTION in self.ended, 'only for a motion that was refused'
             self.under_way.append(order)
 
     def teardown(self):
         """At last the commander stops, and the robot behaves: it must be left at rest."""
         self.now += 0.001
         self.helm.connect()
-        self.helm.hear(Command(0.0, 0.0, self.now))
+        self.helm.hear(VelocityCommand(0.0, 0.0, self.now))
         last, motion_ended = None, -1.0
         for _ in range(20):
             while (order := self.helm.due(self.now)) is not None:
-                assert order.kind is Kind.STOP
+                assert order.kind is RpcKind.STOP
                 self.under_way.append(order)
                 last = (order, self.now)
             if not self.under_way:
                 break
             order = self.under_way.pop(0)
             self.now += 0.01
-            self.helm.ended(order, Outcome(code=0), self.now)
-            if order.kind is Kind.MOTION:
+            self.helm.ended(order, RpcResult(code=0), self.now)
+            if order.kind is RpcKind.MOTION:
                 motion_ended = self.now
         assert not self.under_way
         assert not self.helm.may_move

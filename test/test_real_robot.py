@@ -21,20 +21,20 @@ import threading
 import time
 
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts, Level, link_status, robot_status
-from kachaka_simple_control.kachaka.grpc_client.command_arbiter import Command
+from kachaka_simple_control.kachaka.grpc_client.command_arbiter import VelocityCommand
 from kachaka_simple_control.kachaka.grpc_client.connection_state import (
-    Change,
-    Link,
-    Outcome,
-    PATIENCE,
-    Trouble,
+    CONNECTION_TIMEOUT,
+    ConnectionEvent,
+    ConnectionState,
+    RpcFailure,
+    RpcResult,
 )
-from kachaka_simple_control.kachaka.grpc_client.polling import OdometryFeed, Speaker
-from kachaka_simple_control.kachaka.grpc_client.robot_driver import RealRobot
+from kachaka_simple_control.kachaka.grpc_client.polling import LogThread, OdometryPoller
+from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
 import pytest
 
-OK, LATE = Outcome(code=0), Outcome(trouble=Trouble.LATE, text='no answer within 0.3 s')
-GONE = Outcome(trouble=Trouble.GONE, text='Connection refused')
+OK, LATE = RpcResult(code=0), RpcResult(trouble=RpcFailure.LATE, text='no answer within 0.3 s')
+GONE = RpcResult(trouble=RpcFailure.GONE, text='Connection refused')
 TEXTS = ErrorTexts('[{"code": 5, "title_en": "Paused", "error_type": "Warn"}]')
 
 
@@ -85,7 +85,7 @@ def told():
 @pytest.fixture
 def robot(client, told):
     """Return a robot that has answered."""
-    robot = RealRobot(
+    robot = RobotDriver(
         client, 0.3, TEXTS, lambda level, text: told.append(text),
         lambda text: told.append(f'given up: {text}'))
     robot.note(OK, time.monotonic())
@@ -95,7 +95,7 @@ def robot(client, told):
 
 
 def go(robot, linear=0.5):
-    robot.drive(Command(linear, 0.0, time.monotonic()))
+    robot.drive(VelocityCommand(linear, 0.0, time.monotonic()))
 
 
 def test_zero_leaves_while_a_motion_hangs(robot, client):
@@ -147,7 +147,7 @@ def test_what_came_while_a_call_was_frozen_is_not_sent(robot, client, told):
 
 
 def test_refusal_is_told_once_and_ends_the_run(robot, client, told):
-    client.outcome = Outcome(code=5)
+    client.outcome = RpcResult(code=5)
     for _ in range(3):
         go(robot)
     client.heard()
@@ -188,25 +188,25 @@ def test_calls_that_the_end_cuts_short_are_no_lost_link(robot, told):
 # The link.
 
 def test_one_late_answer_is_no_lost_link():
-    link = Link()
-    assert link.note(OK, 0.0, 0.1) is Change.FOUND
+    link = ConnectionState()
+    assert link.note(OK, 0.0, 0.1) is ConnectionEvent.FOUND
     assert link.note(LATE, 10.0, 10.3) is None
     assert link.note(OK, 10.3, 10.4) is None
     assert link.note(LATE, 11.0, 11.3) is None
 
 
 def test_silence_is_a_lost_link_however_many_calls_it_takes():
-    link = Link()
+    link = ConnectionState()
     link.note(OK, 0.0, 0.1)
     assert link.note(LATE, 10.0, 10.3) is None
     assert link.note(LATE, 10.3, 10.6) is None
-    assert link.note(LATE, 10.6, 10.0 + PATIENCE) is Change.LOST
+    assert link.note(LATE, 10.6, 10.0 + CONNECTION_TIMEOUT) is ConnectionEvent.LOST
     assert link.note(LATE, 11.0, 12.0) is None
-    assert link.note(Outcome(trouble=Trouble.FAILED), 12.0, 12.1) is Change.BACK
+    assert link.note(RpcResult(trouble=RpcFailure.FAILED), 12.0, 12.1) is ConnectionEvent.BACK
 
 
 def test_other_answers_outweigh_one_that_takes_long():
-    link = Link()
+    link = ConnectionState()
     link.note(OK, 0.0, 0.1)
     link.note(OK, 1.0, 1.1)
     assert link.note(LATE, 0.2, 1.2) is None
@@ -215,7 +215,7 @@ def test_other_answers_outweigh_one_that_takes_long():
 # Diagnostics.
 
 def test_diagnostics_say_how_link_and_robot_are():
-    link = Link()
+    link = ConnectionState()
     link.note(OK, 0.0, 0.1)
     status = link_status(link, 'robot:1', math.nan, 7, 1.0)
     assert (status.level, status.message) == (Level.OK, 'up')
@@ -251,7 +251,7 @@ def test_odometry_is_fetched_while_wanted_and_each_published_once():
         asked.append(cursor)
         return answers.pop(0)
 
-    feed = OdometryFeed(
+    feed = OdometryPoller(
         'feed', fetch, lambda: wanted[0], published.append, lambda *how: noted.append(how[0]))
     assert feed.step() > 0.0
     assert asked == []
@@ -270,7 +270,7 @@ def test_speaker_does_not_make_anybody_wait_and_does_not_repeat_itself():
         held.wait(3.0)
         said.append(text)
 
-    speaker = Speaker(say)
+    speaker = LogThread(say)
     begun = time.monotonic()
     for text in ('a', 'a', 'b', 'a'):
         speaker.tell(Level.WARN, text)

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.error_codes import ErrorText, ErrorTexts, Level
 from kachaka_simple_control.kachaka.grpc_client.address import Address
-from kachaka_simple_control.kachaka.grpc_client.command_arbiter import command
+from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
 from kachaka_simple_control.motion.geometry import Velocity
 import pytest
 
@@ -63,7 +63,7 @@ def test_port_must_be_a_port(port):
 
 @given(FINITE, FINITE)
 def test_velocity_is_cut_off_at_the_largest(linear_x, angular_z):
-    wanted = command(Velocity(linear_x, angular_z), LIMITS, 1.0)
+    wanted = velocity_command(Velocity(linear_x, angular_z), LIMITS, 1.0)
     assert -1.0 <= wanted.linear <= 1.0
     assert -1.0 <= wanted.angular <= 1.0
     assert wanted.linear == pytest.approx(max(-0.3, min(linear_x, 0.3)) / 0.3)
@@ -73,14 +73,14 @@ def test_velocity_is_cut_off_at_the_largest(linear_x, angular_z):
 
 def test_official_bridge_would_send_more_than_all():
     """0.32 m/s is 1.066 there."""
-    assert command(Velocity(0.32, 0.0), LIMITS, 0.0).linear == 1.0
+    assert velocity_command(Velocity(0.32, 0.0), LIMITS, 0.0).linear == 1.0
 
 
 @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
 def test_what_is_no_number_is_no_velocity(value):
     for velocity in (Velocity(value, 0.0), Velocity(0.0, value)):
         with pytest.raises(ValueError, match='must be finite numbers'):
-            command(velocity, LIMITS, 0.0)
+            velocity_command(velocity, LIMITS, 0.0)
 
 
 LIST = json.dumps([

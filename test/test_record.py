@@ -16,9 +16,15 @@
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.text_tables import table
-from kachaka_simple_control.telemetry.events import Began, Closed, Ended, Planned, Sent
+from kachaka_simple_control.telemetry.events import (
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    SessionEnded,
+    VelocitySent,
+)
 import pytest
 
 MOTION = Motion('two', (Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 1.0)))
@@ -26,18 +32,18 @@ MOTION = Motion('two', (Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5,
 
 def stopped(after, reason='stopped by SIGINT'):
     """Return the record of a motion at 10 Hz that was stopped some time after t = 0."""
-    record, ticks = Record(), round(after * 10)
-    record.hear(Planned(MOTION, Limits(0.3, 1.5), 10.0))
+    record, ticks = DriveLog(), round(after * 10)
+    record.hear(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0))
     for zero in range(3):
-        record.hear(Sent(99.5 + zero / 10, ZERO))
-    record.hear(Began(100.0))
+        record.hear(VelocitySent(99.5 + zero / 10, ZERO))
+    record.hear(MotionStarted(100.0))
     for tick in range(ticks):
         step = MOTION.steps[min(tick // 10, 2)]
-        record.hear(Sent(100.0 + tick / 10, step.velocity))
+        record.hear(VelocitySent(100.0 + tick / 10, step.velocity))
     for zero in range(5):
-        record.hear(Sent(100.0 + after - 0.03 + zero / 20, ZERO))
+        record.hear(VelocitySent(100.0 + after - 0.03 + zero / 20, ZERO))
     if reason:
-        record.hear(Ended(100.5 + after, reason))
+        record.hear(MotionEnded(100.5 + after, reason))
     return record
 
 
@@ -56,15 +62,15 @@ def test_of_a_stopped_motion_the_steps_that_were_begun_are_told(after, wholes, r
 
 def test_the_zero_of_the_stop_ends_the_step_it_fell_into():
     movement = stopped(0.5).movements[-1]
-    assert movement.sent[-1] == Sent(pytest.approx(100.47), ZERO)
+    assert movement.sent[-1] == VelocitySent(pytest.approx(100.47), ZERO)
     assert {sent.velocity for sent in movement.sent[:-1]} == {Velocity(0.1, 0.0)}
 
 
 def test_a_motion_that_never_began_has_no_steps():
     """No robot listened, say."""
-    record = Record()
-    record.hear(Planned(MOTION, Limits(0.3, 1.5), 10.0))
-    record.hear(Ended(3.0, 'no robot listens'))
+    record = DriveLog()
+    record.hear(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0))
+    record.hear(MotionEnded(3.0, 'no robot listens'))
     assert record.movements == []
     assert not record.motions[0].own_messages
     assert table(record, None).splitlines()[-1] == 'Final pose: unknown, no odometry arrived'
@@ -72,6 +78,6 @@ def test_a_motion_that_never_began_has_no_steps():
 
 def test_the_end_of_the_program_is_noted():
     record = stopped(1.5)
-    record.hear(Closed(103.0, 0.2, 2))
-    assert record.closed == Closed(103.0, 0.2, 2)
+    record.hear(SessionEnded(103.0, 0.2, 2))
+    assert record.closed == SessionEnded(103.0, 0.2, 2)
     assert len(record.sent) == len(record.motions[0].sent)

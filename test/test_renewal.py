@@ -17,7 +17,7 @@ from itertools import pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.manual_control_lease import Renewal
+from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.errors import RunFaultError
 import pytest
 
@@ -59,7 +59,7 @@ class Answer:
 
 def drive(robot, duration, rest_at=lambda _: 0.0, period=0.1):
     """Drive in simulated time, as a run does."""
-    renewal = Renewal(robot.ask, PATIENCE)
+    renewal = LeaseRenewer(robot.ask, PATIENCE)
     renewal.granted(0.0)
     for tick in range(round(duration / period)):
         robot.now = tick * period
@@ -112,7 +112,7 @@ def test_a_refusal_is_a_fault_with_the_robots_words():
 
 
 def test_before_a_run_it_is_renewed_when_a_rest_would_be_used():
-    renewal = Renewal(Robot().ask, PATIENCE)
+    renewal = LeaseRenewer(Robot().ask, PATIENCE)
     assert renewal.is_stale(0.0)
     renewal.granted(0.0)
     assert not renewal.is_stale(19.9)

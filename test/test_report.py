@@ -21,10 +21,22 @@ from kachaka_simple_control.motion.geometry import integrate, ORIGIN, Pose, Velo
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Turn, Wait
-from kachaka_simple_control.report.drive_log import Record
-from kachaka_simple_control.report.metrics import boundaries, Displacement, driven, requested, sent
+from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.report.metrics import (
+    Displacement,
+    driven,
+    requested,
+    segment_odometry,
+    sent,
+)
 from kachaka_simple_control.report.text_tables import table
-from kachaka_simple_control.telemetry.events import Answered, Began, Ended, Planned, Sent
+from kachaka_simple_control.telemetry.events import (
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    VelocitySent,
+)
 import pytest
 
 STEPS = [Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 2.0),
@@ -34,21 +46,21 @@ LIMITS = Limits(1.0, 2.0)
 
 def planned(*steps, limits=LIMITS, rate=10.0):
     """Return what a record is told before steps are driven in one run."""
-    return Planned(Motion('test', steps), limits, rate)
+    return MotionPlanned(Motion('test', steps), limits, rate)
 
 
 def record_of(steps, delay=0.004, period=0.02, start=100.0):
     """Return the record of a robot that does what it is told, a moment later."""
-    record, now, pose, told = Record(), start, ORIGIN, []
+    record, now, pose, told = DriveLog(), start, ORIGIN, []
     for step in steps:
         told.append((now, step.velocity))
         record.hear(planned(step))
-        record.hear(Began(now))
+        record.hear(MotionStarted(now))
         for tick in range(round(step.duration * 10)):
-            record.hear(Sent(now + tick / 10, step.velocity))
+            record.hear(VelocitySent(now + tick / 10, step.velocity))
         now += step.duration
-        record.hear(Sent(now, ZERO))
-        record.hear(Ended(now))
+        record.hear(VelocitySent(now, ZERO))
+        record.hear(MotionEnded(now))
     told.append((now, ZERO))
     for sample in range(round((now - start + 0.5) / period)):
         time = start - 0.1 + sample * period
@@ -56,14 +68,14 @@ def record_of(steps, delay=0.004, period=0.02, start=100.0):
         for (begin, velocity), (end, _) in zip(told, [*told[1:], (math.inf, ZERO)]):
             pose = integrate(pose, velocity, min(max(time - delay - begin, 0.0), end - begin))
         wrapped = Pose(pose.x, pose.y, math.remainder(pose.theta, math.tau))
-        record.hear(Answered(time, wrapped))
+        record.hear(OdometryReceived(time, wrapped))
     return record
 
 
 def test_each_movement_gets_what_it_moved():
     """Whatever odometry is late by, and wherever its samples fall."""
     record = record_of(STEPS)
-    cuts = boundaries(record.movements, record.odometry)
+    cuts = segment_odometry(record.movements, record.odometry)
     for movement, begin, end in zip(record.movements, cuts, cuts[1:]):
         seen, wanted = driven(record.odometry, begin, end), requested(movement.step)
         assert seen is not None
@@ -76,7 +88,7 @@ def test_odometry_that_comes_during_the_first_rest_is_early_enough():
     """The graph may bring it later than the subscription to our velocities."""
     record = record_of(STEPS)
     del record.odometry[:30]
-    cuts = boundaries(record.movements, record.odometry)
+    cuts = segment_odometry(record.movements, record.odometry)
     assert cuts[0] == record.odometry[0].time
     assert driven(record.odometry, cuts[0], cuts[1]) == Displacement(0.0, 0.0)
 
@@ -86,16 +98,16 @@ def test_the_steps_of_one_run_share_its_messages():
     steps = [Forward(0.2), Wait(0.5), Arc(-0.3, 1.0), Turn(-2.0), Move(0.1, 0.2, 0.33)]
     event = planned(*steps, limits=Limits(0.3, 1.5, 0.5, 2.0, 2.0, 8.0), rate=20.0)
     whole = plan(event.motion, event.limits, event.rate)
-    record, began = Record(), 1000.0
+    record, began = DriveLog(), 1000.0
     record.hear(event)
     for zero in range(10):
-        record.hear(Sent(began - 0.5 + zero / 25, ZERO))
-    record.hear(Began(began))
+        record.hear(VelocitySent(began - 0.5 + zero / 25, ZERO))
+    record.hear(MotionStarted(began))
     for segment in whole.segments:
-        record.hear(Sent(began + segment.start, segment.velocity))
+        record.hear(VelocitySent(began + segment.start, segment.velocity))
     for zero in range(5):
-        record.hear(Sent(began + whole.duration + zero / 20, ZERO))
-    record.hear(Ended(began + whole.duration + 0.1))
+        record.hear(VelocitySent(began + whole.duration + zero / 20, ZERO))
+    record.hear(MotionEnded(began + whole.duration + 0.1))
     assert [movement.step for movement in record.movements] == steps
     assert len(record.motions[0].own_messages) == len(whole.segments) + 1
     for movement in record.movements:
@@ -106,7 +118,7 @@ def test_the_steps_of_one_run_share_its_messages():
 
 def test_the_cuts_never_go_back():
     record = record_of([Move(0.0, 0.0, 0.1), Move(0.1, 0.0, 0.1), Move(0.0, 0.0, 0.1)])
-    cuts = boundaries(record.movements, record.odometry)
+    cuts = segment_odometry(record.movements, record.odometry)
     assert cuts == sorted(cuts)
     assert len(cuts) == 4
 
@@ -115,20 +127,20 @@ def test_the_cuts_never_go_back():
 def test_what_was_sent_is_each_velocity_until_the_next(pairs):
     now, messages = 0.0, []
     for interval, speed in pairs:
-        messages.append(Sent(now, Velocity(speed, -speed)))
+        messages.append(VelocitySent(now, Velocity(speed, -speed)))
         now += interval
-    messages.append(Sent(now, ZERO))
+    messages.append(VelocitySent(now, ZERO))
     wanted = sum(interval * speed for interval, speed in pairs)
     assert sent(messages) == Displacement(pytest.approx(wanted), pytest.approx(-wanted))
 
 
 def test_odometry_that_does_not_cover_a_movement_says_nothing():
     assert driven([], 0.0, 1.0) is None
-    assert driven([Answered(0.5, ORIGIN), Answered(2.0, ORIGIN)], 0.0, 1.0) is None
+    assert driven([OdometryReceived(0.5, ORIGIN), OdometryReceived(2.0, ORIGIN)], 0.0, 1.0) is None
 
 
 def test_turning_past_half_a_circle_is_no_jump():
-    odometry = [Answered(0.1 * k, Pose(0.0, 0.0, math.remainder(0.5 * k, math.tau)))
+    odometry = [OdometryReceived(0.1 * k, Pose(0.0, 0.0, math.remainder(0.5 * k, math.tau)))
                 for k in range(21)]
     seen = driven(odometry, 0.0, 2.0)
     assert seen.angle == pytest.approx(10.0)
@@ -147,6 +159,6 @@ def test_the_table_shows_each_movement_and_where_it_ended():
 def test_without_odometry_the_table_says_so():
     record = record_of(STEPS)
     record.odometry.clear()
-    for told in (table(record, None), table(Record(), None)):
+    for told in (table(record, None), table(DriveLog(), None)):
         assert told.splitlines()[-2:] == [
             'Stop: sent, not confirmed by odometry', 'Final pose: unknown, no odometry arrived']

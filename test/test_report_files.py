@@ -23,15 +23,22 @@ import time
 from drives import done, faulted, hour, killed, lesson, never_began, stopped
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.geometry import Pose, seen_from, Velocity, ZERO
+from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move, Turn
-from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.html_page import page
 from kachaka_simple_control.report.json_export import fields, run_json
 from kachaka_simple_control.report.report_process import write_report
-from kachaka_simple_control.report.summary import Summary, verdict
-from kachaka_simple_control.telemetry.events import Answered, Began, Closed, Ended, Planned, Sent
+from kachaka_simple_control.report.summary import outcome, Summary
+from kachaka_simple_control.telemetry.events import (
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    SessionEnded,
+    VelocitySent,
+)
 from plans import EMPTY, LESSON
 import pytest
 from rehearsal import EPOCH, Rehearsal
@@ -71,7 +78,7 @@ def test_run_json_has_the_figures_of_the_record(tmp_path):
     for step in told['steps'][1::2]:
         assert step['odometry']['angle_rad'] == pytest.approx(math.pi / 2 * 1.012, abs=0.01)
     first, last = record.odometry[0].pose, record.odometry[-1].pose
-    seen, end = seen_from(first, last), told['end']['odometry']
+    seen, end = relative_to(first, last), told['end']['odometry']
     assert (end['x_m'], end['y_m']) == pytest.approx((seen.x, seen.y), abs=1e-3)
     assert math.remainder(end['heading_rad'] - seen.theta, math.tau) == pytest.approx(0, abs=1e-3)
     assert told['end']['odometry_from_planned']['distance_m'] == pytest.approx(
@@ -93,7 +100,7 @@ def test_every_ending_leaves_its_files(drive, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         'path.png', 'report.html', 'run.json']
     text = (tmp_path / 'report.html').read_text()
-    assert verdict(drive()).headline in text
+    assert outcome(drive()).headline in text
     assert 'There are no pictures' not in text
     assert text.count('<figure') >= 2
     assert (tmp_path / 'path.png').read_bytes().startswith(b'\x89PNG')
@@ -218,12 +225,14 @@ TIMES = st.floats(99.0, 104.0)
 VELOCITIES = st.builds(Velocity, st.floats(-0.3, 0.3), st.floats(-1.5, 1.5)) | st.just(ZERO)
 ODD = st.floats() | st.floats(-2.0, 2.0)
 EVENTS = st.one_of(
-    st.builds(Planned, st.sampled_from([SECOND, LESSON, EMPTY]), st.just(LIMITS), st.just(10.0)),
-    st.builds(Began, TIMES),
-    st.builds(Sent, TIMES, VELOCITIES), st.builds(Sent, TIMES, VELOCITIES),
-    st.builds(Answered, TIMES, st.builds(Pose, ODD, ODD, ODD), st.builds(Velocity, ODD, ODD)),
-    st.builds(Ended, TIMES, st.none() | st.text()),
-    st.builds(Closed, TIMES, st.none() | ODD, st.none() | st.integers(-1, 99),
+    st.builds(MotionPlanned, st.sampled_from([SECOND, LESSON, EMPTY]), st.just(LIMITS),
+    st.just(10.0)),
+    st.builds(MotionStarted, TIMES),
+    st.builds(VelocitySent, TIMES, VELOCITIES), st.builds(VelocitySent, TIMES, VELOCITIES),
+    st.builds(OdometryReceived, TIMES, st.builds(Pose, ODD, ODD, ODD),
+    st.builds(Velocity, ODD, ODD)),
+    st.builds(MotionEnded, TIMES, st.none() | st.text()),
+    st.builds(SessionEnded, TIMES, st.none() | ODD, st.none() | st.integers(-1, 99),
               st.none() | st.text()))
 
 
@@ -231,10 +240,10 @@ EVENTS = st.one_of(
 @UNHURRIED
 def test_whatever_happened_there_is_a_report(events):
     """Even what cannot happen, as messages back in time."""
-    record = Record()
+    record = DriveLog()
     for event in events:
         # Before the first plan nothing but odometry comes.
-        if record.motions or isinstance(event, (Planned, Answered, Closed)):
+        if record.motions or isinstance(event, (MotionPlanned, OdometryReceived, SessionEnded)):
             record.hear(event)
     summary = Summary(record)
     assert json.loads(run_json(summary, None))['verdict']['headline'] == summary.verdict.headline
@@ -246,8 +255,8 @@ def test_whatever_happened_there_is_a_report(events):
 def test_whatever_happened_there_are_pictures(events):
     drawn()
     from kachaka_simple_control.report.drive_plots import draw_pictures
-    record = Record()
-    record.hear(Planned(SECOND, LIMITS, 10.0))
+    record = DriveLog()
+    record.hear(MotionPlanned(SECOND, LIMITS, 10.0))
     for event in events:
         record.hear(event)
     assert 'velocities' in draw_pictures(Summary(record)).svg

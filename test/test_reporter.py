@@ -27,46 +27,51 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report import report_process
-from kachaka_simple_control.report.drive_log import Record
-from kachaka_simple_control.report.report_directory import report_folder
+from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.report.report_directory import prepare_report_dir
 from kachaka_simple_control.telemetry.events import (
-    Answered,
-    Audience,
-    Began,
-    Closed,
-    Ended,
-    Opened,
-    Planned,
-    Sent,
+    EventBus,
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    SessionEnded,
+    SessionStarted,
+    VelocitySent,
 )
-from kachaka_simple_control.telemetry.subscriber_process import listeners, REPORTER, Teller
+from kachaka_simple_control.telemetry.subscriber_process import (
+    REPORTER,
+    subscriber_processes,
+    SubscriberProcess,
+)
 import pytest
 from recordings import READERS, sent_velocities, stamp_of, velocities
 
 pytest.importorskip('mcap', reason='needs what writes recordings')
 
 LIMITS = Limits(0.3, 1.5)
-OPENED = Opened('test', 'kachaka', LIMITS, 0.3, 1.7e9, '/cmd_vel', '/odom')
-PLANNED = Planned(Motion('ahead', (Move(0.1, 0.0, 5.0),)), LIMITS, 10.0)
-BEGINNING = (OPENED, PLANNED, Sent(10.0, Velocity(0.1)), Began(10.0))
+OPENED = SessionStarted('test', 'kachaka', LIMITS, 0.3, 1.7e9, '/cmd_vel', '/odom')
+PLANNED = MotionPlanned(Motion('ahead', (Move(0.1, 0.0, 5.0),)), LIMITS, 10.0)
+BEGINNING = (OPENED, PLANNED, VelocitySent(10.0, Velocity(0.1)), MotionStarted(10.0))
 PATIENCE = 30.0
 
 
 def reporter_of(folder, *before):
     """Return a teller to a reporter, started by another command if one is given."""
-    return Teller([*before, *processes.command(REPORTER), str(folder)], processes.environment())
+    return SubscriberProcess(
+        [*before, *processes.python_command(REPORTER), str(folder)], processes.child_environment())
 
 
 def drive(count, first=10.0):
     """Return the events of a drive at 50 Hz."""
     return [event for number in range(count) for event in (
-        Sent(first + number / 50.0, Velocity(0.1, number / 1000.0)),
-        Answered(first + number / 50.0 + 0.003, Pose(number / 500.0)))]
+        VelocitySent(first + number / 50.0, Velocity(0.1, number / 1000.0)),
+        OdometryReceived(first + number / 50.0 + 0.003, Pose(number / 500.0)))]
 
 
 def assert_recorded(folder, events):
     """Assert that both readers find each velocity that was told, and nothing else."""
-    sent = sent_velocities([event for event in events if isinstance(event, Sent)], OPENED)
+    sent = sent_velocities([event for event in events if isinstance(event, VelocitySent)], OPENED)
     for read in READERS:
         assert velocities(read(folder / 'run.mcap'), OPENED) == sent
 
@@ -80,7 +85,8 @@ def wait_for_file(file, size):
 
 
 def test_all_that_was_told_is_recorded(tmp_path, capfd):
-    events = [*BEGINNING, *drive(1000, 10.1), Ended(30.0), Closed(31.0, still_after=0.1)]
+    events = [
+        *BEGINNING, *drive(1000, 10.1), MotionEnded(30.0), SessionEnded(31.0, still_after=0.1)]
     teller = reporter_of(tmp_path)
     for event in events:
         teller.tell(event)
@@ -94,7 +100,7 @@ def test_all_that_was_told_is_recorded(tmp_path, capfd):
 
 TELL = """
 import os, signal, sys
-from kachaka_simple_control.telemetry.subscriber_process import Teller
+from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 from kachaka_simple_control.control import processes
 from test_reporter import BEGINNING, drive, reporter_of
 teller = reporter_of(sys.argv[1])
@@ -105,7 +111,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_it_lives_on_when_the_program_is_killed(tmp_path):
-    environment = processes.environment()
+    environment = processes.child_environment()
     environment['PYTHONPATH'] += os.pathsep + str(Path(__file__).parent)
     # The reporter holds on to the pipe; so this returns when it has ended.
     ended = subprocess.run(
@@ -125,7 +131,7 @@ def test_killed_itself_it_leaves_all_but_the_last_second(tmp_path):
     sent = []
     end = time.monotonic() + 2.5
     while time.monotonic() < end:
-        sent.append(Sent(time.monotonic(), Velocity(0.1, len(sent) / 1000.0)))
+        sent.append(VelocitySent(time.monotonic(), Velocity(0.1, len(sent) / 1000.0)))
         teller.tell(sent[-1])
         time.sleep(0.01)
     killed = time.monotonic()
@@ -146,7 +152,7 @@ def test_what_is_told_reaches_the_disk_while_nothing_more_comes(tmp_path):
         teller.tell(event)
     wait_for_file(tmp_path / 'run.mcap', 0)
     size = (tmp_path / 'run.mcap').stat().st_size
-    teller.tell(Sent(time.monotonic(), Velocity(0.1)))
+    teller.tell(VelocitySent(time.monotonic(), Velocity(0.1)))
     wait_for_file(tmp_path / 'run.mcap', size)
     assert len(READERS[0](tmp_path / 'run.mcap')) == 1
     teller.close(PATIENCE)
@@ -200,8 +206,8 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
 
 
 def test_one_that_does_not_keep_up_is_told_no_more_and_says_what_it_heard(tmp_path, capfd):
-    audience = Audience()
-    with listeners(audience) as told:
+    audience = EventBus()
+    with subscriber_processes(audience) as told:
         told.start(REPORTER, str(tmp_path))
         (teller,) = told._tellers
         for event in BEGINNING:
@@ -238,7 +244,7 @@ def test_a_report_that_fails_is_said_in_a_line(error, text, monkeypatch, tmp_pat
         raise error
 
     monkeypatch.setattr(report_process, 'write_report', write_report)
-    record = Record()
+    record = DriveLog()
     record.hear(OPENED)
     assert report_process.report(record, tmp_path, None) == text
 
@@ -246,7 +252,7 @@ def test_a_report_that_fails_is_said_in_a_line(error, text, monkeypatch, tmp_pat
 def test_the_report_is_told_what_became_of_the_recording(monkeypatch, tmp_path):
     calls = []
     monkeypatch.setattr(report_process, 'write_report', lambda *arguments: calls.append(arguments))
-    record = Record()
+    record = DriveLog()
     record.hear(OPENED)
     assert report_process.report(record, tmp_path, 'run.mcap ends early') is None
     assert calls == [(record, tmp_path, 'run.mcap ends early')]
@@ -254,12 +260,12 @@ def test_the_report_is_told_what_became_of_the_recording(monkeypatch, tmp_path):
 
 def test_a_folder_is_made_and_kept(tmp_path):
     folder = tmp_path / 'runs' / 'first'
-    with report_folder(str(folder)):
+    with prepare_report_dir(str(folder)):
         assert list(folder.iterdir()) == []
     assert folder.is_dir()
-    with report_folder(str(folder)):
+    with prepare_report_dir(str(folder)):
         pass
-    with pytest.raises(KeyboardInterrupt), report_folder(str(folder)):
+    with pytest.raises(KeyboardInterrupt), prepare_report_dir(str(folder)):
         raise KeyboardInterrupt
     assert folder.is_dir()
 
@@ -268,14 +274,14 @@ def test_bad_usage_leaves_no_folder_but_what_was_there(tmp_path):
     there = tmp_path / 'there'
     there.mkdir()
     for folder in (there, there / 'runs' / 'first'):
-        with pytest.raises(UsageError, match='rate'), report_folder(str(folder)):
+        with pytest.raises(UsageError, match='rate'), prepare_report_dir(str(folder)):
             raise UsageError('rate is 0')
     assert list(there.iterdir()) == []
 
 
 def refused_because(folder):
     """Return why a folder is refused."""
-    with pytest.raises(UsageError) as caught, report_folder(str(folder)):
+    with pytest.raises(UsageError) as caught, prepare_report_dir(str(folder)):
         pytest.fail('it was not')
     assert len(str(caught.value).splitlines()) == 1
     return str(caught.value)

@@ -17,7 +17,7 @@ import math
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.velocity_profile import quickest
+from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 import pytest
 from strategies import or_infinite, spread
 
@@ -47,7 +47,7 @@ def test_ruckig_is_no_quicker_and_drives_the_same(
     # With infinite jerk and acceleration ruckig leaves the deceleration out of account.
     assume(math.isfinite(jerk) or math.isfinite(max(acceleration, deceleration)))
     bounds = (velocity, acceleration, deceleration, jerk)
-    ours, theirs = quickest(distance, *bounds), answered(distance, *bounds)
+    ours, theirs = time_optimal_profile(distance, *bounds), answered(distance, *bounds)
     assert ours.duration == pytest.approx(theirs.duration, rel=1e-6)
     time = part * ours.duration
     position, speed, _ = theirs.at_time(time)

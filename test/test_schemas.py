@@ -23,7 +23,7 @@ from typing import Any
 from kachaka_simple_control.files.motion_file import KINDS, loads, REPEAT
 from kachaka_simple_control.files.quantities import LIMITS
 from kachaka_simple_control.files.schema import _MESSAGES
-from kachaka_simple_control.files.units import QUANTITIES, Sign
+from kachaka_simple_control.files.units import QUANTITIES, SignRule
 from kachaka_simple_control.motion.limits import UNITS
 from kachaka_simple_control.motion.steps import MAX_TIMES
 from motion_texts import EVERYTHING
@@ -82,8 +82,8 @@ def test_quantities_are_those_of_the_program():
         quantity = QUANTITIES[part['quantity']]
         assert part['pattern'] == quantity.pattern
         assert part.get('maximum', float('inf')) == quantity.largest
-        assert ('exclusiveMinimum' in part) == (quantity.sign is Sign.POSITIVE)
-        assert ('minimum' in part) == (quantity.sign is Sign.NOT_NEGATIVE)
+        assert ('exclusiveMinimum' in part) == (quantity.sign is SignRule.POSITIVE)
+        assert ('minimum' in part) == (quantity.sign is SignRule.NOT_NEGATIVE)
         assert part.get('minimum', part.get('exclusiveMinimum', 0)) == 0
 
 

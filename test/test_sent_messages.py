@@ -15,7 +15,11 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.sent_messages import GUARDIAN, ON_ITS_WAY, SentMessages
+from kachaka_simple_control.control.sent_messages import (
+    MAX_GUARDIAN_DELAY,
+    MAX_TRANSIT_TIME,
+    SentMessages,
+)
 
 ZERO, FORWARD, LEFT, FOREIGN = b'zero', b'forward', b'left', b'foreign'
 OWN = st.lists(st.sampled_from([ZERO, FORWARD, LEFT]), max_size=40)
@@ -58,12 +62,12 @@ def test_a_zero_of_the_guardian_is_ours_once_and_not_for_long():
     log.note_guardian(0.0)
     assert log.accounts_for(ZERO, True, 0.5)
     assert not log.accounts_for(FORWARD, False, 0.5)
-    assert not log.accounts_for(ZERO, True, GUARDIAN + 0.1)
+    assert not log.accounts_for(ZERO, True, MAX_GUARDIAN_DELAY + 0.1)
 
 
 def test_who_begins_to_listen_hears_nothing_of_long_ago():
     log = sent(FORWARD, now=0.0)
     log.note(1.0, LEFT)
-    log.begin(1.0 + ON_ITS_WAY)
+    log.begin(1.0 + MAX_TRANSIT_TIME)
     assert not log.accounts_for(FORWARD, False, 1.1)
     assert log.accounts_for(LEFT, False, 1.1)

@@ -19,7 +19,7 @@ import time
 from kachaka_simple_control.control import manual_control_lease
 from kachaka_simple_control.errors import InvalidMotionError, MotionRefusedError, RunFaultError
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.drive_log import DriveLog
 import pytest
 
 pytestmark = pytest.mark.ros
@@ -182,7 +182,7 @@ def test_a_stop_between_two_movements_of_a_sequence_ends_the_sequence(listener, 
 
 def test_two_movements_at_once_are_refused(listener, make):
     node = make()
-    record = Record()
+    record = DriveLog()
     node.audience.join(record.hear)
     thread = threading.Thread(target=node.move_robot, args=(0.1, 0.0, 1.0))
     thread.start()

@@ -157,9 +157,9 @@ def test_what_fails_to_show_is_told_once_and_ends_nothing(listener, watcher, mak
     def fail(*what):
         raise RuntimeError('cannot show')
 
-    monkeypatch.setattr(debug_topics.Echo, 'hear', fail)
+    monkeypatch.setattr(debug_topics.CommandedVelocityPublisher, 'hear', fail)
     monkeypatch.setattr(path_topics.PathBytes, 'pose', fail)
-    monkeypatch.setattr(session_status.Lookout, 'look', fail)
+    monkeypatch.setattr(session_status.StatusReader, 'look', fail)
     watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make()
     told = []

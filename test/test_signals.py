@@ -15,7 +15,7 @@
 
 import signal
 
-from kachaka_simple_control.control.signals import SignalWatch
+from kachaka_simple_control.control.signals import SignalDispatcher
 
 
 class Noting:
@@ -40,7 +40,7 @@ def test_where_no_thread_can_start_listeners_are_told_all_the_same(monkeypatch):
     def refuse(self):
         raise RuntimeError("can't create new thread at interpreter shutdown")
 
-    watch, first, second = SignalWatch(), Noting(), Noting()
+    watch, first, second = SignalDispatcher(), Noting(), Noting()
     watch._listeners += [first, second]
     monkeypatch.setattr('threading.Thread.start', refuse)
     watch._tell(signal.SIGTERM)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from kachaka_simple_control.kachaka.simulator.drive_model import Fidelity
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.kachaka.simulator.robot import (
     ERROR_NO_MANUAL_CONTROL,
     ERROR_NOT_A_VELOCITY,
@@ -145,7 +145,7 @@ def test_robot_stays_on_its_dock_until_manual_control_comes():
 
 def test_enabling_on_the_dock_drives_off():
     """Straight, for a given way at a given velocity, whatever it is told meanwhile."""
-    fidelity = Fidelity(undock_distance=0.3, undock_velocity=0.15)
+    fidelity = SimulationParameters(undock_distance=0.3, undock_velocity=0.15)
     robot = SimulatedKachaka(docked=True, fidelity=fidelity)
     robot.set_manual_control(True, 1.0)
     assert robot.is_docked(1.0) is False
@@ -186,7 +186,7 @@ def test_odometry_of_an_ideal_robot_is_true(robot):
 
 def test_odometry_noise_is_seeded_and_leaves_the_truth_alone():
     """The same times give the same answers, however often and in whichever run."""
-    fidelity = Fidelity(odometry_noise=0.01, heading_noise=0.02)
+    fidelity = SimulationParameters(odometry_noise=0.01, heading_noise=0.02)
     readings = []
     for questions in (1, 5):
         robot = SimulatedKachaka(fidelity=fidelity, seed=3)

@@ -28,22 +28,29 @@ from kachaka_simple_control.kachaka.error_codes import (
     ERROR_STUCK,
     SUCCESS,
 )
-from kachaka_simple_control.kachaka.simulator.drive_model import Fidelity
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
-from kachaka_simple_control.kachaka.simulator.tasks import Errand, reach, Stay, Straight, Turn, Way
+from kachaka_simple_control.kachaka.simulator.tasks import (
+    ActionController,
+    DriveStraight,
+    plan_to_pose,
+    StandStill,
+    Task,
+    TurnInPlace,
+)
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
 import pytest
 
 #: A robot that does nothing quite as it is told.
 ROUGH = st.builds(
-    Fidelity, lag=st.floats(0.0, 0.3), linear_gain=st.floats(0.9, 1.1),
+    SimulationParameters, lag=st.floats(0.0, 0.3), linear_gain=st.floats(0.9, 1.1),
     angular_gain=st.floats(0.9, 1.1), linear_acceleration=st.floats(0.2, 5.0),
     angular_acceleration=st.floats(1.0, 20.0), velocity_noise=st.floats(0.0, 0.03))
 
 
 def send(robot, *legs, now=0.0, name='errand', drop_others=True, ends_docked=False):
     """Send a robot on an errand."""
-    return robot.start_errand(Errand(name, legs, ends_docked), now, drop_others)
+    return robot.start_errand(Task(name, legs, ends_docked), now, drop_others)
 
 
 def endings(robot, now):
@@ -54,7 +61,7 @@ def endings(robot, now):
 def test_a_straight_line_is_exact_and_takes_its_time():
     """0.3 m at 0.1 m/s: 3 s."""
     robot = SimulatedKachaka()
-    assert send(robot, Straight(0.3, 0.1), now=1.0) == SUCCESS
+    assert send(robot, DriveStraight(0.3, 0.1), now=1.0) == SUCCESS
     assert robot.state(2.5)[0].x == pytest.approx(0.15, abs=1e-12)
     assert robot.errand(3.98).identity == 'errand'
     assert robot.errand(4.05) is None
@@ -63,9 +70,9 @@ def test_a_straight_line_is_exact_and_takes_its_time():
 
 
 @pytest.mark.parametrize(('leg', 'pose'), [
-    (Straight(-0.4), Pose(-0.4)), (Straight(1.0, 9.0), Pose(1.0)),
-    (Turn(math.pi), Pose(theta=math.pi)), (Turn(-7.0), Pose(theta=-7.0)),
-    (Straight(0.0), ORIGIN)])
+    (DriveStraight(-0.4), Pose(-0.4)), (DriveStraight(1.0, 9.0), Pose(1.0)),
+    (TurnInPlace(math.pi), Pose(theta=math.pi)), (TurnInPlace(-7.0), Pose(theta=-7.0)),
+    (DriveStraight(0.0), ORIGIN)])
 def test_an_errand_ends_where_it_should(leg, pose):
     """Backwards, faster than it can, more than a turn, and nothing at all."""
     robot = SimulatedKachaka()
@@ -80,7 +87,7 @@ def test_an_errand_ends_where_it_should(leg, pose):
 def test_a_rough_robot_arrives_all_the_same(fidelity, distance, angle):
     """Within 1 mm and 1 mrad: it looks where it is."""
     robot = SimulatedKachaka(fidelity=fidelity)
-    send(robot, Turn(angle), Straight(distance))
+    send(robot, TurnInPlace(angle), DriveStraight(distance))
     pose, velocity = robot.state(90.0)
     assert endings(robot, 90.0) == [('errand', SUCCESS)]
     assert math.hypot(pose.x, pose.y) == pytest.approx(abs(distance), abs=1e-3)
@@ -91,16 +98,17 @@ def test_a_rough_robot_arrives_all_the_same(fidelity, distance, angle):
 @pytest.mark.parametrize('lag', [0.1, 0.3])
 def test_a_sluggish_robot_does_not_go_too_far(lag):
     """Nor does it take for ever."""
-    robot = SimulatedKachaka(fidelity=Fidelity(lag=lag))
-    send(robot, Straight(0.3))
+    robot = SimulatedKachaka(fidelity=SimulationParameters(lag=lag))
+    send(robot, DriveStraight(0.3))
     assert max(robot.state(0.01 * tick)[0].x for tick in range(1000)) < 0.3 + 1e-3
     assert endings(robot, 10.0) == [('errand', SUCCESS)]
 
 
 def test_whoever_drives_past_a_place_is_not_there():
     """Unless it can stop at once."""
-    for fidelity, is_there in ((Fidelity(lag=0.1), False), (Fidelity(), True)):
-        way = Way(Straight(1.0), ORIGIN, 0.0, KACHAKA.limits, fidelity)
+    for fidelity, is_there in (
+            (SimulationParameters(lag=0.1), False), (SimulationParameters(), True)):
+        way = ActionController(DriveStraight(1.0), ORIGIN, 0.0, KACHAKA.limits, fidelity)
         assert (way.look(Pose(1.0), Velocity(0.2), 1.0) is True) == is_there
         assert way.look(Pose(1.0), ZERO, 1.0) is True
 
@@ -111,8 +119,8 @@ def test_whoever_drives_past_a_place_is_not_there():
 def test_a_pose_is_reached_from_anywhere(x, y, theta):
     """With the heading of the pose, whichever turn it is in."""
     robot = SimulatedKachaka()
-    send(robot, Turn(1.0), Straight(0.3))
-    send(robot, *reach(Pose(x, y, theta)), now=10.0)
+    send(robot, TurnInPlace(1.0), DriveStraight(0.3))
+    send(robot, *plan_to_pose(Pose(x, y, theta)), now=10.0)
     pose, _ = robot.state(60.0)
     assert (pose.x, pose.y) == (pytest.approx(x, abs=2e-4), pytest.approx(y, abs=2e-4))
     assert math.remainder(pose.theta - theta, math.tau) == pytest.approx(0.0, abs=1e-6)
@@ -120,11 +128,11 @@ def test_a_pose_is_reached_from_anywhere(x, y, theta):
 
 def test_asking_changes_nothing():
     """To the last bit, also for a rough robot with noise."""
-    fidelity = Fidelity(lag=0.1, velocity_noise=0.02, linear_gain=1.05)
+    fidelity = SimulationParameters(lag=0.1, velocity_noise=0.02, linear_gain=1.05)
     poses = []
     for questions in (1, 500):
         robot = SimulatedKachaka(fidelity=fidelity, seed=5)
-        send(robot, Straight(0.5), Turn(1.0))
+        send(robot, DriveStraight(0.5), TurnInPlace(1.0))
         for question in range(questions):
             robot.state(4.0 * (question + 1) / questions)
         poses.append(robot.state(4.0))
@@ -133,8 +141,8 @@ def test_asking_changes_nothing():
 
 def test_a_robot_that_cannot_come_there_says_so_and_stops():
     """Its wheels turn and it does not move."""
-    robot = SimulatedKachaka(fidelity=Fidelity(linear_gain=0.0))
-    send(robot, Straight(0.3), Turn(1.0))
+    robot = SimulatedKachaka(fidelity=SimulationParameters(linear_gain=0.0))
+    send(robot, DriveStraight(0.3), TurnInPlace(1.0))
     assert robot.errand(12.0) is not None
     assert endings(robot, 14.0) == [('errand', ERROR_STUCK)]
     assert robot.state(20.0) == (ORIGIN, ZERO)
@@ -143,9 +151,9 @@ def test_a_robot_that_cannot_come_there_says_so_and_stops():
 def test_the_next_errand_ends_the_one_before_unless_it_waits():
     """The robot goes on from where it is."""
     robot = SimulatedKachaka()
-    send(robot, Straight(1.0, 0.1), name='a')
-    send(robot, Straight(1.0, 0.1), now=1.0, name='b')
-    send(robot, Straight(-0.3, 0.1), now=2.0, name='c', drop_others=False)
+    send(robot, DriveStraight(1.0, 0.1), name='a')
+    send(robot, DriveStraight(1.0, 0.1), now=1.0, name='b')
+    send(robot, DriveStraight(-0.3, 0.1), now=2.0, name='c', drop_others=False)
     assert robot.errand(10.9).identity == 'b'
     assert robot.errand(11.1).identity == 'c'
     assert endings(robot, 20.0) == [('a', ERROR_CANCELLED), ('b', SUCCESS), ('c', SUCCESS)]
@@ -155,8 +163,8 @@ def test_the_next_errand_ends_the_one_before_unless_it_waits():
 def test_a_cancelled_robot_stops_at_once_and_forgets_the_rest():
     """What was under way is told; a second time there is nothing."""
     robot = SimulatedKachaka()
-    send(robot, Straight(1.0, 0.1), name='a')
-    send(robot, Straight(1.0, 0.1), name='b', drop_others=False)
+    send(robot, DriveStraight(1.0, 0.1), name='a')
+    send(robot, DriveStraight(1.0, 0.1), name='b', drop_others=False)
     assert robot.cancel_errands(1.0).identity == 'a'
     assert robot.cancel_errands(1.0) is None
     assert robot.state(9.0) == (Pose(pytest.approx(0.1, abs=1e-12)), ZERO)
@@ -167,9 +175,9 @@ def test_somebody_can_end_a_stay_that_may_be_ended():
     """And no other."""
     robot = SimulatedKachaka()
     assert robot.end_stay(0.0) == ERROR_NOTHING_TO_DO
-    send(robot, Stay(30.0), now=0.0)
+    send(robot, StandStill(30.0), now=0.0)
     assert robot.end_stay(1.0) == ERROR_NOTHING_TO_DO
-    send(robot, Stay(30.0, can_be_ended=True), Straight(0.1, 0.1), now=2.0)
+    send(robot, StandStill(30.0, can_be_ended=True), DriveStraight(0.1, 0.1), now=2.0)
     assert robot.end_stay(5.0) == SUCCESS
     assert robot.state(5.5)[0].x == pytest.approx(0.05, abs=1e-12)
     assert endings(robot, 7.0)[-1] == ('errand', SUCCESS)
@@ -178,7 +186,7 @@ def test_somebody_can_end_a_stay_that_may_be_ended():
 def test_a_stay_ends_by_itself():
     """At its time."""
     robot = SimulatedKachaka()
-    send(robot, Stay(30.0, can_be_ended=True))
+    send(robot, StandStill(30.0, can_be_ended=True))
     assert robot.next_change(1.0) == 30.0
     assert robot.errand(29.9) is not None
     assert robot.errand(30.0) is None
@@ -190,7 +198,7 @@ def test_errands_end_manual_control_and_it_ends_them():
     robot.set_manual_control(True, 0.0)
     # Its hold would end between two looks of the errand, and must not stop it there.
     robot.set_robot_velocity(1.0, 0.0, 0.91)
-    send(robot, Straight(1.0, 0.1), now=1.0)
+    send(robot, DriveStraight(1.0, 0.1), now=1.0)
     assert robot.manual_control(1.1) is False
     assert robot.set_robot_velocity(1.0, 0.0, 1.1) == ERROR_NO_MANUAL_CONTROL
     assert robot.state(2.0)[0].x == pytest.approx(0.027 + 0.1, abs=1e-12)
@@ -202,9 +210,9 @@ def test_errands_end_manual_control_and_it_ends_them():
 def test_on_the_dock_an_errand_that_moves_drives_off_first():
     """One that does not stays there."""
     robot = SimulatedKachaka(docked=True)
-    send(robot, Stay(1.0), now=0.0)
+    send(robot, StandStill(1.0), now=0.0)
     assert robot.is_docked(2.0) is True
-    send(robot, Turn(1.0), now=2.0)
+    send(robot, TurnInPlace(1.0), now=2.0)
     assert robot.is_docked(2.0) is False
     pose, _ = robot.state(9.0)
     assert (pose.x, pose.theta) == (pytest.approx(0.2), pytest.approx(1.0))
@@ -214,7 +222,7 @@ def test_an_errand_waits_for_the_way_off_the_dock():
     """Manual control began it; it is driven to its end."""
     robot = SimulatedKachaka(docked=True)
     robot.set_manual_control(True, 0.0)
-    send(robot, Straight(0.1, 0.1), now=0.5)
+    send(robot, DriveStraight(0.1, 0.1), now=0.5)
     assert robot.state(1.99)[0].x == pytest.approx(0.199)
     assert robot.state(9.0)[0].x == pytest.approx(0.3)
 
@@ -223,7 +231,7 @@ def test_an_errand_waits_for_the_way_off_the_dock():
 def test_the_robot_finds_home_from_anywhere(docked):
     """Backwards onto its dock; there, it is home already."""
     robot = SimulatedKachaka(docked=docked)
-    send(robot, Straight(0.4), Turn(2.0), Straight(0.3))
+    send(robot, DriveStraight(0.4), TurnInPlace(2.0), DriveStraight(0.3))
     send(robot, *robot.way_home(20.0), now=20.0, ends_docked=True)
     assert robot.is_docked(25.0) is False
     pose, velocity = robot.state(60.0)
@@ -237,7 +245,7 @@ def test_the_robot_finds_home_from_anywhere(docked):
 def test_a_way_home_that_is_cut_short_does_not_end_docked():
     """Nor does one from which it was called away."""
     robot = SimulatedKachaka()
-    send(robot, Straight(0.5))
+    send(robot, DriveStraight(0.5))
     send(robot, *robot.way_home(9.0), now=9.0, ends_docked=True)
     robot.cancel_errands(10.0)
     assert robot.is_docked(60.0) is False
@@ -250,14 +258,14 @@ def test_emergency_stop_ends_everything_at_once(docked):
     if docked:
         robot.set_manual_control(True, 0.0)
     else:
-        send(robot, Straight(1.0, 0.1))
+        send(robot, DriveStraight(1.0, 0.1))
     assert robot.set_emergency_stop(1.0) == SUCCESS
     assert robot.errors(1.0) == (ERROR_PAUSED,)
     assert robot.set_manual_control(True, 2.0) == ERROR_PAUSED
     assert robot.set_robot_velocity(1.0, 0.0, 2.0) == ERROR_PAUSED
-    assert send(robot, Straight(1.0), now=2.0) == ERROR_PAUSED
+    assert send(robot, DriveStraight(1.0), now=2.0) == ERROR_PAUSED
     assert robot.set_manual_control(False, 2.0) == SUCCESS
-    assert send(robot, Stay(1.0), now=2.0) == SUCCESS
+    assert send(robot, StandStill(1.0), now=2.0) == SUCCESS
     robot.press_power_button(4.0)
     assert robot.errors(4.0) == ()
     assert robot.state(9.0) == (Pose(pytest.approx(0.1, abs=1e-12)), ZERO)

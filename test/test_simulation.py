@@ -24,7 +24,7 @@ import time
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError
 from kachaka_simple_control.kachaka import bridge_process as module
-from kachaka_simple_control.kachaka.bridge_process import simulation
+from kachaka_simple_control.kachaka.bridge_process import simulated_bridge
 import pytest
 from ros_support import environment, is_running, PATIENCE, ROOT, wait_until
 
@@ -38,8 +38,8 @@ FAILING = 'import sys; sys.exit("first\\nlast words")'
 
 PARENT = """
 import subprocess, sys, time
-from kachaka_simple_control.kachaka.bridge_process import simulation
-with simulation('/orphan') as process:
+from kachaka_simple_control.kachaka.bridge_process import simulated_bridge
+with simulated_bridge('/orphan') as process:
     sleeper = subprocess.Popen(['sleep', '60'], close_fds=False, stdout=subprocess.DEVNULL)
     print(process.pid, sleeper.pid, 'rclpy' in sys.modules, flush=True)
     time.sleep(60)
@@ -55,7 +55,7 @@ def stand_in(monkeypatch):
 def test_robot_is_there_for_the_block_and_gone_after_it(stand_in):
     """In a session of its own, out of reach of the terminal's Ctrl+C."""
     stand_in(SLEEPING)
-    with simulation() as process:
+    with simulated_bridge() as process:
         process.check()
         assert os.getsid(process.pid) == process.pid != os.getsid(0)
     assert not is_running(process.pid)
@@ -65,7 +65,7 @@ def test_robot_is_there_for_the_block_and_gone_after_it(stand_in):
 def test_robot_is_gone_after_any_exception(stand_in, error):
     """And the exception is the block's own."""
     stand_in(SLEEPING)
-    with pytest.raises(error, match='mine'), simulation() as process:
+    with pytest.raises(error, match='mine'), simulated_bridge() as process:
         raise error('mine')
     assert not is_running(process.pid)
 
@@ -74,7 +74,7 @@ def test_robot_that_does_not_listen_is_killed(stand_in, monkeypatch):
     """After a patience."""
     stand_in(DEAF)
     monkeypatch.setattr(module, 'PATIENCE', 0.3)
-    with simulation() as process:
+    with simulated_bridge() as process:
         assert wait_until(lambda: process._last_line == 'deaf')
         asked = time.monotonic()
     assert not is_running(process.pid)
@@ -83,7 +83,7 @@ def test_robot_that_does_not_listen_is_killed(stand_in, monkeypatch):
 
 def run_until_over(error=None, options=()):
     """Run a block that waits for the robot's own end, asks for nothing, and may raise."""
-    with simulation(options=options) as process:
+    with simulated_bridge(options=options) as process:
         assert wait_until(lambda: process.is_over)
         if error is not None:
             raise error
@@ -92,7 +92,7 @@ def run_until_over(error=None, options=()):
 def test_early_end_is_told_with_its_last_words(stand_in):
     """To a block that asks; the same error comes out of it if it does not catch it."""
     stand_in(FAILING)
-    process = module.SimulationProcess([])
+    process = module.BridgeProcess([])
     assert wait_until(lambda: process.is_over)
     with pytest.raises(ControlError, match=r'ended early \(exit code 1\): last words') as caught:
         process.check()

@@ -27,7 +27,7 @@ rclpy = pytest.importorskip('rclpy')
 geometry_msgs = pytest.importorskip('geometry_msgs.msg')
 
 from kachaka_simple_control.kachaka.bridge_command import _spinning  # noqa: E402, I100
-from kachaka_simple_control.ros.executors import Ear, NodeSpinner  # noqa: E402
+from kachaka_simple_control.ros.executors import NodeExecutor, SubscriptionExecutor  # noqa: E402
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup  # noqa: E402
 from rclpy.qos import qos_profile_sensor_data  # noqa: E402
 
@@ -99,7 +99,8 @@ def reached(say, heard):
 
 def test_ear_hears_all_the_oldest_first(node):
     heard = []
-    running = Running(Ear(node, subscription(node), lambda twist: heard.append(twist.linear.x)))
+    running = Running(
+        SubscriptionExecutor(node, subscription(node), lambda twist: heard.append(twist.linear.x)))
     say = speaker(node)
     assert reached(say, heard)
     for number in range(1, 21):
@@ -110,7 +111,7 @@ def test_ear_hears_all_the_oldest_first(node):
 
 
 def test_ear_that_hears_nothing_costs_nothing_and_ends_at_once(node):
-    running = Running(Ear(node, subscription(node), lambda _: None))
+    running = Running(SubscriptionExecutor(node, subscription(node), lambda _: None))
     time.sleep(1.0)
     assert not running.end.done()
     begun = time.monotonic()
@@ -120,7 +121,7 @@ def test_ear_that_hears_nothing_costs_nothing_and_ends_at_once(node):
 
 
 def test_ear_that_is_stopped_before_it_begins_does_not_begin(node):
-    ear = Ear(node, subscription(node), lambda _: None)
+    ear = SubscriptionExecutor(node, subscription(node), lambda _: None)
     ear.stop()
     Running(ear).end.result(AT_ONCE)
 
@@ -136,7 +137,7 @@ def test_ear_ends_in_the_midst_of_a_flood(node):
         if flood.is_set():
             say(1.0)
 
-    running = Running(Ear(node, subscription(node), hear))
+    running = Running(SubscriptionExecutor(node, subscription(node), hear))
     say = speaker(node)
     assert reached(say, heard)
     assert wait_until(lambda: len(heard) > 100)
@@ -153,7 +154,7 @@ def test_what_fails_on_hearing_comes_out(node):
         heard.append(twist)
         raise ValueError('not that one')
 
-    running = Running(Ear(node, subscription(node), hear))
+    running = Running(SubscriptionExecutor(node, subscription(node), hear))
     assert reached(speaker(node), heard)
     assert wait_until(running.end.done)
     with pytest.raises(ValueError, match='not that one'):
@@ -162,9 +163,9 @@ def test_what_fails_on_hearing_comes_out(node):
 
 def test_executor_serves_the_rest_of_the_node_and_leaves_the_ear_its_own(node):
     wrongly, heard, ticks = [], [], []
-    ear = Running(Ear(node, subscription(node, wrongly.append), heard.append))
+    ear = Running(SubscriptionExecutor(node, subscription(node, wrongly.append), heard.append))
     node.create_timer(0.01, lambda: ticks.append(1))
-    rest = Running(NodeSpinner(node))
+    rest = Running(NodeExecutor(node))
     say = speaker(node)
     assert reached(say, heard)
     assert wait_until(lambda: len(ticks) > 10)
@@ -180,8 +181,8 @@ def test_executor_serves_the_rest_of_the_node_and_leaves_the_ear_its_own(node):
 def test_what_the_ear_hears_wakes_no_executor(node):
     """Not even to look for events of the subscription, which share its condition in DDS."""
     heard = []
-    ear = Running(Ear(node, subscription(node), heard.append))
-    rest = Running(NodeSpinner(node))
+    ear = Running(SubscriptionExecutor(node, subscription(node), heard.append))
+    rest = Running(NodeExecutor(node))
     say = speaker(node)
     assert reached(say, heard)
     for _ in range(500):
@@ -195,7 +196,8 @@ def test_what_the_ear_hears_wakes_no_executor(node):
 
 def test_ear_goes_on_when_the_executor_has_ended(node):
     heard = []
-    ear, rest = Running(Ear(node, subscription(node), heard.append)), Running(NodeSpinner(node))
+    ear, rest = Running(SubscriptionExecutor(node, subscription(node), heard.append)), Running(
+        NodeExecutor(node))
     rest.stop()
     assert reached(speaker(node), heard)
     ear.stop()

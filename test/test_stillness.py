@@ -13,21 +13,21 @@
 # limitations under the License.
 """Whether odometry sees the robot stand still."""
 
-from kachaka_simple_control.control.stop import FRESH, Stillness
+from kachaka_simple_control.control.stop import ODOMETRY_MAX_AGE, StandstillDetector
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 
 FORWARD = Velocity(0.1, 0.0)
 
 
 def test_nothing_heard_is_nothing_known():
-    stillness = Stillness()
+    stillness = StandstillDetector()
     assert stillness.silence(1.0) is None
     assert stillness.still_since(1.0) is None
     assert not stillness.moves(1.0)
 
 
 def test_still_since_the_first_of_the_still_samples():
-    stillness = Stillness()
+    stillness = StandstillDetector()
     for now, velocity in ((1.0, FORWARD), (1.1, ZERO), (1.2, Velocity(0.001, -0.001))):
         stillness.hear(now, velocity)
     assert stillness.still_since(1.25) == 1.1
@@ -36,7 +36,7 @@ def test_still_since_the_first_of_the_still_samples():
 
 def test_moving_forward_or_turning_is_moving():
     for velocity in (FORWARD, Velocity(-0.1, 0.0), Velocity(0.0, 0.1), Velocity(0.0, -0.1)):
-        stillness = Stillness()
+        stillness = StandstillDetector()
         stillness.hear(1.0, ZERO)
         stillness.hear(1.1, velocity)
         assert stillness.moves(1.2)
@@ -45,9 +45,9 @@ def test_moving_forward_or_turning_is_moving():
 
 def test_old_odometry_says_nothing_of_now():
     """Or a robot whose link is lost would be taken for one that moves, or for one that stands."""
-    moving, standing = Stillness(), Stillness()
+    moving, standing = StandstillDetector(), StandstillDetector()
     moving.hear(1.0, FORWARD)
     standing.hear(1.0, ZERO)
-    assert not moving.moves(1.0 + FRESH + 0.01)
-    assert standing.still_since(1.0 + FRESH + 0.01) is None
+    assert not moving.moves(1.0 + ODOMETRY_MAX_AGE + 0.01)
+    assert standing.still_since(1.0 + ODOMETRY_MAX_AGE + 0.01) is None
     assert moving.silence(2.0) == 1.0

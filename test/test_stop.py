@@ -126,10 +126,10 @@ def test_a_script_that_sits_in_spin_ends_at_once(listener, tmp_path, name):
 def test_ctrl_c_in_the_middle_of_a_callback_leaves_the_robot_given_back(listener, tmp_path):
     """While rclpy makes a callback's message: that blocks the callback's group for good."""
     text = """
-from kachaka_simple_control.control.signals import SignalWatch
+from kachaka_simple_control.control.signals import SignalDispatcher
 from rclpy.executors import Executor
 signalled = []
-SignalWatch._handle = lambda self, signum, frame: signalled.append(signum)
+SignalDispatcher._handle = lambda self, signum, frame: signalled.append(signum)
 take = Executor._take_timer
 def interrupted(self, timer):
     if signalled:

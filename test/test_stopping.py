@@ -17,8 +17,8 @@ from itertools import pairwise
 
 from fake_time import FakeTime, Wire
 from kachaka_simple_control.control.latch import Latch
-from kachaka_simple_control.control.stop import Stopper
-from kachaka_simple_control.control.velocity_gate import PublisherEdge
+from kachaka_simple_control.control.stop import StopController
+from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
@@ -51,12 +51,12 @@ class Bench:
         """Send one velocity."""
         self.time = FakeTime()
         self.wire = Wire(self.time)
-        self.edge = PublisherEdge(
+        self.edge = VelocityGate(
             self.wire.transmit, Limits(0.3, 1.57), Latch(), None,
             self.time.clock, self.time.clock)
         self.guard = Guard()
         self.moves = lambda: False
-        self.stopper = Stopper(
+        self.stopper = StopController(
             self.edge, HOLD, self.guard, self.still_moves, self.time.clock, self.time.sleep)
         self.edge.admit()
         self.run = self.edge.begin(0.2)
@@ -115,8 +115,8 @@ def test_a_stop_that_was_cut_short_is_sent_whole_by_the_next():
 def test_nothing_is_sent_when_nothing_ever_moved():
     time = FakeTime()
     wire = Wire(time)
-    edge = PublisherEdge(wire.transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
-    stopper = Stopper(edge, HOLD, Guard(), clock=time.clock, sleep=time.sleep)
+    edge = VelocityGate(wire.transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
+    stopper = StopController(edge, HOLD, Guard(), clock=time.clock, sleep=time.sleep)
     stopper.stop(REASON)
     edge.admit()
     stopper.stop(REASON)

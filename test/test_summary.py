@@ -19,18 +19,18 @@ from drives import done, HELD_UP, lesson
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.geometry import (
-    apart,
-    composed,
+    compose,
+    distance_between,
     ORIGIN,
     Pose,
-    seen_from,
+    relative_to,
     Velocity,
 )
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.json_export import fields
-from kachaka_simple_control.report.odometry_alignment import Reckoning
+from kachaka_simple_control.report.odometry_alignment import DeadReckoning
 from kachaka_simple_control.report.summary import Summary
-from kachaka_simple_control.telemetry.events import Sent
+from kachaka_simple_control.telemetry.events import VelocitySent
 from plans import SQUARE
 import pytest
 from rehearsal import Rehearsal
@@ -57,7 +57,7 @@ def test_odometry_is_laid_onto_the_start_wherever_its_frame_is():
     plain = Summary(record).path.odometry[-1].pose
     elsewhere = Pose(3.0, -2.0, 2.5)
     record.odometry = [
-        replace(answer, pose=composed(elsewhere, answer.pose)) for answer in record.odometry]
+        replace(answer, pose=compose(elsewhere, answer.pose)) for answer in record.odometry]
     moved = Summary(record).path.odometry[-1].pose
     assert (moved.x, moved.y, moved.theta) == pytest.approx((plain.x, plain.y, plain.theta))
 
@@ -77,13 +77,14 @@ POSES = st.builds(Pose, st.floats(-9, 9), st.floats(-9, 9), st.floats(-3, 3))
 
 @given(POSES, POSES)
 def test_a_pose_seen_from_another_and_back(frame, pose):
-    distance, angle = apart(composed(frame, seen_from(frame, pose)), pose)
+    distance, angle = distance_between(compose(frame, relative_to(frame, pose)), pose)
     assert distance == pytest.approx(0.0, abs=1e-9)
     assert angle == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_receiver_keeps_a_velocity_for_its_hold_at_most():
-    way = Reckoning([Sent(1.0, Velocity(0.2, 0.0)), Sent(3.0, Velocity(0.2, 0.0))], 0.3)
+    way = DeadReckoning(
+        [VelocitySent(1.0, Velocity(0.2, 0.0)), VelocitySent(3.0, Velocity(0.2, 0.0))], 0.3)
     assert way.at(0.0) == ORIGIN
     assert way.at(1.1).x == pytest.approx(0.02)
     assert way.at(2.9).x == pytest.approx(0.06)

@@ -21,8 +21,13 @@ from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.ros.session_status import Tally
-from kachaka_simple_control.telemetry.events import Began, Ended, Planned, Sent
+from kachaka_simple_control.ros.session_status import TickStatistics
+from kachaka_simple_control.telemetry.events import (
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    VelocitySent,
+)
 
 LIMITS = Limits(0.3, 1.5)
 MOTION = Motion('three', (Move(0.1, 0.0, 0.35), Move(0.0, 0.5, 0.3), Move(0.1, 0.0, 0.1)))
@@ -33,12 +38,12 @@ START = 0.0
 
 def begun():
     """Return a tally of a motion that has just begun."""
-    tally = Tally()
+    tally = TickStatistics()
     tally.expect(plan(MOTION, LIMITS, 10.0))
-    tally.hear(Planned(MOTION, LIMITS, 10.0))
-    tally.hear(Sent(START - 0.1, ZERO))  # to a robot just met
-    tally.hear(Sent(START, ZERO))
-    tally.hear(Began(START))
+    tally.hear(MotionPlanned(MOTION, LIMITS, 10.0))
+    tally.hear(VelocitySent(START - 0.1, ZERO))  # to a robot just met
+    tally.hear(VelocitySent(START, ZERO))
+    tally.hear(MotionStarted(START))
     tally.count()
     return tally
 
@@ -46,7 +51,7 @@ def begun():
 def send(tally, *times):
     """Send velocities at these times after t = 0."""
     for time in times:
-        tally.hear(Sent(START + time, ZERO))
+        tally.hear(VelocitySent(START + time, ZERO))
     tally.count()
     return tally.late, tally.skipped
 
@@ -75,12 +80,12 @@ def test_the_last_zero_may_be_late_and_the_stop_after_it_may_not():
     tally = begun()
     assert send(tally, *TICKS[1:-1], 0.78) == (1, 0)
     assert send(tally, 0.79, 0.8, 1.3) == (1, 0)
-    tally.hear(Ended(START + 1.4))
+    tally.hear(MotionEnded(START + 1.4))
     assert send(tally, 1.5) == (1, 0)
 
 
 def test_steps_are_told_by_number():
-    tally = Tally()
+    tally = TickStatistics()
     assert tally.step(START) == (0, 0)
     tally = begun()
     told = [tally.step(START + time) for time in (0.0, 0.34, 0.36, 0.64, 0.66, 0.8, 99.0)]
@@ -88,9 +93,9 @@ def test_steps_are_told_by_number():
 
 
 def test_a_motion_that_has_not_begun_is_in_no_step():
-    tally = Tally()
+    tally = TickStatistics()
     tally.expect(plan(MOTION, LIMITS, 10.0))
-    tally.hear(Planned(MOTION, LIMITS, 10.0))
+    tally.hear(MotionPlanned(MOTION, LIMITS, 10.0))
     tally.count()
     assert tally.is_on
     assert not tally.has_begun
@@ -99,10 +104,10 @@ def test_a_motion_that_has_not_begun_is_in_no_step():
 
 def test_an_end_is_told_with_its_reason():
     tally = begun()
-    tally.hear(Ended(START + 0.2, 'the robot left'))
+    tally.hear(MotionEnded(START + 0.2, 'the robot left'))
     tally.count()
     assert (tally.is_on, tally.failure) == (False, 'the robot left')
-    tally.hear(Planned(MOTION, LIMITS, 10.0))
+    tally.hear(MotionPlanned(MOTION, LIMITS, 10.0))
     tally.count()
     assert (tally.is_on, tally.failure) == (True, None)
 
@@ -117,7 +122,7 @@ def test_lateness_is_counted_tick_by_tick(delays):
         skipped += reached - place - 1
         late += now - TICKS[reached] >= 0.025
         place = reached
-        tally.hear(Sent(now, ZERO))
+        tally.hear(VelocitySent(now, ZERO))
         if place == len(TICKS) - 1:
             break
     tally.count()

@@ -18,7 +18,7 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.report.simplification import bands, straightened
+from kachaka_simple_control.report.simplification import min_max_decimate, simplify
 import pytest
 
 POINTS = st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=60)
@@ -26,7 +26,7 @@ POINTS = st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max
 
 @given(POINTS, st.floats(0.01, 1.0))
 def test_a_straightened_path_passes_all_its_points(points, grain):
-    kept = straightened(points, grain, 1000)
+    kept = simplify(points, grain, 1000)
     assert kept[0] == points[0]
     assert kept[-1] == points[-1]
     for point in points:
@@ -46,15 +46,15 @@ def beside(point, one, two):
 
 def test_a_straight_path_keeps_its_ends_and_turning_points():
     there = [(0.01 * number, 0.0) for number in range(101)]
-    assert straightened(there + there[::-1], 0.001, 1000) == [
+    assert simplify(there + there[::-1], 0.001, 1000) == [
         (0.0, 0.0), (pytest.approx(1.0), 0.0), (0.0, 0.0)]
-    assert len(straightened([(math.cos(a), math.sin(a)) for a in range(999)], 1e-6, 100)) <= 100
+    assert len(simplify([(math.cos(a), math.sin(a)) for a in range(999)], 1e-6, 100)) <= 100
 
 
 @given(st.lists(st.tuples(st.floats(0, 10), st.floats(-1, 1)), min_size=1, max_size=80))
 def test_bands_hold_every_value(corners):
     corners.sort()
-    found = bands(corners, 10.1, 7)
+    found = min_max_decimate(corners, 10.1, 7)
     for moment, value in corners:
         (band,) = (band for band in found if band.begin <= moment < band.begin + 10.1 / 7 - 1e-12
                    or math.isclose(band.begin, moment)) if len(found) == 1 else (
@@ -63,5 +63,5 @@ def test_bands_hold_every_value(corners):
 
 
 def test_a_value_lasts_into_the_bands_after_it():
-    assert bands([(0.0, 1.0), (2.5, 0.0)], 4.0, 4) == [
+    assert min_max_decimate([(0.0, 1.0), (2.5, 0.0)], 4.0, 4) == [
         (0.0, 1.0, 1.0), (1.0, 1.0, 1.0), (2.0, 0.0, 1.0)]

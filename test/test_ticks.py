@@ -19,7 +19,7 @@ import sys
 
 from hypothesis import example, given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.velocity_profile import quickest
+from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 import pytest
 from strategies import or_infinite, spread
 
@@ -38,7 +38,7 @@ def differences(values):
 
 @given(DISTANCES, BOUNDS, COUNTS)
 def test_the_ticks_add_up_to_the_distance(distance, bounds, count):
-    profile = quickest(distance, *bounds)
+    profile = time_optimal_profile(distance, *bounds)
     means = profile.means(count)
     assert len(means) == count
     assert math.fsum(means) * (profile.duration / count) == pytest.approx(distance, rel=1e-12)
@@ -46,7 +46,7 @@ def test_the_ticks_add_up_to_the_distance(distance, bounds, count):
 
 @given(DISTANCES, BOUNDS, COUNTS)
 def test_each_tick_is_the_mean_of_the_profile_over_it(distance, bounds, count):
-    profile = quickest(distance, *bounds)
+    profile = time_optimal_profile(distance, *bounds)
     part = profile.duration / count
     places = [profile.position_at(index * part) for index in range(count + 1)]
     for mean, covered in zip(profile.means(count), differences(places)):
@@ -59,7 +59,7 @@ def test_each_tick_is_the_mean_of_the_profile_over_it(distance, bounds, count):
 @example(1.14, (1.2, 1.6, 1.6, math.inf), 68)
 @example(2.36, (0.8, 0.5, 0.5, 2.0), 96)
 def test_no_tick_is_beyond_the_velocity_or_backwards(distance, bounds, count):
-    means = quickest(distance, *bounds).means(count)
+    means = time_optimal_profile(distance, *bounds).means(count)
     assert max(means) <= bounds[0]
     assert min(means) >= 0.0
 
@@ -73,7 +73,7 @@ def test_from_tick_to_tick_the_limits_of_acceleration_hold(distance, bounds, cou
     with rest before and after as well.
     """
     _, acceleration, deceleration, _ = bounds
-    profile = quickest(distance, *bounds)
+    profile = time_optimal_profile(distance, *bounds)
     part = profile.duration / count
     noise = NOISE * distance / part
     for change in differences([0.0, *profile.means(count), 0.0]):
@@ -85,7 +85,7 @@ def test_from_tick_to_tick_the_limits_of_acceleration_hold(distance, bounds, cou
 def test_from_tick_to_tick_the_limit_of_jerk_holds(distance, bounds, count):
     """The second difference is a mean of the jerk over three ticks."""
     jerk = bounds[3]
-    profile = quickest(distance, *bounds)
+    profile = time_optimal_profile(distance, *bounds)
     part = profile.duration / count
     noise = 4.0 * NOISE * distance / part
     means = [0.0, 0.0, *profile.means(count), 0.0, 0.0]
@@ -95,7 +95,7 @@ def test_from_tick_to_tick_the_limit_of_jerk_holds(distance, bounds, count):
 
 @given(DISTANCES, BOUNDS, st.integers(1, 60), st.integers(2, 5))
 def test_finer_ticks_are_the_coarse_ones_divided(distance, bounds, count, factor):
-    profile = quickest(distance, *bounds)
+    profile = time_optimal_profile(distance, *bounds)
     fine = profile.means(count * factor)
     for index, mean in enumerate(profile.means(count)):
         own = fine[index * factor:(index + 1) * factor]
@@ -105,15 +105,15 @@ def test_finer_ticks_are_the_coarse_ones_divided(distance, bounds, count, factor
 @given(DISTANCES, spread(1e-3, 1e3), spread(1e-3, 1e3), spread(1e-3, 1e3), COUNTS)
 def test_equal_ramps_make_ticks_that_read_the_same_backwards(
         distance, velocity, acceleration, jerk, count):
-    means = quickest(distance, velocity, acceleration, acceleration, jerk).means(count)
+    means = time_optimal_profile(distance, velocity, acceleration, acceleration, jerk).means(count)
     assert means == pytest.approx(means[::-1], rel=1e-9, abs=1e-12 * max(means))
 
 
 def test_within_the_cruise_every_tick_is_the_velocity_to_the_last_bit():
-    means = quickest(1000.0, 0.3, 0.3, 0.3, 1.5).means(100000)
+    means = time_optimal_profile(1000.0, 0.3, 0.3, 0.3, 1.5).means(100000)
     assert means.count(0.3) > 99800
 
 
 def test_a_single_tick_is_the_whole_way():
-    profile = quickest(0.5, 0.3, 0.3, 0.4, 1.5)
+    profile = time_optimal_profile(0.5, 0.3, 0.3, 0.4, 1.5)
     assert profile.means(1) == pytest.approx([0.5 / profile.duration])

@@ -21,17 +21,22 @@ from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.drive_plots import histogram
 from kachaka_simple_control.report.metrics import (
     due_times,
+    estimate_sleep_loop,
     EXTRA,
-    naive,
     Quantiles,
     quantiles,
     timing,
 )
-from kachaka_simple_control.telemetry.events import Began, Ended, Planned, Sent
+from kachaka_simple_control.telemetry.events import (
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    VelocitySent,
+)
 from plans import LESSON
 import pytest
 from strategies import MOTIONS, UNHURRIED
@@ -42,13 +47,13 @@ SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
 
 def sent_at(*times, motion=SECOND, reason=None):
     """Return a motion at 10 Hz of which messages were sent at these times, and its end."""
-    record = Record()
-    record.hear(Planned(motion, LIMITS, 10.0))
-    record.hear(Began(100.0))
+    record = DriveLog()
+    record.hear(MotionPlanned(motion, LIMITS, 10.0))
+    record.hear(MotionStarted(100.0))
     for moment in times:
-        record.hear(Sent(100.0 + moment, Velocity(0.1, 0.0)))
-    record.hear(Sent(101.0 if reason is None else 100.0 + max(times) + 0.5, ZERO))
-    record.hear(Ended(101.1, reason))
+        record.hear(VelocitySent(100.0 + moment, Velocity(0.1, 0.0)))
+    record.hear(VelocitySent(101.0 if reason is None else 100.0 + max(times) + 0.5, ZERO))
+    record.hear(MotionEnded(101.1, reason))
     return record.motions
 
 
@@ -76,9 +81,9 @@ def test_what_the_stop_came_before_was_not_lost():
 @given(MOTIONS, st.sampled_from([5.0, 20.0, 37.0]))
 @UNHURRIED
 def test_the_times_at_which_messages_are_due_are_the_players(motion, rate):
-    from kachaka_simple_control.control.plan_runner import Player
+    from kachaka_simple_control.control.plan_runner import TickScheduler
     planned = plan(motion, Limits(5.0, 10.0), rate)
-    player, now, asked = Player(planned), 0.0, []
+    player, now, asked = TickScheduler(planned), 0.0, []
     while (due := player.due(now)) is not None:
         asked.append(now)
         now = due.deadline
@@ -88,16 +93,16 @@ def test_the_times_at_which_messages_are_due_are_the_players(motion, rate):
 def test_the_loop_of_the_lesson_holds_a_second_too_long():
     """At 10 Hz ten turns take 1.008 s; at 100 Hz 93 turns fill the second."""
     for rate, turns in ((10.0, 10), (100.0, 93)):
-        found = naive([plan(SECOND, LIMITS, rate)])
+        found = estimate_sleep_loop([plan(SECOND, LIMITS, rate)])
         assert found.longer == pytest.approx(turns * (1.0 / rate + EXTRA) - 1.0)
         assert found.missing == rate - turns
         assert found.distance == pytest.approx(0.1 * found.longer)
 
 
 def test_the_loop_of_the_lesson_turns_too_far():
-    found = naive([plan(Motion('turn', [Move(0.0, 0.5, 2.0)]), LIMITS, 10.0)])
+    found = estimate_sleep_loop([plan(Motion('turn', [Move(0.0, 0.5, 2.0)]), LIMITS, 10.0)])
     assert found.angle == pytest.approx(0.5 * 20 * EXTRA)
-    assert naive([plan(LESSON, LIMITS, 10.0)]).longer == pytest.approx(90 * EXTRA)
+    assert estimate_sleep_loop([plan(LESSON, LIMITS, 10.0)]).longer == pytest.approx(90 * EXTRA)
 
 
 @given(st.lists(st.floats(-50, 50), max_size=50))

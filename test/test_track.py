@@ -17,11 +17,17 @@ from itertools import groupby
 import math
 
 from hypothesis import given
-from kachaka_simple_control.motion.geometry import nose, ORIGIN, outline, Pose
+from kachaka_simple_control.motion.geometry import front_point, ORIGIN, outline, Pose
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat
-from kachaka_simple_control.report.paths import distinct, line, MAX_POINTS, Stretch, stretches
+from kachaka_simple_control.report.paths import (
+    arc_segments,
+    ArcSegment,
+    distinct,
+    MAX_POINTS,
+    polyline,
+)
 from kachaka_simple_control.report.plot_style import nice
-from kachaka_simple_control.report.velocity_plot import COLUMNS, MAX_CORNERS, staircase
+from kachaka_simple_control.report.velocity_plot import COLUMNS, MAX_CORNERS, velocity_steps
 from plans import BACK, BOX, DISC, HOUR, preview, QUARTER, SQUARE
 import pytest
 from strategies import LIMITS, MOTIONS, RATES
@@ -42,7 +48,7 @@ def distance_to(points, x, y):
 def test_the_line_goes_where_the_velocities_lead(motion, limits, rate):
     """What is drawn by step is what is sent by tick."""
     plan = preview(motion, limits, rate).plan
-    points = line(stretches(plan), 0.001)
+    points = polyline(arc_segments(plan), 0.001)
     poses = plan.path()
     assert points[-1] == pytest.approx((poses[-1].x, poses[-1].y), abs=1e-6)
     if len(points) < 500:
@@ -52,29 +58,29 @@ def test_the_line_goes_where_the_velocities_lead(motion, limits, rate):
 
 
 def test_a_circle_is_drawn_round():
-    points = line(stretches(preview(Motion('', [Arc(0.3, math.tau)])).plan), 0.001)
+    points = polyline(arc_segments(preview(Motion('', [Arc(0.3, math.tau)])).plan), 0.001)
     assert len(points) == 91
     assert all(math.hypot(x, y - 0.3) == pytest.approx(0.3) for x, y in points)
 
 
 def test_a_thousand_rounds_are_drawn_as_two():
     plan = preview(Motion('', [Arc(0.3, 1000.25 * math.tau)])).plan
-    points = line(stretches(plan), 0.001)
+    points = polyline(arc_segments(plan), 0.001)
     assert len(points) < 200
     assert points[-1] == pytest.approx((0.3, 0.3))
     assert points[-1] == pytest.approx((plan.pose.x, plan.pose.y))
 
 
 def test_backwards_is_drawn_backwards():
-    paths = stretches(preview(BACK).plan)
+    paths = arc_segments(preview(BACK).plan)
     assert [path.distance for path in paths] == pytest.approx([-1.0, 0.0, -0.5 * QUARTER])
     assert paths[0].middle == Pose(-0.5, 0.0, math.pi)
     # Back along the circle about (-1, 0.5).
-    assert line(paths, 0.001)[-1] == pytest.approx((-1.5, 0.5))
+    assert polyline(paths, 0.001)[-1] == pytest.approx((-1.5, 0.5))
 
 
 def test_lines_drawn_again_are_drawn_once():
-    points = line(stretches(preview(HOUR).plan), 0.001)
+    points = polyline(arc_segments(preview(HOUR).plan), 0.001)
     seen = [point for point in points if not math.isnan(point[0])]
     assert len(seen) < 10
     for corner in ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5)):
@@ -83,7 +89,7 @@ def test_lines_drawn_again_are_drawn_once():
 
 def test_a_line_without_end_keeps_its_extent():
     steps = [Move(0.001 * number, 1.0, 0.5) for number in range(200)]
-    points = line(stretches(preview(Motion('', [Repeat(10, steps)])).plan), 1e-6)
+    points = polyline(arc_segments(preview(Motion('', [Repeat(10, steps)])).plan), 1e-6)
     assert len(points) <= MAX_POINTS
 
 
@@ -100,20 +106,20 @@ def test_outlines_turn_about_the_axle():
         (0.25, -0.1), (0.25, 0.1), (-0.15, 0.1), (-0.15, -0.1))]
     assert outline(BOX, Pose(1.0, 2.0, QUARTER)) == [pytest.approx(corner) for corner in (
         (1.1, 2.25), (0.9, 2.25), (0.9, 1.85), (1.1, 1.85))]
-    assert nose(BOX, Pose(1.0, 2.0, QUARTER)) == pytest.approx((1.0, 2.25))
+    assert front_point(BOX, Pose(1.0, 2.0, QUARTER)) == pytest.approx((1.0, 2.25))
 
 
 def test_a_disc_is_round():
     corners = outline(DISC, Pose(1.0, 2.0, 0.3))
     assert all(math.hypot(x - 1.0, y - 2.0) == pytest.approx(0.2) for x, y in corners)
-    assert nose(DISC, Pose(1.0, 2.0, math.pi)) == pytest.approx((0.8, 2.0))
+    assert front_point(DISC, Pose(1.0, 2.0, math.pi)) == pytest.approx((0.8, 2.0))
 
 
 def test_a_turn_in_place_is_swept_to_its_end():
-    points = Stretch(Pose(1.0, 0.0, QUARTER), 0.0, -QUARTER).sweep(0.2)
+    points = ArcSegment(Pose(1.0, 0.0, QUARTER), 0.0, -QUARTER).sweep(0.2)
     assert points[0] == pytest.approx((1.0, 0.2))
     assert points[-1] == pytest.approx((1.2, 0.0))
-    many = Stretch(ORIGIN, 0.0, 100.25 * math.tau).sweep(0.2)
+    many = ArcSegment(ORIGIN, 0.0, 100.25 * math.tau).sweep(0.2)
     assert many[-1] == pytest.approx((0.0, 0.2))
     assert len(many) < 90
 
@@ -122,7 +128,7 @@ def test_a_turn_in_place_is_swept_to_its_end():
 def test_stairs_hold_each_velocity_until_the_next(motion, limits, rate):
     plan = preview(motion, limits, rate).plan
     for component in ('linear_x', 'angular_z'):
-        corners = staircase(plan, component)
+        corners = velocity_steps(plan, component)
         assert corners[-1] == (plan.duration, 0.0)
         if len(corners) <= 200:
             for segment in plan.segments[::1 + len(plan.segments) // 20]:
@@ -134,9 +140,9 @@ def test_stairs_hold_each_velocity_until_the_next(motion, limits, rate):
 def test_thinned_stairs_look_the_same(monkeypatch):
     """In each column of the picture they reach as low, as high, and end as the others."""
     plan = preview(HOUR).plan
-    thinned = staircase(plan, 'linear_x')
+    thinned = velocity_steps(plan, 'linear_x')
     monkeypatch.setattr('kachaka_simple_control.report.velocity_plot.MAX_CORNERS', math.inf)
-    whole = staircase(plan, 'linear_x')
+    whole = velocity_steps(plan, 'linear_x')
     assert len(thinned) <= MAX_CORNERS < len(whole)
     for few, all_ in zip(by_column(thinned), by_column(whole), strict=True):
         assert few == sorted(few)
@@ -159,7 +165,7 @@ def test_steps_of_scales_are_round(step, expected):
 
 
 def test_a_square_is_four_lines():
-    points = line(stretches(preview(SQUARE).plan), 0.001)
+    points = polyline(arc_segments(preview(SQUARE).plan), 0.001)
     assert points == [pytest.approx(corner, abs=1e-9) for corner in (
         (0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5), (0.0, 0.0))]
-    assert line(stretches(preview(Motion('', [Forward(0.0)])).plan), 0.001) == [(0.0, 0.0)]
+    assert polyline(arc_segments(preview(Motion('', [Forward(0.0)])).plan), 0.001) == [(0.0, 0.0)]

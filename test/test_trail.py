@@ -24,7 +24,7 @@ from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Motion, Move, Repeat, Turn
-from kachaka_simple_control.report.paths import planned_way, SPACING, Trail, TURN
+from kachaka_simple_control.report.paths import PoseHistory, sample_path, SPACING, TURN
 import pytest
 from strategies import MOTIONS, UNHURRIED
 
@@ -34,14 +34,14 @@ POSES = st.builds(
 
 def way(*steps, **more):
     """Return the way of a motion."""
-    return planned_way(plan(Motion('way', steps), KACHAKA.limits, 10.0), **more)
+    return sample_path(plan(Motion('way', steps), KACHAKA.limits, 10.0), **more)
 
 
 @UNHURRIED
 @given(MOTIONS, POSES, st.integers(2, 50))
 def test_a_planned_way_begins_and_ends_where_the_robot_does(motion, start, most):
     drawn = plan(motion, KACHAKA.limits, 10.0)
-    poses = planned_way(drawn, start, most)
+    poses = sample_path(drawn, start, most)
     exact = drawn.path(start)
     assert len(poses) <= most
     assert poses[0] == start
@@ -79,7 +79,7 @@ def test_a_long_way_has_as_many_poses_as_it_may(times):
 
 @given(st.lists(POSES, max_size=200), st.integers(2, 20))
 def test_a_trail_is_never_too_long_and_keeps_its_beginning(poses, most):
-    trail = Trail(most, lambda pose: pose)
+    trail = PoseHistory(most, lambda pose: pose)
     for pose in poses:
         trail.add(pose)
         assert len(trail.kept) <= most
@@ -89,7 +89,7 @@ def test_a_trail_is_never_too_long_and_keeps_its_beginning(poses, most):
 
 
 def test_a_trail_leaves_out_what_cannot_be_seen_and_keeps_what_can():
-    trail = Trail(100, lambda pose: pose)
+    trail = PoseHistory(100, lambda pose: pose)
     assert trail.add(ORIGIN)
     assert not trail.add(Pose(SPACING / 2.0, 0.0, TURN / 2.0))
     assert not trail.add(Pose(0.0, 0.0, math.tau))  # a heading may be wrapped
@@ -101,7 +101,7 @@ def test_a_trail_leaves_out_what_cannot_be_seen_and_keeps_what_can():
 
 
 def test_a_full_trail_is_thinned_from_end_to_end():
-    trail = Trail(100, lambda pose: pose.x)
+    trail = PoseHistory(100, lambda pose: pose.x)
     for number in range(10_000):
         trail.add(Pose(0.011 * number))
     gaps = [b - a for a, b in pairwise(trail.kept)]
@@ -113,7 +113,7 @@ def test_a_full_trail_is_thinned_from_end_to_end():
 
 def test_what_is_kept_is_made_once():
     made = []
-    trail = Trail(4, lambda pose: made.append(pose.x) or pose.x)
+    trail = PoseHistory(4, lambda pose: made.append(pose.x) or pose.x)
     for number in range(50):
         trail.add(Pose(float(number)))
     assert len(made) == len(set(made))

@@ -24,14 +24,14 @@ from hypothesis import strategies as st
 from kachaka_simple_control.files.units import (
     ANGLE,
     ANGULAR_JERK,
+    COMMAND_TIMEOUT,
     FREQUENCY,
-    HOLD,
     LENGTH,
     LINEAR_ACCELERATION,
+    POSITIVE_LINEAR_VELOCITY,
     QUANTITIES,
     Quantity,
-    Sign,
-    SPEED,
+    SignRule,
     TIME,
     UnitError,
 )
@@ -52,7 +52,7 @@ ALL = list(QUANTITIES.values())
     (TIME, '1.5 min', 90.0),
     (TIME, '250 ms', 0.25),
     (TIME, '0', 0.0),
-    (SPEED, '30 cm/s', 0.3),
+    (POSITIVE_LINEAR_VELOCITY, '30 cm/s', 0.3),
     (LINEAR_ACCELERATION, '1 mm/s^2', 0.001),
     (ANGULAR_JERK, '180 deg/s^3', math.pi),
     (FREQUENCY, '1000 Hz', 1000.0),
@@ -65,9 +65,10 @@ def test_a_quantity_is_what_it_says(quantity, text, value):
     (TIME, '2 m', "'2 m'; it must be a time, as in 2 s (in s, ms or min)"),
     (TIME, '1:30', "'1:30'; write 1:30 as 90 s or 1.5 min"),
     (TIME, '-2 s', "'-2 s'; it must not be negative"),
-    (HOLD, '0 s', "'0 s'; it must be above 0 s"),
-    (SPEED, '-0.1', "'-0.1'; it must not be negative"),
-    (SPEED, 'fast', "'fast'; it must be a speed, as in 0.2 m/s (in m/s, cm/s or mm/s)"),
+    (COMMAND_TIMEOUT, '0 s', "'0 s'; it must be above 0 s"),
+    (POSITIVE_LINEAR_VELOCITY, '-0.1', "'-0.1'; it must not be negative"),
+    (POSITIVE_LINEAR_VELOCITY, 'fast',
+    "'fast'; it must be a speed, as in 0.2 m/s (in m/s, cm/s or mm/s)"),
     (ANGLE, '90 °', "'90 °'; it must be an angle, as in 90 deg (in rad or deg)"),
     (FREQUENCY, '1001 Hz', "'1001 Hz'; it must be at most 1000 Hz"),
     (FREQUENCY, '20 hz', "'20 hz'; it must be a frequency, as in 20 Hz (in Hz)"),
@@ -119,4 +120,4 @@ def test_each_quantity_is_an_example_of_itself():
     for quantity in ALL:
         assert quantity.parse(quantity.example) > 0.0
         assert quantity.units[quantity.unit] == (1.0, 1.0)
-        assert quantity.sign in Sign
+        assert quantity.sign in SignRule

@@ -25,9 +25,9 @@ from drives import (
     stopped,
 )
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.json_export import fields
-from kachaka_simple_control.report.summary import Ending, Summary, verdict
+from kachaka_simple_control.report.summary import outcome, OutcomeKind, Summary
 from plans import SQUARE
 import pytest
 from rehearsal import Rehearsal
@@ -36,20 +36,20 @@ SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
 
 
 @pytest.mark.parametrize(('drive', 'ending', 'headline', 'says'), [
-    (done, Ending.DONE, 'Done', 'Its motion was driven to its end, all 8 steps.'),
-    (lesson, Ending.DONE, 'Done', '7 motions were driven to their end, 7 steps in all.'),
-    (stopped, Ending.STOPPED, 'Stopped by SIGINT',
+    (done, OutcomeKind.DONE, 'Done', 'Its motion was driven to its end, all 8 steps.'),
+    (lesson, OutcomeKind.DONE, 'Done', '7 motions were driven to their end, 7 steps in all.'),
+    (stopped, OutcomeKind.STOPPED, 'Stopped by SIGINT',
      'The motion ended in step 3 of 8, 5.03 s after its t = 0, of 17.58 s.'),
-    (faulted, Ending.FAULTED, 'Faulted',
+    (faulted, OutcomeKind.FAULTED, 'Faulted',
      HELD_UP[1:] + '. The motion ended in step 3 of 8, 6.40 s'),
-    (ended_on_request, Ending.STOPPED, 'Stopped on request',
+    (ended_on_request, OutcomeKind.STOPPED, 'Stopped on request',
      'The movement was ended by stop_robot(). The motion ended in step 3 of 8, 5.03 s'),
-    (killed, Ending.KILLED, 'Killed', 'The motion ended in step 3 of 8, 4.99 s'),
-    (never_began, Ending.NEVER_BEGAN, 'Never began', NOBODY[1:] + '.'),
-    (Record, Ending.KILLED, 'Killed', 'No motion had begun.'),
+    (killed, OutcomeKind.KILLED, 'Killed', 'The motion ended in step 3 of 8, 4.99 s'),
+    (never_began, OutcomeKind.NEVER_BEGAN, 'Never began', NOBODY[1:] + '.'),
+    (DriveLog, OutcomeKind.KILLED, 'Killed', 'No motion had begun.'),
 ])
 def test_the_verdict_says_how_it_ended_and_why(drive, ending, headline, says):
-    found = verdict(drive())
+    found = outcome(drive())
     assert (found.ending, found.headline) == (ending, headline)
     assert says in found.why
 
@@ -58,7 +58,7 @@ def test_the_verdict_says_how_it_ended_and_why(drive, ending, headline, says):
     (1, 'SIGHUP'), (2, 'SIGINT'), (15, 'SIGTERM'), (99, 'signal 99')])
 def test_each_signal_is_named(signum, name):
     record = stopped(signum, name)
-    assert verdict(record).headline == f'Stopped by {name}'
+    assert outcome(record).headline == f'Stopped by {name}'
     assert fields(Summary(record), None)['verdict']['signal'] == name
 
 
@@ -67,8 +67,8 @@ def test_a_fault_before_the_signal_is_told_too():
     rehearsal = Rehearsal(20.0)
     rehearsal.drive(SQUARE, 6.4, HELD_UP)
     rehearsal.drive(SECOND)
-    found = verdict(rehearsal.close(signal=2))
-    assert found.ending is Ending.STOPPED
+    found = outcome(rehearsal.close(signal=2))
+    assert found.ending is OutcomeKind.STOPPED
     assert HELD_UP[1:] in found.why
     assert 'of 2 motions 1 were driven to their end' in found.why
 
@@ -76,6 +76,6 @@ def test_a_fault_before_the_signal_is_told_too():
 def test_an_error_after_the_last_motion_is_a_fault():
     rehearsal = Rehearsal()
     rehearsal.drive(SECOND)
-    found = verdict(rehearsal.close(error='the disk is full'))
-    assert found.ending is Ending.FAULTED
+    found = outcome(rehearsal.close(error='the disk is full'))
+    assert found.ending is OutcomeKind.FAULTED
     assert found.why == 'The disk is full. Its motion was driven to its end, 1 step.'

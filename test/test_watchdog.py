@@ -16,17 +16,18 @@
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.control.watchdog import (
-    LOOK,
-    PAUSE,
-    Sign,
-    SILENCE,
-    SLIVER,
-    STALL,
+    GuardianMessage,
+    HEARTBEAT_TIMEOUT,
+    PUBLISH_TIMEOUT,
+    REST_TIMEOUT,
+    TIME_TOLERANCE,
     Watchdog,
+    WATCHDOG_PERIOD,
 )
 import pytest
 
-SIGNS = st.lists(st.tuples(st.floats(0.0, 0.3), st.sampled_from(list(Sign))), max_size=40)
+SIGNS = st.lists(
+    st.tuples(st.floats(0.0, 0.3), st.sampled_from(list(GuardianMessage))), max_size=40)
 
 
 def hear(*signs, pause=0.02):
@@ -39,21 +40,22 @@ def hear(*signs, pause=0.02):
 
 
 def test_a_node_that_goes_in_the_middle_of_a_run_leaves_a_robot_to_stop():
-    watchdog, _ = hear(Sign.PRIME, Sign.BEAT)
+    watchdog, _ = hear(GuardianMessage.PRIME, GuardianMessage.BEAT)
     assert watchdog.lost()
     assert watchdog.is_over
 
 
 @pytest.mark.parametrize('signs', [
-    (), (Sign.PRIME,), (Sign.BEAT, Sign.STOPPED), (Sign.BEAT, Sign.REST, Sign.STOPPED),
-    (Sign.BEAT, Sign.STOPPED, Sign.REST)])
+    (), (GuardianMessage.PRIME,), (GuardianMessage.BEAT, GuardianMessage.STOPPED),
+    (GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.STOPPED),
+    (GuardianMessage.BEAT, GuardianMessage.STOPPED, GuardianMessage.REST)])
 def test_a_node_that_moved_nothing_or_stopped_it_leaves_none(signs):
     watchdog, _ = hear(*signs)
     assert not watchdog.lost()
 
 
 def test_one_zero_at_the_end_of_a_run_is_not_a_stop():
-    watchdog, _ = hear(Sign.BEAT, Sign.REST)
+    watchdog, _ = hear(GuardianMessage.BEAT, GuardianMessage.REST)
     assert watchdog.lost()
 
 
@@ -68,43 +70,45 @@ def wait(watchdog, now, duration):
 
 
 def test_silence_in_a_run_counts_once():
-    watchdog, now = hear(Sign.BEAT)
-    assert wait(watchdog, now, 60.0) == pytest.approx(now + SILENCE)
+    watchdog, now = hear(GuardianMessage.BEAT)
+    assert wait(watchdog, now, 60.0) == pytest.approx(now + HEARTBEAT_TIMEOUT)
     assert wait(watchdog, now, 60.0) is None
     assert not watchdog.lost()
 
 
 def test_time_that_the_guardian_slept_is_not_silence():
     """The whole machine stood still for a moment, node and guardian alike."""
-    watchdog, now = hear(Sign.BEAT)
+    watchdog, now = hear(GuardianMessage.BEAT)
     assert not watchdog.is_silent(now + 0.5)
-    watchdog.hear(Sign.BEAT, now + 0.51)
+    watchdog.hear(GuardianMessage.BEAT, now + 0.51)
     assert not watchdog.is_silent(now + 1.0)
 
 
 def test_a_node_that_waits_for_dds_is_given_more_time():
-    watchdog, now = hear(Sign.BEAT)
+    watchdog, now = hear(GuardianMessage.BEAT)
     looks = round(0.4 / 0.02)
     assert not any(watchdog.is_silent(now + 0.02 * (k + 1), sending=True) for k in range(looks))
     # Back from there, it has the usual time for its next sign.
-    assert wait(watchdog, now + 0.4, 1.0) == pytest.approx(now + 0.4 + SILENCE)
+    assert wait(watchdog, now + 0.4, 1.0) == pytest.approx(now + 0.4 + HEARTBEAT_TIMEOUT)
 
 
 def test_a_node_that_never_comes_back_from_dds_is_found_out():
-    watchdog, now = hear(Sign.BEAT)
+    watchdog, now = hear(GuardianMessage.BEAT)
     told = [k for k in range(100) if watchdog.is_silent(now + 0.02 * (k + 1), sending=True)]
-    assert told == [pytest.approx(STALL / 0.02 - 1, abs=1)]
+    assert told == [pytest.approx(PUBLISH_TIMEOUT / 0.02 - 1, abs=1)]
 
 
 def test_a_node_that_stays_silent_after_a_stall_is_found_out():
-    watchdog, now = hear(Sign.BEAT)
+    watchdog, now = hear(GuardianMessage.BEAT)
     assert not watchdog.is_silent(now + 0.5)
-    assert wait(watchdog, now + 0.5, 1.0) <= now + 0.5 + SILENCE
+    assert wait(watchdog, now + 0.5, 1.0) <= now + 0.5 + HEARTBEAT_TIMEOUT
 
 
 @pytest.mark.parametrize('signs', [
-    (), (Sign.PRIME,), (Sign.REST,), (Sign.BEAT, Sign.STOPPED),
-    (Sign.BEAT, Sign.REST, Sign.STOPPED), (Sign.BEAT, Sign.STOPPED, Sign.REST)])
+    (), (GuardianMessage.PRIME,), (GuardianMessage.REST,),
+    (GuardianMessage.BEAT, GuardianMessage.STOPPED),
+    (GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.STOPPED),
+    (GuardianMessage.BEAT, GuardianMessage.STOPPED, GuardianMessage.REST)])
 def test_silence_outside_a_run_and_its_stop_is_peace(signs):
     watchdog, now = hear(*signs)
     assert not watchdog.is_silent(now + 3600.0)
@@ -113,48 +117,50 @@ def test_silence_outside_a_run_and_its_stop_is_peace(signs):
 
 def test_a_node_that_falls_silent_before_its_whole_stop_is_found_out():
     """Its run has sent a zero, which may be lost; whatever holds it up may hold it for ever."""
-    watchdog, now = hear(Sign.BEAT, Sign.REST)
-    assert wait(watchdog, now, 60.0) == pytest.approx(now + PAUSE)
+    watchdog, now = hear(GuardianMessage.BEAT, GuardianMessage.REST)
+    assert wait(watchdog, now, 60.0) == pytest.approx(now + REST_TIMEOUT)
     assert wait(watchdog, now, 60.0) is None
     assert not watchdog.lost()
 
 
 def test_a_stop_under_way_is_no_silence():
     """Nor one that goes on for longer than silence may, while the robot is seen to move."""
-    watchdog, now = hear(Sign.BEAT)
+    watchdog, now = hear(GuardianMessage.BEAT)
     for _ in range(100):
-        watchdog.hear(Sign.REST, now)
+        watchdog.hear(GuardianMessage.REST, now)
         assert wait(watchdog, now, 0.04) is None
         now += 0.04
     assert watchdog.lost()
 
 
 def test_a_next_movement_is_watched_as_the_first():
-    watchdog, now = hear(Sign.BEAT, Sign.REST, Sign.BEAT)
-    assert wait(watchdog, now, 60.0) == pytest.approx(now + SILENCE)
+    watchdog, now = hear(GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.BEAT)
+    assert wait(watchdog, now, 60.0) == pytest.approx(now + HEARTBEAT_TIMEOUT)
 
 
 def test_after_a_run_too_what_the_guardian_slept_is_not_silence():
-    watchdog, now = hear(Sign.BEAT, Sign.REST)
+    watchdog, now = hear(GuardianMessage.BEAT, GuardianMessage.REST)
     assert not watchdog.is_silent(now + 3600.0)
-    assert wait(watchdog, now + 3600.0, 60.0) == pytest.approx(now + 3600.0 + PAUSE, abs=0.03)
+    assert wait(watchdog, now + 3600.0, 60.0) == pytest.approx(
+        now + 3600.0 + REST_TIMEOUT, abs=0.03)
 
 
 @given(st.lists(st.tuples(
-    st.lists(st.floats(0.0, SILENCE - 2 * LOOK), min_size=1, max_size=5),
-    st.floats(0.0, PAUSE - 2 * LOOK), st.integers(0, 5)), max_size=5))
+    st.lists(st.floats(0.0, HEARTBEAT_TIMEOUT - 2 * WATCHDOG_PERIOD), min_size=1, max_size=5),
+    st.floats(0.0, REST_TIMEOUT - 2 * WATCHDOG_PERIOD), st.integers(0, 5)), max_size=5))
 def test_a_healthy_node_is_never_stopped(movements):
     """Beats, a zero, a while, and then a stop, whole or cut short by the next movement."""
     watchdog, now = Watchdog(), 0.0
     for beats, pause, zeros in movements:
-        signs = [(0.0, Sign.BEAT), *((beat, Sign.BEAT) for beat in beats), (0.0, Sign.REST),
-                 (pause, Sign.REST), *[(0.04, Sign.REST)] * zeros]
+        signs = [(0.0, GuardianMessage.BEAT), *((beat, GuardianMessage.BEAT) for beat in beats),
+            (0.0, GuardianMessage.REST),
+                 (pause, GuardianMessage.REST), *[(0.04, GuardianMessage.REST)] * zeros]
         for silence, sign in signs:
             assert wait(watchdog, now, silence) is None
             now += silence
             watchdog.hear(sign, now)
         if zeros:
-            watchdog.hear(Sign.STOPPED, now)
+            watchdog.hear(GuardianMessage.STOPPED, now)
             assert wait(watchdog, now, 3600.0) is None
 
 
@@ -168,7 +174,7 @@ def test_the_robot_is_stopped_at_most_once_unless_it_moved_again(signs):
             assert moved
             moved = False
         watchdog.hear(sign, now)
-        moved = (moved or sign is Sign.BEAT) and sign is not Sign.STOPPED
+        moved = (moved or sign is GuardianMessage.BEAT) and sign is not GuardianMessage.STOPPED
     if watchdog.lost():
         assert moved
     assert not watchdog.lost()
@@ -182,17 +188,17 @@ def test_its_patience_ends_in_time(signs):
         now += pause
         watchdog.hear(sign, now)
     told = wait(watchdog, now, 10.0)
-    left = [sign for sign in since_stop(signs) if sign is not Sign.PRIME]
-    if Sign.BEAT not in left:
+    left = [sign for sign in since_stop(signs) if sign is not GuardianMessage.PRIME]
+    if GuardianMessage.BEAT not in left:
         assert told is None
     else:
-        allowed = SILENCE if left[-1] is Sign.BEAT else PAUSE
+        allowed = HEARTBEAT_TIMEOUT if left[-1] is GuardianMessage.BEAT else REST_TIMEOUT
         # A sign that is no news may have come since the last that was.
-        assert told - now <= allowed + SLIVER
+        assert told - now <= allowed + TIME_TOLERANCE
 
 
 def since_stop(signs):
     """Return the signs after the last whole stop."""
     heard = [sign for _, sign in signs]
-    ends = [index for index, sign in enumerate(heard) if sign is Sign.STOPPED]
+    ends = [index for index, sign in enumerate(heard) if sign is GuardianMessage.STOPPED]
     return heard[ends[-1] + 1:] if ends else heard

@@ -42,7 +42,7 @@ import time
 from kachaka_simple_control import ControlError, KachakaSimpleControl
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.ros.manual_control_client import ManualControl
+from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 import rclpy
 from rclpy.parameter import Parameter
 
@@ -125,7 +125,7 @@ class Driver:
         wanted = {'rate': self._rate, 'manual_control': False}
         self.node = KachakaSimpleControl(parameter_overrides=[
             Parameter(name, value=value) for name, value in wanted.items()])
-        self._service = ManualControl(self.node, SERVICE, lambda: None)
+        self._service = ManualControlClient(self.node, SERVICE, lambda: None)
 
     def _move(self, linear_x: float, duration: float) -> None:
         try:

@@ -50,9 +50,9 @@ def measure(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[st
     :param over_grpc: whether robots are to be reached over gRPC, by a bridge
     :returns: the matrix, plain data
     """
-    from kachaka_simple_control.ros.dds_transport import stay_on_this_machine
+    from kachaka_simple_control.ros.dds_transport import use_localhost_only
     # Before anything loads rclpy: no robot elsewhere may hear this.
-    stay_on_this_machine()
+    use_localhost_only()
     # In the background of a shell Ctrl+C is ignored, and would be by all that is started here.
     for signum in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
         if signal.getsignal(signum) == signal.SIG_IGN:

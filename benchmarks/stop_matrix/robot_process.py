@@ -42,7 +42,7 @@ class RobotProcess:
         :param domain: its ROS domain
         :param log: where the slow bridge tells what it plays; None for the real bridge
         """
-        real = [*processes.command('kachaka_simple_control.kachaka.bridge_command'),
+        real = [*processes.python_command('kachaka_simple_control.kachaka.bridge_command'),
                 '--sim', '--with-parent',
                 '--namespace', namespace]
         slow = [sys.executable, '-m', 'benchmarks.stop_matrix.slow_bridge', namespace, str(log)]
@@ -51,7 +51,7 @@ class RobotProcess:
         # Its standard input is a pipe that only this process holds: it ends with us.
         self._process = subprocess.Popen(
             slow if log else real, cwd=ROOT, stdin=subprocess.PIPE,
-            env={**processes.environment(), 'ROS_DOMAIN_ID': str(domain)}, stderr=self._log,
+            env={**processes.child_environment(), 'ROS_DOMAIN_ID': str(domain)}, stderr=self._log,
             start_new_session=True)
 
     def send(self, signum: int) -> None:

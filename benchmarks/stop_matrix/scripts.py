@@ -84,9 +84,9 @@ time.sleep(2.0)
 
 #: Odometry as it might come: patched where it arrives.
 ODOMETRY = """
-from kachaka_simple_control.control.stop import Stillness
+from kachaka_simple_control.control.stop import StandstillDetector
 from kachaka_simple_control.motion.geometry import Velocity
-hear, begun = Stillness.hear, []
+hear, begun = StandstillDetector.hear, []
 """
 
 LATE_ODOMETRY = ODOMETRY + """

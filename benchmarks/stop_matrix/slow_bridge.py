@@ -22,7 +22,7 @@ import sys
 import threading
 import time
 
-from kachaka_simple_control.control.signals import Ending
+from kachaka_simple_control.control.signals import ShutdownEvent
 from kachaka_simple_control.kachaka.bridge_node import KachakaBridge
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Velocity
@@ -75,7 +75,7 @@ def main(args: Sequence[str]) -> None:
 
     :param args: the namespace and the log
     """
-    with Ending() as ending:
+    with ShutdownEvent() as ending:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         node = SlowBridge(args[0], Path(args[1]))
         executor = rclpy.get_global_executor()

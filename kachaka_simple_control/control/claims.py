@@ -30,15 +30,15 @@ import time
 from kachaka_simple_control.control.processes import is_running
 
 #: How long the holder may take to say who it is [s]; one that is frozen never does.
-ANSWER = 0.3
+CLAIM_ANSWER_TIMEOUT = 0.3
 #: How long a claim is waited for whose program has ended [s]: its guardian stops the robot.
-GUARDIAN_LEAVES = 3.0
+GUARDIAN_LEAVE_TIMEOUT = 3.0
 #: How often it is tried meanwhile [s].
-RETRY = 0.05
+CLAIM_RETRY_PERIOD = 0.05
 #: What ``SO_PEERCRED`` returns: process, user and group.
 CREDENTIALS = struct.Struct('3i')
 #: How many bytes of an answer are read.
-LONGEST_ANSWER = 1000
+MAX_ANSWER_BYTES = 1000
 
 
 class ClaimedError(Exception):
@@ -75,13 +75,13 @@ class MachineClaim:
         """
         if self._is_held or not sys.platform.startswith('linux'):
             return
-        end = time.monotonic() + GUARDIAN_LEAVES
+        end = time.monotonic() + GUARDIAN_LEAVE_TIMEOUT
         address = _address(name)
         while not self._bind(address):
             holder, is_running = _holder(address)
             if is_running or time.monotonic() > end:
                 raise ClaimedError(holder)
-            time.sleep(RETRY)
+            time.sleep(CLAIM_RETRY_PERIOD)
         self._is_held = True
         threading.Thread(
             target=_answer, args=(self._socket, who), name='claim', daemon=True).start()
@@ -113,7 +113,7 @@ def _address(name: str) -> bytes:
 def _holder(address: bytes) -> tuple[str, bool]:
     """Return who holds a claim, and whether that program is still running."""
     with socket.socket(socket.AF_UNIX) as asking:
-        asking.settimeout(ANSWER)
+        asking.settimeout(CLAIM_ANSWER_TIMEOUT)
         try:
             asking.connect(address)
         except OSError:
@@ -122,7 +122,7 @@ def _holder(address: bytes) -> tuple[str, bool]:
         process, _, _ = CREDENTIALS.unpack(
             asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size))
         with contextlib.suppress(OSError):
-            if said := asking.recv(LONGEST_ANSWER):
+            if said := asking.recv(MAX_ANSWER_BYTES):
                 return said.decode(errors='replace'), True
     # Frozen; or ended, and its guardian is not; or of a container that counts processes anew.
     return f'process {process}, which does not answer', process == 0 or is_running(process)
@@ -140,13 +140,13 @@ def _answer(listening: socket.socket, text: str) -> None:
 
 
 #: How often a claim is told anew [s].
-PERIOD = 0.5
+CLAIM_PERIOD = 0.5
 #: A claim that was not heard of for this long [s] is over: whoever made it has ended or is frozen.
-LEASE = 3 * PERIOD
+CLAIM_TIMEOUT = 3 * CLAIM_PERIOD
 #: No more claims than this are kept: the network may tell anything.
-MOST = 64
+MAX_CLAIMS = 64
 #: No more of a text than this is shown.
-LONGEST_TEXT = 200
+MAX_TEXT_LENGTH = 200
 
 #: What is claimed: nothing any more; the robot, as soon as nobody else does; the robot, for good.
 NOTHING, WANTED, HELD = 'nothing', 'wanted', 'held'
@@ -186,8 +186,8 @@ class Claim:
             return None
         if claim.state not in (NOTHING, WANTED, HELD):
             return None
-        shown = ''.join(c if c.isprintable() else '?' for c in claim.who[:LONGEST_TEXT])
-        return Claim(claim.participant[:LONGEST_TEXT], claim.state, shown)
+        shown = ''.join(c if c.isprintable() else '?' for c in claim.who[:MAX_TEXT_LENGTH])
+        return Claim(claim.participant[:MAX_TEXT_LENGTH], claim.state, shown)
 
 
 class Claims:
@@ -213,7 +213,7 @@ class Claims:
             return
         self._heard.pop(claim.participant, None)
         self._heard[claim.participant] = now, claim
-        if len(self._heard) > MOST:
+        if len(self._heard) > MAX_CLAIMS:
             self._heard.pop(next(iter(self._heard)))
 
     def holder(self, now: float) -> Claim | None:
@@ -237,4 +237,4 @@ class Claims:
         return self.holder(now) or next(wanted, None)
 
     def _fresh(self, now: float) -> list[Claim]:
-        return [claim for heard, claim in [*self._heard.values()] if now - heard <= LEASE]
+        return [claim for heard, claim in [*self._heard.values()] if now - heard <= CLAIM_TIMEOUT]

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import threading
 import time
 
-from kachaka_simple_control.control.velocity_gate import PublisherEdge, Run
+from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
 from kachaka_simple_control.errors import ControlError, MotionRefusedError
 
 
@@ -50,7 +50,7 @@ class DriveRequests:
     """
 
     def __init__(
-            self, edge: PublisherEdge, period: float,
+            self, edge: VelocityGate, period: float,
             clock: Callable[[], float] = time.monotonic) -> None:
         """
         Accept the first.

@@ -24,17 +24,17 @@ import tempfile
 import threading
 import time
 
-from kachaka_simple_control.control.latch import Flag, Latch
-from kachaka_simple_control.control.watchdog import Sign
+from kachaka_simple_control.control.latch import Latch, SharedFlag
+from kachaka_simple_control.control.watchdog import GuardianMessage
 from kachaka_simple_control.errors import RunFaultError
 
 #: Signs of life are not sent more often than this [s].
-BEAT = 0.015
+HEARTBEAT_PERIOD = 0.015
 #: How long the guardian may take to end by itself [s].
-PATIENCE = 1.0
+GUARDIAN_EXIT_TIMEOUT = 1.0
 
 
-class Unguarded:
+class NullGuardian:
     """In place of a guardian where none is wanted."""
 
     participants: frozenset[bytes] = frozenset()
@@ -43,7 +43,7 @@ class Unguarded:
 
     def __init__(self) -> None:
         """Have a latch that only this process can set."""
-        self.latch, self.sending = Latch(), Flag()
+        self.latch, self.sending = Latch(), SharedFlag()
         self.primed = 0
 
     def prime(self) -> None:
@@ -86,7 +86,7 @@ class Guardian:
         with tempfile.TemporaryFile() as memory:
             memory.truncate(mmap.PAGESIZE)
             shared = memoryview(mmap.mmap(memory.fileno(), mmap.PAGESIZE))
-            self.latch, self.sending = Latch(shared[:1]), Flag(shared[1:2])
+            self.latch, self.sending = Latch(shared[:1]), SharedFlag(shared[1:2])
             signs, self._pipe = os.pipe()
             os.set_blocking(self._pipe, False)
             os.register_at_fork(after_in_child=self._close_in_child)
@@ -112,7 +112,7 @@ class Guardian:
 
         :raises RunFaultError: if it is gone
         """
-        self._tell(Sign.PRIME)
+        self._tell(GuardianMessage.PRIME)
 
     @property
     def primed(self) -> int:
@@ -126,33 +126,33 @@ class Guardian:
         :raises RunFaultError: if it is gone
         """
         now = time.monotonic()
-        if now - self._last_beat >= BEAT:
+        if now - self._last_beat >= HEARTBEAT_PERIOD:
             self._last_beat = now
-            self._tell(Sign.BEAT)
+            self._tell(GuardianMessage.BEAT)
 
     def rest(self) -> None:
         """Say that the run is over, and that its stop goes on."""
-        self._tell_if_there(Sign.REST)
+        self._tell_if_there(GuardianMessage.REST)
 
     def stopped(self) -> None:
         """Say that the whole stop was sent."""
-        self._tell_if_there(Sign.STOPPED)
+        self._tell_if_there(GuardianMessage.STOPPED)
 
     def dismiss(self) -> None:
         """Close the pipe, and return when its publisher is gone; first it stops what moves yet."""
         self._close()
         try:
-            self._process.wait(PATIENCE)
+            self._process.wait(GUARDIAN_EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
 
-    def _tell_if_there(self, sign: Sign) -> None:
+    def _tell_if_there(self, sign: GuardianMessage) -> None:
         self._last_beat = float('-inf')
         with contextlib.suppress(RunFaultError):
             self._tell(sign)
 
-    def _tell(self, sign: Sign) -> None:
+    def _tell(self, sign: GuardianMessage) -> None:
         try:
             with self._writing:
                 os.write(self._pipe, sign.value)

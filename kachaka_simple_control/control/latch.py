@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 
-class Byte:
+class SharedByte:
     """
     A byte that is 0 or 1, so that no lock is needed to read or write it.
 
@@ -37,7 +37,7 @@ class Byte:
         return self._memory[0] != 0
 
 
-class Latch(Byte):
+class Latch(SharedByte):
     """Only ever goes from 0 to 1: once set, this run never moves again."""
 
     def trip(self) -> None:
@@ -45,7 +45,7 @@ class Latch(Byte):
         self._memory[0] = 1
 
 
-class Flag(Byte):
+class SharedFlag(SharedByte):
     """Says whether something is going on."""
 
     def raise_up(self) -> None:

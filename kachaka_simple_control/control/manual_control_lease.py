@@ -21,12 +21,12 @@ from typing import Protocol
 from kachaka_simple_control.errors import RunFaultError
 
 #: Age of manual control [s] from which a rest of the plan is used to renew it.
-AT_REST = 20.0
+LEASE_RENEW_AT_REST = 20.0
 #: Age [s] at which it is renewed even in motion: a Kachaka drops it after 60 s.
-AT_LATEST = 40.0
+LEASE_RENEW_LATEST = 40.0
 
 
-class Answer(Protocol):
+class PendingResponse(Protocol):
     """The answer to a request for manual control, which may still be on its way."""
 
     @property
@@ -38,7 +38,7 @@ class Answer(Protocol):
         """Why manual control was refused; None if it was granted."""
 
 
-class Renewal:
+class LeaseRenewer:
     """
     Asks for manual control again in time.
 
@@ -46,7 +46,7 @@ class Renewal:
     in them: longer than its hold, and it has stopped in mid-motion.
     """
 
-    def __init__(self, request: Callable[[], Answer], patience: float) -> None:
+    def __init__(self, request: Callable[[], PendingResponse], patience: float) -> None:
         """
         Make a renewal for a robot that has not been asked yet.
 
@@ -56,7 +56,7 @@ class Renewal:
         self._request = request
         self._patience = patience
         self._asked = float('-inf')
-        self._pending: Answer | None = None
+        self._pending: PendingResponse | None = None
 
     def granted(self, asked: float) -> None:
         """
@@ -74,7 +74,7 @@ class Renewal:
         :param now: the time [s]
         :returns: whether the last request is old enough to use a rest for the next
         """
-        return now - self._asked >= AT_REST
+        return now - self._asked >= LEASE_RENEW_AT_REST
 
     def tick(self, now: float, rest: float) -> None:
         """
@@ -84,7 +84,7 @@ class Renewal:
         :param rest: how long the plan stays at rest from here [s]; 0 while moving
         """
         age = now - self._asked
-        if age >= AT_LATEST or (age >= AT_REST and rest >= self._patience):
+        if age >= LEASE_RENEW_LATEST or (age >= LEASE_RENEW_AT_REST and rest >= self._patience):
             self._asked = now
             self._pending = self._request()
 

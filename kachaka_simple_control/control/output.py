@@ -36,10 +36,10 @@ from typing import Any, TextIO
 STDOUT, STDERR = 1, 2
 STREAMS = {STDOUT: 'stdout', STDERR: 'stderr'}
 #: How long Python's own text waits for room [s], if there has been some since the last time.
-PATIENCE = 1.0
+FLUSH_TIMEOUT = 1.0
 
 
-def never_wait(*descriptors: int) -> None:
+def make_nonblocking(*descriptors: int) -> None:
     """
     See to it that no write to some outputs waits for its reader.
 
@@ -56,13 +56,13 @@ def never_wait(*descriptors: int) -> None:
         _replace(descriptor)
 
 
-def never_wait_for_log() -> None:
+def make_log_nonblocking() -> None:
     """See to it that ROS's logger never waits for its reader."""
     to_stdout = os.environ.get('RCUTILS_LOGGING_USE_STDOUT') == '1'
-    never_wait(*[STDOUT, STDERR] if to_stdout else [STDERR])
+    make_nonblocking(*[STDOUT, STDERR] if to_stdout else [STDERR])
 
 
-def wait_again(descriptor: int) -> None:
+def make_blocking(descriptor: int) -> None:
     """
     Let this process alone wait for the reader of an output that it has inherited.
 
@@ -73,13 +73,13 @@ def wait_again(descriptor: int) -> None:
             _reopen(descriptor, 0)
 
 
-def discard_what_nobody_reads() -> None:
+def discard_unread() -> None:
     """Leave out what standard output does not take, for Python would wait for that in its end."""
     if not _may_wait(STDOUT):
         return
     held_back = sys.stdout
-    never_wait(STDOUT)
-    end = time.monotonic() + PATIENCE
+    make_nonblocking(STDOUT)
+    end = time.monotonic() + FLUSH_TIMEOUT
     with contextlib.suppress(OSError, ValueError, AttributeError):
         while not _is_flushed(held_back):
             if not has_room(STDOUT, max(0.0, end - time.monotonic())):
@@ -99,7 +99,7 @@ def has_room(descriptor: int, timeout: float = 0.0) -> bool:
     return bool(poll.poll(1e3 * timeout))
 
 
-class Outlet(io.RawIOBase):
+class NonblockingStream(io.RawIOBase):
     """
     The bytes of a stream on a descriptor that never waits: what finds no room in time is dropped.
 
@@ -142,13 +142,13 @@ class Outlet(io.RawIOBase):
         rest = memoryview(data).cast('B')
         count = len(rest)
         self._is_stuck = self._is_stuck and not has_room(self._descriptor)
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + FLUSH_TIMEOUT
         while rest and not self._is_stuck:
             written = _write(self._descriptor, rest)
             rest = rest[written:]
             now = time.monotonic()
             if written:
-                end = now + PATIENCE
+                end = now + FLUSH_TIMEOUT
             else:
                 self._is_stuck = now >= end or not has_room(self._descriptor, end - now)
         return count
@@ -214,7 +214,8 @@ def _replace(descriptor: int) -> None:
     """Put a stream that never waits in place of Python's own, which would raise an error."""
     name = STREAMS[descriptor]
     original: TextIO | None = getattr(sys, f'__{name}__')
-    if not isinstance(original, io.TextIOWrapper) or isinstance(original.buffer, Outlet):
+    if not isinstance(original, io.TextIOWrapper) or isinstance(
+            original.buffer, NonblockingStream):
         return
     with contextlib.suppress(OSError, ValueError):
         if original.fileno() != descriptor:
@@ -224,7 +225,7 @@ def _replace(descriptor: int) -> None:
     # Directly, without a buffer between: the lock of one, held by a thread that waits for room
     # when Python ends, would abort it.
     stream = io.TextIOWrapper(
-        Outlet(descriptor, original.name),
+        NonblockingStream(descriptor, original.name),
         encoding=original.encoding, errors=original.errors,
         line_buffering=original.line_buffering, write_through=original.write_through)
     if getattr(sys, name) is original:

@@ -21,17 +21,17 @@ from functools import partial
 import time
 from typing import Protocol
 
-from kachaka_simple_control.control.velocity_gate import PublisherEdge, Run
+from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
 from kachaka_simple_control.control.waiting import sleep_until
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan, Segment
 
 #: A last tick shorter than this part of a period is rounding, not a tick.
-SLIVER = 1e-6
+TIME_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
-class Due:
+class Tick:
     """
     What a player answers.
 
@@ -47,7 +47,7 @@ class Due:
     rest: float
 
 
-class Player:
+class TickScheduler:
     """
     One walk through a plan; pure, so that any clock can drive it.
 
@@ -68,7 +68,7 @@ class Player:
         self._deadline: float
         self._enter_next()
 
-    def due(self, elapsed: float) -> Due | None:
+    def due(self, elapsed: float) -> Tick | None:
         """
         Return what is due; ask at 0 first, then at each deadline.
 
@@ -83,7 +83,7 @@ class Player:
         if self._segment is None:
             return None
         self._answered = True
-        return Due(self._segment.velocity, self._deadline, skipped, self._rest(self._segment))
+        return Tick(self._segment.velocity, self._deadline, skipped, self._rest(self._segment))
 
     def _pass_tick(self, segment: Segment) -> None:
         if self._deadline >= segment.end:
@@ -100,7 +100,7 @@ class Player:
 
     def _end_of_tick(self, segment: Segment) -> float:
         following = segment.start + (self._tick + 1) * self._period
-        nearly = following >= segment.end - SLIVER * self._period
+        nearly = following >= segment.end - TIME_TOLERANCE * self._period
         return segment.end if nearly else following
 
     def _rest(self, segment: Segment) -> float:
@@ -110,12 +110,12 @@ class Player:
 
 
 #: What a run may be late beyond one period [s] before it is given up.
-LATENESS = 0.1
+MAX_LATENESS = 0.1
 #: No use is known for more [Hz].
-HIGHEST_RATE = 1000.0
+MAX_RATE = 1000.0
 
 
-class Companion(Protocol):
+class RunMonitor(Protocol):
     """What goes along with a run, in its thread; each call returns as soon as DDS lets it."""
 
     def tick(self, rest: float) -> None:
@@ -137,24 +137,24 @@ def max_gap(period: float, hold: float) -> float:
     :param hold: how long the robot keeps a velocity without a new one [s]
     :returns: one period and the lateness allowed, but never more than the hold [s]
     """
-    return min(period + LATENESS, hold)
+    return min(period + MAX_LATENESS, hold)
 
 
-def lowest_rate(hold: float) -> float:
+def min_rate(hold: float) -> float:
     """
     Return how often a velocity must be sent at least.
 
     :param hold: how long the robot keeps a velocity without a new one [s]
     :returns: the rate at which a message may be late, and the robot still moves on [Hz]
     """
-    return 1.0 / (hold - LATENESS)
+    return 1.0 / (hold - MAX_LATENESS)
 
 
-def play(
+def run_plan(
         plan: Plan,
-        edge: PublisherEdge,
+        edge: VelocityGate,
         hold: float,
-        companion: Companion,
+        companion: RunMonitor,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
         prepared: Run | None = None) -> Run:
@@ -178,7 +178,7 @@ def play(
         edge.wait_for_dds(run, companion.beat)
 
     beat()
-    player = Player(plan)
+    player = TickScheduler(plan)
     due = player.due(0.0)
     while due is not None:
         edge.send(run, due.velocity)

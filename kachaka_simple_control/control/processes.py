@@ -23,23 +23,23 @@ import time
 
 #: The first entry of the search path is the folder the program was started in, which may be any:
 #: even that of this package, where ``kachaka_simple_control`` is a file.
-START = (
+MAIN_CODE = (
     'import sys; sys.path = [entry for entry in sys.path if entry]; '
     'from {module} import main; sys.exit(main())')
 PACKAGE = Path(__file__).resolve().parent.parent
 
 
-def command(module: str) -> list[str]:
+def python_command(module: str) -> list[str]:
     """
     Return what runs a module's ``main`` in a fresh Python.
 
     :param module: its full name
     :returns: the command, to which arguments may be added
     """
-    return [sys.executable, '-c', START.format(module=module)]
+    return [sys.executable, '-c', MAIN_CODE.format(module=module)]
 
 
-def environment() -> dict[str, str]:
+def child_environment() -> dict[str, str]:
     """
     Return an environment in which a child finds all that this process finds.
 
@@ -50,7 +50,7 @@ def environment() -> dict[str, str]:
     return {**os.environ, 'PYTHONPATH': path}
 
 
-def awake_or_asleep() -> float:
+def boottime() -> float:
     """
     Return the time since the machine was started, sleep included [s].
 
@@ -60,17 +60,17 @@ def awake_or_asleep() -> float:
 
 
 #: What Linux calls a process that a signal, or a debugger, has stopped.
-STOPPED = ('T', 't')
+STOPPED_STATES = ('T', 't')
 
 
-def is_frozen(pid: int) -> bool:
+def is_stopped(pid: int) -> bool:
     """
     Tell whether a process was stopped by SIGSTOP or by a debugger.
 
     :param pid: the number of the process
     :returns: whether it was; false where nobody can tell
     """
-    return _state(pid) in STOPPED
+    return _state(pid) in STOPPED_STATES
 
 
 def is_running(pid: int) -> bool:
@@ -97,18 +97,18 @@ def _state(pid: int) -> str | None:
 NICENESS = 10
 
 
-def step_back() -> None:
+def lower_priority() -> None:
     """Let others go first."""
     with contextlib.suppress(OSError):
         os.nice(NICENESS)
 
 
-def step_aside() -> None:
+def set_idle_priority() -> None:
     """
     Run only when nobody else wants to.
 
     With a mere low priority Linux still lets somebody who wakes up wait for a moment.
     """
-    step_back()
+    lower_priority()
     with contextlib.suppress(AttributeError, OSError):
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))

@@ -18,12 +18,12 @@ from __future__ import annotations
 from collections import deque
 
 #: How many messages are kept that were sent and not heard yet: the highest rate, for seconds.
-MOST = 4096
+MAX_KEPT = 4096
 #: When it is first asked whose a message is, only what was sent within this time [s] can still be
 #: on its way.
-ON_ITS_WAY = 0.2
+MAX_TRANSIT_TIME = 0.2
 #: A zero that the guardian was asked for comes within this time [s], or was lost.
-GUARDIAN = 1.0
+MAX_GUARDIAN_DELAY = 1.0
 
 
 class SentMessages:
@@ -37,8 +37,8 @@ class SentMessages:
 
     def __init__(self) -> None:
         """Have sent nothing."""
-        self._sent: deque[tuple[float, bytes]] = deque(maxlen=MOST)
-        self._by_guardian: deque[float] = deque(maxlen=MOST)
+        self._sent: deque[tuple[float, bytes]] = deque(maxlen=MAX_KEPT)
+        self._by_guardian: deque[float] = deque(maxlen=MAX_KEPT)
 
     def note(self, now: float, data: bytes) -> None:
         """
@@ -63,7 +63,7 @@ class SentMessages:
 
         :param now: the time [s]
         """
-        while self._sent and now - self._sent[0][0] > ON_ITS_WAY:
+        while self._sent and now - self._sent[0][0] > MAX_TRANSIT_TIME:
             self._sent.popleft()
 
     def accounts_for(self, data: bytes, is_zero: bool, now: float) -> bool:
@@ -81,7 +81,7 @@ class SentMessages:
                 for _ in range(index + 1):
                     self._sent.popleft()
                 return True
-        while self._by_guardian and now - self._by_guardian[0] > GUARDIAN:
+        while self._by_guardian and now - self._by_guardian[0] > MAX_GUARDIAN_DELAY:
             self._by_guardian.popleft()
         if is_zero and self._by_guardian:
             self._by_guardian.popleft()

@@ -27,13 +27,13 @@ from types import FrameType, TracebackType
 from typing import Any, Protocol
 
 #: What asks a program to end.
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 #: After the first signal, more of them are not passed on for this long [s]: a second Ctrl+C must
 #: not cut the stop short.  Afterwards a program that goes on can be interrupted again.
-DEAF = 3.0
+SIGNAL_DEBOUNCE = 3.0
 
 
-class Listener(Protocol):
+class SignalHandler(Protocol):
     """Who must know of a signal."""
 
     def on_signal(self, signum: int) -> None:
@@ -54,7 +54,7 @@ class Listener(Protocol):
         """
 
 
-class SignalWatch:
+class SignalDispatcher:
     """
     Watches for the signals that end a program; one for the whole process.
 
@@ -66,7 +66,7 @@ class SignalWatch:
 
     def __init__(self) -> None:
         """Make a watch that hears nothing yet."""
-        self._listeners: list[Listener] = []
+        self._listeners: list[SignalHandler] = []
         self._previous: dict[int, Any] = {}
         self._first: float | None = None
         self._reader: socket.socket | None = None
@@ -75,7 +75,7 @@ class SignalWatch:
         #: the first signal that was heard; None before it
         self.signum: int | None = None
 
-    def listen(self, listener: Listener) -> bool:
+    def listen(self, listener: SignalHandler) -> bool:
         """
         Tell somebody of each ending signal from now on.
 
@@ -88,7 +88,7 @@ class SignalWatch:
         self._listeners.append(listener)
         return True
 
-    def forget(self, listener: Listener) -> None:
+    def forget(self, listener: SignalHandler) -> None:
         """
         Tell somebody no more.
 
@@ -110,7 +110,7 @@ class SignalWatch:
         self._reader, self._writer = socket.socketpair()
         self._writer.setblocking(False)
         signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
-        for signum in ENDING:
+        for signum in ENDING_SIGNALS:
             # Ignored from the start (nohup): stays ignored.
             if signal.getsignal(signum) != signal.SIG_IGN:
                 self._previous[signum] = signal.signal(signum, self._handle)
@@ -142,7 +142,7 @@ class SignalWatch:
     def _handle(self, signum: int, frame: FrameType | None) -> None:
         self._note(signum)
         now = time.monotonic()
-        if self._first is not None and now - self._first < DEAF:
+        if self._first is not None and now - self._first < SIGNAL_DEBOUNCE:
             return
         self._first = now
         previous = self._previous[signum]
@@ -167,14 +167,14 @@ class SignalWatch:
 
 
 #: Python has one set of handlers and one wake-up descriptor, so there is one watch.
-WATCH = SignalWatch()
+signal_dispatcher = SignalDispatcher()
 
 
 #: What asks a program to end.
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-class Ending:
+class ShutdownEvent:
     """
     Something to wait for; enter it in the main thread, before anything that takes its time.
 
@@ -188,7 +188,7 @@ class Ending:
         # Python writes to it from within the signal, where waiting is no choice.
         os.set_blocking(self._writer, False)
 
-    def __enter__(self) -> Ending:
+    def __enter__(self) -> ShutdownEvent:
         """Listen to signals from now on, for the rest of the process."""
         signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
         for signum in SIGNALS:

@@ -20,18 +20,18 @@ import threading
 import time
 from typing import Protocol
 
-from kachaka_simple_control.control.velocity_gate import PublisherEdge, Run
+from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.motion.geometry import Velocity
 
 #: Slower than this is still [m/s], [rad/s]: chosen, above the noise of wheel encoders.
-STILL_LINEAR = 0.01
-STILL_ANGULAR = 0.02
+STANDSTILL_LINEAR = 0.01
+STANDSTILL_ANGULAR = 0.02
 #: Odometry older than this says nothing of now [s]: chosen, ten of its samples and more.
-FRESH = 0.3
+ODOMETRY_MAX_AGE = 0.3
 
 
-class Stillness:
+class StandstillDetector:
     """What odometry last said of the robot's velocity."""
 
     def __init__(self) -> None:
@@ -47,7 +47,8 @@ class Stillness:
         :param velocity: the velocity that odometry tells
         """
         self._heard = now
-        if abs(velocity.linear_x) > STILL_LINEAR or abs(velocity.angular_z) > STILL_ANGULAR:
+        if abs(velocity.linear_x) > STANDSTILL_LINEAR or abs(
+                velocity.angular_z) > STANDSTILL_ANGULAR:
             self._still_since = None
         elif self._still_since is None:
             self._still_since = now
@@ -69,7 +70,7 @@ class Stillness:
         :returns: true only if odometry is fresh and says so
         """
         silence = self.silence(now)
-        return silence is not None and silence <= FRESH and self._still_since is None
+        return silence is not None and silence <= ODOMETRY_MAX_AGE and self._still_since is None
 
     def still_since(self, now: float) -> float | None:
         """
@@ -80,20 +81,20 @@ class Stillness:
             or nobody can tell
         """
         silence = self.silence(now)
-        return self._still_since if silence is not None and silence <= FRESH else None
+        return self._still_since if silence is not None and silence <= ODOMETRY_MAX_AGE else None
 
 
 #: Zeros sent back to back at first: the deepest queue in the way (a publisher of depth 10).
-BURST = 10
+STOP_BURST_COUNT = 10
 #: Time between the zeros after those [s]: 25 Hz.
-INTERVAL = 0.04
+STOP_REPEAT_PERIOD = 0.04
 #: For how much longer zeros are sent while the robot is seen to move [s].
-INSISTENCE = 1.0
+STOP_CONFIRM_TIMEOUT = 1.0
 #: How much longer than the robot's hold zeros are sent [s].
-MARGIN = 0.1
+STOP_MARGIN = 0.1
 
 
-class Guard(Protocol):
+class GuardianClient(Protocol):
     """Who stops the robot if this process cannot."""
 
     def rest(self) -> None:
@@ -120,25 +121,25 @@ def send_stop(
     :param sleep: sleeps for a time [s]
     :returns: whether the stop was sent whole
     """
-    end = clock() + hold + MARGIN
-    for _ in range(BURST):
+    end = clock() + hold + STOP_MARGIN
+    for _ in range(STOP_BURST_COUNT):
         if not zero():
             return False
     while clock() < end:
-        sleep(INTERVAL)
+        sleep(STOP_REPEAT_PERIOD)
         if not zero():
             return False
     return True
 
 
-class Stopper:
+class StopController:
     """Stops a run once, whoever asks and how often; a run that begins ends the stop early."""
 
     def __init__(
             self,
-            edge: PublisherEdge,
+            edge: VelocityGate,
             hold: float,
-            guard: Guard,
+            guard: GuardianClient,
             still_moves: Callable[[], bool] = lambda: False,
             clock: Callable[[], float] = time.monotonic,
             sleep: Callable[[float], None] = time.sleep) -> None:
@@ -214,6 +215,6 @@ class Stopper:
 
     def _insist(self, run: Run | None) -> None:
         """Send more zeros while the robot does not obey: a lossy link may have lost them all."""
-        end = self._clock() + INSISTENCE
+        end = self._clock() + STOP_CONFIRM_TIMEOUT
         while self._still_moves() and self._clock() < end and self._zero(run):
-            self._sleep(INTERVAL)
+            self._sleep(STOP_REPEAT_PERIOD)

@@ -21,9 +21,9 @@ import math
 import threading
 import time
 
-from kachaka_simple_control.control.latch import Flag, Latch
-from kachaka_simple_control.control.processes import awake_or_asleep
-from kachaka_simple_control.control.watchdog import STALL
+from kachaka_simple_control.control.latch import Latch, SharedFlag
+from kachaka_simple_control.control.processes import boottime
+from kachaka_simple_control.control.watchdog import PUBLISH_TIMEOUT
 from kachaka_simple_control.errors import (
     ControlError,
     InvalidMotionError,
@@ -34,7 +34,7 @@ from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 
 
-class Access(Enum):
+class GateState(Enum):
     """What may be published."""
 
     #: the robot has not been taken: not even a zero, for a zero takes a Kachaka off its dock
@@ -67,7 +67,7 @@ class Run:
         self.ended_by: ControlError | None = None
 
 
-class PublisherEdge:
+class VelocityGate:
     """
     Every velocity of this program passes here, one at a time.
 
@@ -80,9 +80,9 @@ class PublisherEdge:
             transmit: Callable[[Velocity], None],
             limits: Limits,
             latch: Latch,
-            sending: Flag | None = None,
+            sending: SharedFlag | None = None,
             clock: Callable[[], float] = time.monotonic,
-            gap_clock: Callable[[], float] = awake_or_asleep) -> None:
+            gap_clock: Callable[[], float] = boottime) -> None:
         """
         Make an edge that lets nothing out yet.
 
@@ -99,11 +99,11 @@ class PublisherEdge:
         self._limits = limits
         self._within_limits = ZERO
         self._latch = latch
-        self._sending = sending or Flag()
+        self._sending = sending or SharedFlag()
         self._clock = clock
         self._gap_clock = gap_clock
         self._lock = threading.Lock()
-        self._access = Access.NOT_YET
+        self._access = GateState.NOT_YET
         self._run: Run | None = None
         #: a run that was asked for and has not begun: it waits for the robot, for example
         self._pending: Run | None = None
@@ -113,7 +113,7 @@ class PublisherEdge:
         self.on_began: Callable[[float], None] = _ignore
 
     @property
-    def access(self) -> Access:
+    def access(self) -> GateState:
         """Return what may be published now."""
         return self._access
 
@@ -125,13 +125,13 @@ class PublisherEdge:
     def admit(self) -> None:
         """Let velocities out from now on: the robot is ours."""
         with self._lock:
-            if self._access is Access.NOT_YET:
-                self._access = Access.OPEN
+            if self._access is GateState.NOT_YET:
+                self._access = GateState.OPEN
 
     def close(self) -> None:
         """Let nothing out any more, for good."""
         with self._lock:
-            self._access = Access.CLOSED
+            self._access = GateState.CLOSED
 
     def prepare(self) -> Run:
         """
@@ -238,7 +238,7 @@ class PublisherEdge:
         :returns: whether it was published
         """
         with self._lock:
-            if self._access is not Access.OPEN or self._run is not after:
+            if self._access is not GateState.OPEN or self._run is not after:
                 return False
             self._publish(ZERO)
             return True
@@ -265,7 +265,7 @@ class PublisherEdge:
         if self._latch.is_set:
             raise MotionRefusedError(
                 'the robot was stopped for good; only a new node moves it again')
-        if self._access is not Access.OPEN:
+        if self._access is not GateState.OPEN:
             raise MotionRefusedError(f'the robot is not ours ({self._access.value})')
 
     def _require_limits(self, velocity: Velocity) -> None:
@@ -283,7 +283,7 @@ class PublisherEdge:
             return
         gap = self._gap_clock() - run.last_sent
         # DDS may take no longer than the guardian lets it, however often it is asked.
-        allowed = min(run.max_gap + min(run.waited, STALL), run.hold)
+        allowed = min(run.max_gap + min(run.waited, PUBLISH_TIMEOUT), run.hold)
         if gap > allowed:
             raise RunFaultError(
                 f'nothing was sent for {gap * 1e3:.0f} ms, more than the {allowed * 1e3:.0f} '

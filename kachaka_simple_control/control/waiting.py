@@ -20,7 +20,7 @@ import time
 
 #: The longest nap [s]: a waiting motion thread shows a sign of life at least this often, and
 #: hears within this time that it has been stopped.
-NAP = 0.02
+POLL_PERIOD = 0.02
 
 
 def sleep_until(
@@ -41,13 +41,13 @@ def sleep_until(
     if left <= 0.0:
         beat()
     while left > 0.0:
-        sleep(min(left, NAP))
+        sleep(min(left, POLL_PERIOD))
         beat()
         left = deadline - clock()
 
 
 #: How often the condition is looked at [s].
-GLANCE = 0.02
+CONDITION_POLL_PERIOD = 0.02
 
 
 def wait_until(
@@ -65,5 +65,5 @@ def wait_until(
     while not condition():
         if time.monotonic() >= end:
             return False
-        sleep_until(min(end, time.monotonic() + GLANCE), check)
+        sleep_until(min(end, time.monotonic() + CONDITION_POLL_PERIOD), check)
     return True

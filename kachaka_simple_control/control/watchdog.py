@@ -18,19 +18,19 @@ from __future__ import annotations
 from enum import Enum
 
 #: A motion thread shows a sign of life every 20 ms; silent for this long [s], it is held up.
-SILENCE = 0.1
+HEARTBEAT_TIMEOUT = 0.1
 #: How long the node may be handing one message to DDS [s].
-STALL = 0.5
+PUBLISH_TIMEOUT = 0.5
 #: From the one zero at the end of a run to the last zero of the stop, the node may be silent for
 #: this long [s]: for 0.2 s it waits for a next movement, and DDS, or a user's code that keeps the
 #: interpreter, may hold it up for more than SILENCE.  The robot has had a zero by then.
-PAUSE = 1.0
+REST_TIMEOUT = 1.0
 #: How often silence is looked at [s].
-LOOK = 0.02
-SLIVER = 1e-6
+WATCHDOG_PERIOD = 0.02
+TIME_TOLERANCE = 1e-6
 
 
-class Sign(bytes, Enum):
+class GuardianMessage(bytes, Enum):
     """What a node tells its guardian, a byte each."""
 
     #: publish one zero and say so: the robot's reader is being met
@@ -57,7 +57,7 @@ class Watchdog:
     :param silence: how long a run may show no sign of life [s]
     """
 
-    def __init__(self, silence: float = SILENCE) -> None:
+    def __init__(self, silence: float = HEARTBEAT_TIMEOUT) -> None:
         """Watch over a node that has not moved anything."""
         self._silence = self._allowed = silence
         self._silent = 0.0
@@ -74,11 +74,11 @@ class Watchdog:
         :param sign: one byte
         :param now: when it was heard [s]
         """
-        if sign == Sign.BEAT or (sign == Sign.REST and self._unstopped):
+        if sign == GuardianMessage.BEAT or (sign == GuardianMessage.REST and self._unstopped):
             self._looked, self._silent, self._stalled = now, 0.0, 0.0
-            self._allowed = self._silence if sign == Sign.BEAT else PAUSE
+            self._allowed = self._silence if sign == GuardianMessage.BEAT else REST_TIMEOUT
             self._unstopped = True
-        elif sign == Sign.STOPPED:
+        elif sign == GuardianMessage.STOPPED:
             self._unstopped, self._looked = False, None
 
     def lost(self) -> bool:
@@ -101,14 +101,15 @@ class Watchdog:
         """
         if self._looked is None:
             return False
-        awake = min(now - self._looked, LOOK)
+        awake = min(now - self._looked, WATCHDOG_PERIOD)
         self._looked = now
         if sending:
             self._stalled += awake
         else:
             self._silent += awake
         # A difference of floats may leave a sliver, which no wait would ever make up for.
-        if self._silent < self._allowed - SLIVER and self._stalled < STALL - SLIVER:
+        if (self._silent < self._allowed - TIME_TOLERANCE
+                and self._stalled < PUBLISH_TIMEOUT - TIME_TOLERANCE):
             return False
         self._unstopped, self._looked = False, None
         return True
@@ -119,4 +120,4 @@ class Watchdog:
 
         :returns: the time after which to ask ``is_silent`` [s]; None for ever
         """
-        return None if self._looked is None else min(LOOK, self._allowed - self._silent)
+        return None if self._looked is None else min(WATCHDOG_PERIOD, self._allowed - self._silent)

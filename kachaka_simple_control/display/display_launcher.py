@@ -23,14 +23,14 @@ from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.output import has_room, STDERR
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.renderers import has_terminal
-from kachaka_simple_control.telemetry.subscriber_process import Teller
+from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 
-DISPLAY = 'kachaka_simple_control.display.display_process'
+DISPLAY_MODULE = 'kachaka_simple_control.display.display_process'
 #: How long it may take to clear the terminal [s]; there is nothing worth waiting for.
-PATIENCE = 1.0
+DISPLAY_EXIT_TIMEOUT = 1.0
 
 
-class DisplayTeller(Teller):
+class DisplayProcess(SubscriberProcess):
     """
     Tells a display what happens, and sees to it that the terminal is left as it was found.
 
@@ -41,7 +41,7 @@ class DisplayTeller(Teller):
 
     def __init__(self) -> None:
         """Start it."""
-        super().__init__(processes.command(DISPLAY), processes.environment())
+        super().__init__(processes.python_command(DISPLAY_MODULE), processes.child_environment())
         self._clearing = threading.Thread(target=self._clear, name='display', daemon=True)
         self._clearing.start()
 
@@ -52,21 +52,21 @@ class DisplayTeller(Teller):
         :param patience: how long to wait at most [s]
         :returns: its exit code; None if it waits for the terminal
         """
-        if super().close(min(patience, PATIENCE)) is None:
+        if super().close(min(patience, DISPLAY_EXIT_TIMEOUT)) is None:
             if not has_room(STDERR):
                 return None
             self._process.kill()
         code = self._process.wait()
-        self._clearing.join(PATIENCE)
+        self._clearing.join(DISPLAY_EXIT_TIMEOUT)
         return code
 
     def _clear(self) -> None:
         if self._process.wait() != 0 and has_terminal(STDERR):
             with contextlib.suppress(OSError):
-                os.write(STDERR, terminal.CLOSE.encode())
+                os.write(STDERR, terminal.RELEASE_ROWS.encode())
 
 
-def worth_showing(is_lesson: bool) -> bool:
+def should_display(is_lesson: bool) -> bool:
     """
     Tell whether a display has anything to show.
 

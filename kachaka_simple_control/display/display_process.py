@@ -28,12 +28,12 @@ import sys
 import threading
 import time
 
-from kachaka_simple_control.control.output import STDERR, wait_again
-from kachaka_simple_control.control.processes import is_frozen, step_aside
-from kachaka_simple_control.display.drive_status import Progress
-from kachaka_simple_control.display.renderers import Screen, screen_for
-from kachaka_simple_control.telemetry.event_stream import events
-from kachaka_simple_control.telemetry.events import Event, Sent
+from kachaka_simple_control.control.output import make_blocking, STDERR
+from kachaka_simple_control.control.processes import is_stopped, set_idle_priority
+from kachaka_simple_control.display.drive_status import DriveTracker
+from kachaka_simple_control.display.renderers import Renderer, renderer_for
+from kachaka_simple_control.telemetry.event_stream import decode
+from kachaka_simple_control.telemetry.events import Event, VelocitySent
 
 #: How long a process that was killed may take to be gone [s].
 FAREWELL = 0.5
@@ -41,7 +41,7 @@ FAREWELL = 0.5
 BREATH = 0.1
 
 
-class Display:
+class TerminalDisplay:
     """
     Shows what it hears of.
 
@@ -49,10 +49,10 @@ class Display:
     :param parent: the process that drives
     """
 
-    def __init__(self, screen: Screen, parent: int) -> None:
+    def __init__(self, screen: Renderer, parent: int) -> None:
         """Have heard nothing."""
         self._screen, self._parent = screen, parent
-        self._progress = Progress()
+        self._progress = DriveTracker()
         self._lock = threading.Lock()
         self._over = threading.Event()
         self._sent = threading.Event()
@@ -70,11 +70,11 @@ class Display:
             self._screen.hide()
         if self._progress.closed is None and self._is_orphan():
             # The prompt of a shell may be there by now.
-            print(f'\n{last_words(self._progress)}', file=sys.stderr, flush=True)
+            print(f'\n{describe_killed(self._progress)}', file=sys.stderr, flush=True)
 
     def _listen(self) -> None:
         try:
-            for event in events(sys.stdin.buffer):
+            for event in decode(sys.stdin.buffer):
                 self._hear(event)
         finally:
             self._over.set()
@@ -83,21 +83,21 @@ class Display:
     def _hear(self, event: Event) -> None:
         with self._lock:
             self._progress.hear(event)
-            if not isinstance(event, Sent):
+            if not isinstance(event, VelocitySent):
                 return
             glance = self._progress.at(event.time)
         self._sent.set()
         self._screen.follow(glance, event.time)
 
     def _show(self) -> None:
-        if is_frozen(self._parent):
+        if is_stopped(self._parent):
             # Ctrl+Z: the terminal is somebody else's now.
             self._screen.hide()
             return
         now = time.monotonic()
         with self._lock:
             glance = self._progress.at(now)
-        self._screen.show(glance, now, hint(self._parent))
+        self._screen.show(glance, now, stop_hint(self._parent))
 
     def _is_orphan(self) -> bool:
         end = time.monotonic() + FAREWELL
@@ -106,7 +106,7 @@ class Display:
         return os.getppid() != self._parent
 
 
-def last_words(progress: Progress) -> str:
+def describe_killed(progress: DriveTracker) -> str:
     """
     Return what to say of a program that was killed.
 
@@ -121,7 +121,7 @@ def last_words(progress: Progress) -> str:
     return f'{gone} in mid-motion, and has no guardian: nothing but the robot itself stops it'
 
 
-def hint(pid: int) -> str:
+def stop_hint(pid: int) -> str:
     """
     Return how to stop a program that drives.
 
@@ -157,11 +157,11 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     del args
     parent = os.getppid()
-    wait_again(STDERR)  # half a frame would spoil the terminal
-    step_aside()  # a frame that comes late is no harm, and a velocity is
+    make_blocking(STDERR)  # half a frame would spoil the terminal
+    set_idle_priority()  # a frame that comes late is no harm, and a velocity is
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        Display(screen_for(STDERR), parent).run()
+        TerminalDisplay(renderer_for(STDERR), parent).run()
     except OSError:  # the terminal is gone, or does not take more
         return 1
     return 0

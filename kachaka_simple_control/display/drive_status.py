@@ -19,24 +19,24 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from enum import Enum
 
-from kachaka_simple_control.control.stop import Stillness
+from kachaka_simple_control.control.stop import StandstillDetector
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.report.metrics import Displacement, driven, requested
-from kachaka_simple_control.report.plan_view import in_words
+from kachaka_simple_control.report.plan_view import describe_step
 from kachaka_simple_control.telemetry.events import (
-    Answered,
-    Began,
-    Closed,
-    Ended,
     Event,
-    Opened,
-    Planned,
-    Sent,
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    SessionEnded,
+    SessionStarted,
+    VelocitySent,
 )
 
 
-class State(Enum):
+class DriveState(Enum):
     """What is going on, in words that need no colour."""
 
     READY = 'ready'
@@ -49,7 +49,7 @@ class State(Enum):
 
 
 @dataclass(frozen=True)
-class Left:
+class Remaining:
     """
     How far it is to the end of a step.
 
@@ -64,7 +64,7 @@ class Left:
 
 
 @dataclass(frozen=True)
-class Step:
+class StepStatus:
     """
     The step under way.
 
@@ -81,11 +81,11 @@ class Step:
     words: str
     duration: float
     time_left: float
-    left: Left
+    left: Remaining
 
 
 @dataclass(frozen=True)
-class Glance:
+class DriveStatus:
     """
     What there is to see at one time.
 
@@ -103,11 +103,11 @@ class Glance:
         well
     """
 
-    state: State
+    state: DriveState
     title: str
     robot: str
     reason: str | None
-    step: Step | None
+    step: StepStatus | None
     duration: float | None
     time_left: float
     commanded: Velocity | None
@@ -124,7 +124,7 @@ class Glance:
 REST = Displacement(0.0, 0.0)
 
 
-class Course:
+class StepTimeline:
     """
     When the steps of a motion are due.
 
@@ -147,7 +147,7 @@ class Course:
         return max(0, bisect_right(self._starts, elapsed) - 1)
 
 
-class Trip:
+class StepOdometer:
     """
     How far it is since the step under way began, by one of those who know.
 
@@ -155,7 +155,7 @@ class Trip:
     :param began: when the motion began [s on the steady clock]
     """
 
-    def __init__(self, course: Course, began: float) -> None:
+    def __init__(self, course: StepTimeline, began: float) -> None:
         """Have gone nowhere."""
         self._course, self._began = course, began
         self._step, self._gone = 0, REST
@@ -187,7 +187,7 @@ class Trip:
         return self._gone if step == self._step else REST
 
 
-def left_of(asked: float, gone: float) -> float | None:
+def remaining(asked: float, gone: float) -> float | None:
     """
     Return what is left of a way.
 
@@ -207,31 +207,31 @@ BETWEEN_ZEROS = 0.1
 #: A stop begins with ten zeros at once; no plan sends as many as these within a period.
 BURST = 4
 #: Odometry older than this [s] says nothing of how far it is.
-FRESH = 0.5
+ODOMETRY_MAX_AGE = 0.5
 #: A program that drives tells something more often than this [s], or is held up.
 SILENCE = 1.0
 
 
-class Progress:
+class DriveTracker:
     """Follows the events of one program; any order of them will do."""
 
     def __init__(self) -> None:
         """Have heard nothing yet."""
-        self._opened: Opened | None = None
-        self._planned: Planned | None = None
-        self._course: Course | None = None
+        self._opened: SessionStarted | None = None
+        self._planned: MotionPlanned | None = None
+        self._course: StepTimeline | None = None
         self._began: float | None = None
-        self._ended: Ended | None = None
+        self._ended: MotionEnded | None = None
         self._motions = 0
-        self._sent: Sent | None = None
+        self._sent: VelocitySent | None = None
         self._zeros = 0
         self._stopped: float | None = None
-        self._answered: Answered | None = None
-        self._told: Trip | None = None
-        self._driven: Trip | None = None
-        self._stillness = Stillness()
+        self._answered: OdometryReceived | None = None
+        self._told: StepOdometer | None = None
+        self._driven: StepOdometer | None = None
+        self._stillness = StandstillDetector()
         #: the last event of all; None if none came: it goes on, or was killed
-        self.closed: Closed | None = None
+        self.closed: SessionEnded | None = None
 
     def hear(self, event: Event) -> None:
         """
@@ -240,24 +240,24 @@ class Progress:
         :param event: what it was
         """
         match event:
-            case Sent():
+            case VelocitySent():
                 self._hear_sent(event)
-            case Answered():
+            case OdometryReceived():
                 self._hear_answered(event)
-            case Planned():
+            case MotionPlanned():
                 self._plan(event)
-            case Began() if self._course is not None and self._course.stages:
+            case MotionStarted() if self._course is not None and self._course.stages:
                 self._began = event.time
-                self._told = Trip(self._course, event.time)
-                self._driven = Trip(self._course, event.time)
-            case Ended():
+                self._told = StepOdometer(self._course, event.time)
+                self._driven = StepOdometer(self._course, event.time)
+            case MotionEnded():
                 self._ended = event
-            case Opened():
+            case SessionStarted():
                 self._opened = event
-            case Closed():
+            case SessionEnded():
                 self.closed = event
 
-    def at(self, now: float) -> Glance:
+    def at(self, now: float) -> DriveStatus:
         """
         Return what there is to see.
 
@@ -266,7 +266,7 @@ class Progress:
         """
         elapsed = self._elapsed(now)
         duration = self._course.duration if self._course is not None else None
-        return Glance(
+        return DriveStatus(
             state=self._state(now),
             title=self._title(),
             robot='' if self._opened is None else self._opened.robot,
@@ -289,21 +289,21 @@ class Progress:
         """Whether a guardian stops the robot when the program cannot."""
         return self._opened is not None and bool(self._opened.settings.get('guardian'))
 
-    def _plan(self, event: Planned) -> None:
+    def _plan(self, event: MotionPlanned) -> None:
         self._planned, self._began, self._ended = event, None, None
         self._zeros, self._stopped = 0, None
-        self._course = Course(plan(event.motion, event.limits, COARSE))
+        self._course = StepTimeline(plan(event.motion, event.limits, COARSE))
         self._told = self._driven = None
         self._motions += 1
 
-    def _hear_sent(self, event: Sent) -> None:
+    def _hear_sent(self, event: VelocitySent) -> None:
         before, self._sent = self._sent, event
         if before is not None and self.is_under_way:
             self._look_for_stop(before, event)
         if before is not None and self._told is not None and self.is_under_way:
             self._told.go(before.time, event.time, _held(before, event.time))
 
-    def _look_for_stop(self, before: Sent, event: Sent) -> None:
+    def _look_for_stop(self, before: VelocitySent, event: VelocitySent) -> None:
         # The end of a motion is told when its stop is complete, 0.4 s later.
         period = 1.0 / self._planned.rate if self._planned is not None else 0.0
         is_next = event.velocity == ZERO and event.time - before.time < 0.5 * period
@@ -311,7 +311,7 @@ class Progress:
         if self._zeros >= BURST and self._stopped is None:
             self._stopped = event.time
 
-    def _hear_answered(self, event: Answered) -> None:
+    def _hear_answered(self, event: OdometryReceived) -> None:
         before, self._answered = self._answered, event
         self._stillness.hear(event.time, event.velocity)
         if before is None or self._driven is None or not self.is_under_way:
@@ -320,18 +320,18 @@ class Progress:
             way = driven((before, event), before.time, event.time) or REST
             self._driven.go(before.time, event.time, way)
 
-    def _state(self, now: float) -> State:
+    def _state(self, now: float) -> DriveState:
         if self._planned is None:
-            return State.READY
+            return DriveState.READY
         if self._ended is None:
             if self._stopped is not None:
-                return State.STOPPING
+                return DriveState.STOPPING
             if self._began is not None:
-                return State.DRIVING
-            return State.MEETING if self._sends_zeros(now) else State.WAITING
+                return DriveState.DRIVING
+            return DriveState.MEETING if self._sends_zeros(now) else DriveState.WAITING
         if self._sends_zeros(now) or self._stillness.moves(now):
-            return State.STOPPING
-        return State.STOPPED if self._ended.reason is None else State.CUT_SHORT
+            return DriveState.STOPPING
+        return DriveState.STOPPED if self._ended.reason is None else DriveState.CUT_SHORT
 
     def _sends_zeros(self, now: float) -> bool:
         return self._sent is not None and now - self._sent.time < BETWEEN_ZEROS
@@ -358,29 +358,29 @@ class Progress:
             return self._opened.title
         return '' if self._planned is None else self._planned.motion.name
 
-    def _step(self, now: float, elapsed: float) -> Step | None:
+    def _step(self, now: float, elapsed: float) -> StepStatus | None:
         if self._course is None or self._planned is None or not self._course.stages:
             return None
         place = self._course.step_at(elapsed)
         stage = self._course.stages[place]
         # What is driven by calls, one at a time, is counted: nobody knows how many will come.
         is_called = self._planned.motion.name != self._title()
-        return Step(
+        return StepStatus(
             self._motions if is_called else place + 1,
             None if is_called else len(self._course.stages),
-            in_words(stage.step), stage.end - stage.start,
+            describe_step(stage.step), stage.end - stage.start,
             max(0.0, stage.end - max(elapsed, stage.start)),
             self._left(place, requested(stage.step), now))
 
-    def _left(self, place: int, asked: Displacement, now: float) -> Left:
+    def _left(self, place: int, asked: Displacement, now: float) -> Remaining:
         answered = self._answered
-        is_seen = answered is not None and now - answered.time <= FRESH
+        is_seen = answered is not None and now - answered.time <= ODOMETRY_MAX_AGE
         trip = self._driven if is_seen else self._told
         gone = REST if trip is None else trip.gone(place)
-        return Left(
-            left_of(asked.distance, gone.distance), left_of(asked.angle, gone.angle), is_seen)
+        return Remaining(
+            remaining(asked.distance, gone.distance), remaining(asked.angle, gone.angle), is_seen)
 
 
-def _held(sent: Sent, until: float) -> Displacement:
+def _held(sent: VelocitySent, until: float) -> Displacement:
     held = until - sent.time
     return Displacement(sent.velocity.linear_x * held, sent.velocity.angular_z * held)

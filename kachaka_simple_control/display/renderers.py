@@ -22,8 +22,8 @@ import threading
 from typing import Protocol, TYPE_CHECKING
 
 from kachaka_simple_control.display import terminal
-from kachaka_simple_control.display.drive_status import Glance, State, Step
-from kachaka_simple_control.report.plan_view import amount, counted
+from kachaka_simple_control.display.drive_status import DriveState, DriveStatus, StepStatus
+from kachaka_simple_control.report.plan_view import format_number, pluralize
 from kachaka_simple_control.report.text_tables import one_line
 
 if TYPE_CHECKING:
@@ -37,18 +37,18 @@ PATIENCE = 2.0
 NAME = 36
 
 
-class StepLines:
+class StepLogger:
     """Finds out what is worth a line: each step that begins, a robot waited for, an early end."""
 
     def __init__(self) -> None:
         """Have told nothing."""
         self._last_line = float('-inf')
         self._number = 0
-        self._state = State.READY
+        self._state = DriveState.READY
         self._state_since = float('-inf')
         self._has_told_wait = False
 
-    def look(self, glance: Glance, now: float) -> list[str]:
+    def look(self, glance: DriveStatus, now: float) -> list[str]:
         """
         Look at what is going on.
 
@@ -58,33 +58,33 @@ class StepLines:
         """
         if glance.state is not self._state:
             self._turn(glance.state, now)
-        if glance.state is State.DRIVING and glance.step is not None:
+        if glance.state is DriveState.DRIVING and glance.step is not None:
             return self._step(glance.step, now)
-        if glance.state is State.WAITING and now - self._state_since >= PATIENCE:
+        if glance.state is DriveState.WAITING and now - self._state_since >= PATIENCE:
             return self._wait(glance)
         return []
 
-    def _turn(self, state: State, now: float) -> None:
+    def _turn(self, state: DriveState, now: float) -> None:
         self._state, self._state_since = state, now
-        if state in (State.WAITING, State.MEETING):  # of a motion that begins now
+        if state in (DriveState.WAITING, DriveState.MEETING):  # of a motion that begins now
             self._number = 0
 
-    def _wait(self, glance: Glance) -> list[str]:
+    def _wait(self, glance: DriveStatus) -> list[str]:
         if self._has_told_wait:
             return []
         self._has_told_wait = True
         return [f'{one_line(glance.title, NAME)}: waiting for the robot']
 
-    def _step(self, step: Step, now: float) -> list[str]:
+    def _step(self, step: StepStatus, now: float) -> list[str]:
         if step.number == self._number or now - self._last_line < APART:
             return []
         passed = step.number - self._number - 1
         self._number, self._last_line = step.number, now
-        line = f'{which(step)}: {step.words} ({amount(round(step.duration, 3))} s)'
-        return [f'{line}; {counted(passed, "step")} before it passed' if passed > 0 else line]
+        line = f'{which(step)}: {step.words} ({format_number(round(step.duration, 3))} s)'
+        return [f'{line}; {pluralize(passed, "step")} before it passed' if passed > 0 else line]
 
 
-def which(step: Step) -> str:
+def which(step: StepStatus) -> str:
     """
     Return which step it is, in words.
 
@@ -100,13 +100,13 @@ def which(step: Step) -> str:
 Write = Callable[[str], None]
 
 
-class Screen(Protocol):
+class Renderer(Protocol):
     """Where a drive is shown."""
 
     #: how long to wait before it is shown anew [s]
     period: float
 
-    def show(self, glance: Glance, now: float, hint: str) -> None:
+    def show(self, glance: DriveStatus, now: float, hint: str) -> None:
         """
         Show what there is to see.
 
@@ -115,7 +115,7 @@ class Screen(Protocol):
         :param hint: how to stop
         """
 
-    def follow(self, glance: Glance, now: float) -> None:
+    def follow(self, glance: DriveStatus, now: float) -> None:
         """
         Note what there was to see when something happened, perhaps a while ago.
 
@@ -129,7 +129,7 @@ class Screen(Protocol):
         """Take away what is not to stay."""
 
 
-class Lines:
+class LineRenderer:
     """Plain lines."""
 
     period = 0.1
@@ -141,10 +141,10 @@ class Lines:
         :param write: writes a text at once
         """
         self._write = write
-        self._lines = StepLines()
+        self._lines = StepLogger()
         self._looking = threading.Lock()
 
-    def show(self, glance: Glance, now: float, hint: str) -> None:
+    def show(self, glance: DriveStatus, now: float, hint: str) -> None:
         """
         Write the lines that are due.
 
@@ -155,7 +155,7 @@ class Lines:
         del hint
         self.follow(glance, now)
 
-    def follow(self, glance: Glance, now: float) -> None:
+    def follow(self, glance: DriveStatus, now: float) -> None:
         """
         Write the lines that were due then: none is left out because this program was late.
 
@@ -170,7 +170,7 @@ class Lines:
         """Leave the lines where they are."""
 
 
-class Panel:
+class PanelRenderer:
     """The lowest lines of a terminal; plain lines as long as it is too small for that."""
 
     #: 5 times a second is as often as anybody can read
@@ -178,7 +178,7 @@ class Panel:
 
     def __init__(
             self, write: Write, size: Callable[[], os.terminal_size],
-            draw: Callable[[int, Glance, str], list[str]], least: tuple[int, int]) -> None:
+            draw: Callable[[int, DriveStatus, str], list[str]], least: tuple[int, int]) -> None:
         """
         Show nothing yet.
 
@@ -188,11 +188,11 @@ class Panel:
         :param least: how many columns and rows a panel needs
         """
         self._write, self._size, self._draw, self._least = write, size, draw, least
-        self._lines = Lines(write)
+        self._lines = LineRenderer(write)
         self._shown: tuple[os.terminal_size, list[str]] | None = None
         self._is_small = is_smaller(size(), least)
 
-    def show(self, glance: Glance, now: float, hint: str) -> None:
+    def show(self, glance: DriveStatus, now: float, hint: str) -> None:
         """
         Draw what there is to see, if that has changed.
 
@@ -213,11 +213,11 @@ class Panel:
         text = ''
         if self._shown is None or self._shown[0] != size:
             self.hide()
-            text = terminal.opening(size.lines, len(lines))
-        self._write(text + terminal.drawing(size.lines, lines))
+            text = terminal.reserve_rows(size.lines, len(lines))
+        self._write(text + terminal.draw_rows(size.lines, lines))
         self._shown = size, lines
 
-    def follow(self, glance: Glance, now: float) -> None:
+    def follow(self, glance: DriveStatus, now: float) -> None:
         """
         Write lines as long as there is no room for a panel, which shows but what is.
 
@@ -230,7 +230,7 @@ class Panel:
     def hide(self) -> None:
         """Give the terminal back."""
         if self._shown is not None:
-            self._write(terminal.CLOSE)
+            self._write(terminal.RELEASE_ROWS)
             self._shown = None
 
 
@@ -245,7 +245,7 @@ def is_smaller(size: os.terminal_size, least: tuple[int, int]) -> bool:
     return size.columns < least[0] or size.lines < least[1]
 
 
-def screen_for(descriptor: int) -> Screen:
+def renderer_for(descriptor: int) -> Renderer:
     """
     Return how to show a drive.
 
@@ -257,18 +257,18 @@ def screen_for(descriptor: int) -> Screen:
         os.write(descriptor, text.encode(sys.stderr.encoding, 'replace'))
 
     if not has_terminal(descriptor):
-        return Lines(write)
+        return LineRenderer(write)
     try:
         from kachaka_simple_control.display import panel
         from rich.console import Console
     except ModuleNotFoundError:
         write('To see more of the drive, install rich (`pip install rich`); steps are told in '
               'lines meanwhile.\n')
-        return Lines(write)
+        return LineRenderer(write)
     console: Console = Console(file=sys.stderr, highlight=False, markup=False)
-    return Panel(
+    return PanelRenderer(
         write, lambda: os.get_terminal_size(descriptor),
-        lambda columns, glance, hint: panel.panel(console, columns, glance, hint),
+        lambda columns, glance, hint: panel.render_panel(console, columns, glance, hint),
         (panel.MIN_COLUMNS, panel.MIN_ROWS))
 
 

@@ -31,10 +31,10 @@ _CLEAR_BELOW, _CLEAR_LINE = '\x1b[J', '\x1b[2K'
 
 #: Takes the lines away, whatever became of them; the cursor stays after what others wrote.
 #: Harmless where there are none.
-CLOSE = f'{_SAVE}{_SCROLL_ALL}{_RESTORE}{_CLEAR_BELOW}{_SHOW}'
+RELEASE_ROWS = f'{_SAVE}{_SCROLL_ALL}{_RESTORE}{_CLEAR_BELOW}{_SHOW}'
 
 
-def opening(rows: int, height: int) -> str:
+def reserve_rows(rows: int, height: int) -> str:
     """
     Return what makes room below the cursor.
 
@@ -46,7 +46,7 @@ def opening(rows: int, height: int) -> str:
     return f'{_CLEAR_BELOW}{room}{_SAVE}\x1b[1;{rows - height}r{_RESTORE}'
 
 
-def drawing(rows: int, lines: Sequence[str]) -> str:
+def draw_rows(rows: int, lines: Sequence[str]) -> str:
     """
     Return what draws the lines that stay.
 

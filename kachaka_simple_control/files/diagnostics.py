@@ -33,7 +33,7 @@ INSTALL = (
     'to read files, PyYAML and jsonschema are needed: pip install PyYAML jsonschema, or '
     'sudo apt install python3-yaml python3-jsonschema')
 #: The way to a place in a file: keys of mappings and indices of lists.
-Place = Sequence[str | int]
+KeyPath = Sequence[str | int]
 _PLAIN_KEY = re.compile(r'[\w-]{1,40}')
 _PART = re.compile(r'\[([0-9]+)\]|([^.\[\]]+)')
 
@@ -86,11 +86,11 @@ class MotionFileError(InvalidMotionError):
         :param problems: what is wrong with it
         """
         self.source = source
-        self.problems = in_order(problems)
-        super().__init__(report(source, self.problems))
+        self.problems = sort_problems(problems)
+        super().__init__(format_problems(source, self.problems))
 
 
-def in_order(problems: Iterable[Problem]) -> tuple[Problem, ...]:
+def sort_problems(problems: Iterable[Problem]) -> tuple[Problem, ...]:
     """
     Return problems in the order of their lines, each once.
 
@@ -100,7 +100,7 @@ def in_order(problems: Iterable[Problem]) -> tuple[Problem, ...]:
     return tuple(sorted(dict.fromkeys(problems), key=lambda problem: problem.line or 0))
 
 
-def report(source: str, problems: Sequence[Problem]) -> str:
+def format_problems(source: str, problems: Sequence[Problem]) -> str:
     """
     Return what a person is told.
 
@@ -110,13 +110,13 @@ def report(source: str, problems: Sequence[Problem]) -> str:
     """
     is_short = source and source.isprintable() and len(source) <= MAX_NAME
     name = source if is_short else quoted(source, MAX_NAME)
-    lines = [f'{place(name, problem.line)}: {problem}' for problem in problems[:MAX_LINES]]
+    lines = [f'{location(name, problem.line)}: {problem}' for problem in problems[:MAX_LINES]]
     more = len(problems) - len(lines)
     many = 'many' if len(problems) >= MAX_PROBLEMS else more
     return '\n'.join([*lines, *([f'{name}: and {many} more'] if more else [])])
 
 
-def place(source: str, line: int | None) -> str:
+def location(source: str, line: int | None) -> str:
     """
     Return where a line is, so that terminals and editors make a link of it.
 
@@ -127,7 +127,7 @@ def place(source: str, line: int | None) -> str:
     return source if line is None else f'{source}:{line}'
 
 
-def dotted(way: Place) -> str:
+def format_path(way: KeyPath) -> str:
     """
     Return the way to a place as people write it.
 
@@ -138,7 +138,7 @@ def dotted(way: Place) -> str:
     return ''.join(parts).removeprefix('.')
 
 
-def undotted(path: str) -> Place:
+def parse_path(path: str) -> KeyPath:
     """
     Return the way to a place that was written by :func:`dotted`.
 

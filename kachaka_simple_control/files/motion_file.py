@@ -25,16 +25,16 @@ from types import MappingProxyType
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.diagnostics import (
+    KeyPath,
+    location,
     MotionFileError,
-    Place,
-    place,
+    parse_path,
     Problem,
-    undotted,
     UnreadableFileError,
 )
 from kachaka_simple_control.files.quantities import (
+    add_error,
     LIMITS,
-    object_with,
     read_quantities,
     read_quantity,
 )
@@ -45,15 +45,15 @@ from kachaka_simple_control.files.units import (
     FREQUENCY,
     LENGTH,
     LINEAR_VELOCITY,
+    POSITIVE_ANGULAR_VELOCITY,
+    POSITIVE_LINEAR_VELOCITY,
     Quantity,
-    SPEED,
     TIME,
-    TURNING_SPEED,
 )
 from kachaka_simple_control.files.yaml_document import (
-    compose,
     Document,
     Node,
+    parse_yaml,
     read_text,
     require_text,
 )
@@ -99,7 +99,7 @@ class MotionFile:
         :param path: which, as in ``steps[2].turn.speed``
         :returns: file and line, as in ``square.yaml:7``
         """
-        return place(self.source, self._line(path))
+        return location(self.source, self._line(path))
 
     def check(self, limits: Limits, robot: str = 'the robot') -> Limits:
         """
@@ -162,7 +162,7 @@ class MotionFile:
         return Problem(text, self._line(path), path)
 
     def _line(self, path: str) -> int | None:
-        return self.root.at(undotted(path)).line if self.root and path else None
+        return self.root.at(parse_path(path)).line if self.root and path else None
 
 
 def _bound(limits: Limits, name: str) -> float:
@@ -199,15 +199,16 @@ class Kind:
 KINDS = {
     'move': Kind(Move, {
         'linear_x': LINEAR_VELOCITY, 'angular_z': ANGULAR_VELOCITY, 'duration': TIME}),
-    'forward': Kind(Forward, {'distance': LENGTH, 'speed': SPEED}, has_short_form=True),
-    'turn': Kind(Turn, {'angle': ANGLE, 'speed': TURNING_SPEED}, has_short_form=True),
-    'arc': Kind(Arc, {'radius': LENGTH, 'angle': ANGLE, 'speed': SPEED}),
+    'forward': Kind(Forward, {'distance': LENGTH, 'speed': POSITIVE_LINEAR_VELOCITY},
+    has_short_form=True),
+    'turn': Kind(Turn, {'angle': ANGLE, 'speed': POSITIVE_ANGULAR_VELOCITY}, has_short_form=True),
+    'arc': Kind(Arc, {'radius': LENGTH, 'angle': ANGLE, 'speed': POSITIVE_LINEAR_VELOCITY}),
     'wait': Kind(Wait, {'duration': TIME}, has_short_form=True),
 }
 REPEAT = 'repeat'
 
 
-def read_steps(document: Document, way: Place) -> tuple[Step, ...]:
+def read_steps(document: Document, way: KeyPath) -> tuple[Step, ...]:
     """
     Return the steps of a list; object to those that are none, and leave them out.
 
@@ -233,7 +234,7 @@ def count(steps: Iterable[Step]) -> int:
         1 + step.times * count(step.steps) if isinstance(step, Repeat) else 1 for step in steps)
 
 
-def _read_step(document: Document, way: Place) -> Step | None:
+def _read_step(document: Document, way: KeyPath) -> Step | None:
     node = document.root.at(way)
     word = next(iter(node.children), None) if isinstance(node.data, dict) else None
     way = [*way, str(word)]
@@ -242,7 +243,7 @@ def _read_step(document: Document, way: Place) -> Step | None:
     return None if node.is_spoilt else _read_simple(document, way, KINDS[str(word)])
 
 
-def _read_simple(document: Document, way: Place, kind: Kind) -> Step | None:
+def _read_simple(document: Document, way: KeyPath, kind: Kind) -> Step | None:
     node = document.root.at(way)
     if isinstance(node.data, dict):
         numbers = read_quantities(document, way, kind.quantities)
@@ -253,15 +254,15 @@ def _read_simple(document: Document, way: Place, kind: Kind) -> Step | None:
 
 
 def _make(
-        document: Document, way: Place, kind: Kind, numbers: dict[str, float]) -> Step | None:
+        document: Document, way: KeyPath, kind: Kind, numbers: dict[str, float]) -> Step | None:
     try:
         return kind.make(**numbers)
     except InvalidMotionError as error:
-        object_with(document, way, error)
+        add_error(document, way, error)
         return None
 
 
-def _read_repeat(document: Document, way: Place) -> Step | None:
+def _read_repeat(document: Document, way: KeyPath) -> Step | None:
     node = document.root.at(way)
     steps = read_steps(document, [*way, 'steps'])
     if node.is_spoilt:
@@ -269,7 +270,7 @@ def _read_repeat(document: Document, way: Place) -> Step | None:
     try:
         return Repeat(int(node.data['times']), steps)
     except InvalidMotionError as error:
-        object_with(document, way, error)
+        add_error(document, way, error)
         return None
 
 
@@ -318,7 +319,7 @@ def read_document(text: str, schema: str) -> Document:
     :returns: what is in the file, and what is wrong with it
     :raises UnreadableFileError: if it cannot be read at all
     """
-    document = compose(require_text(text))
+    document = parse_yaml(require_text(text))
     check(document, schema)
     return document
 

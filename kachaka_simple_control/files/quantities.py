@@ -18,35 +18,35 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.files.diagnostics import Place
+from kachaka_simple_control.files.diagnostics import KeyPath
 from kachaka_simple_control.files.units import (
     ANGULAR_ACCELERATION,
     ANGULAR_JERK,
     LINEAR_ACCELERATION,
     LINEAR_JERK,
+    POSITIVE_ANGULAR_VELOCITY,
+    POSITIVE_LINEAR_VELOCITY,
     Quantity,
-    SPEED,
-    TURNING_SPEED,
     UnitError,
 )
 from kachaka_simple_control.files.yaml_document import Document
 
 #: What each limit is.
 LIMITS = {
-    'max_linear_velocity': SPEED,
-    'max_angular_velocity': TURNING_SPEED,
+    'max_linear_velocity': POSITIVE_LINEAR_VELOCITY,
+    'max_angular_velocity': POSITIVE_ANGULAR_VELOCITY,
     'max_linear_acceleration': LINEAR_ACCELERATION,
     'max_angular_acceleration': ANGULAR_ACCELERATION,
     'max_linear_jerk': LINEAR_JERK,
     'max_angular_jerk': ANGULAR_JERK,
     'max_linear_deceleration': LINEAR_ACCELERATION,
     'max_angular_deceleration': ANGULAR_ACCELERATION,
-    'max_backward_velocity': SPEED,
+    'max_backward_velocity': POSITIVE_LINEAR_VELOCITY,
 }
 
 
 def read_quantities(
-        document: Document, way: Place, quantities: Mapping[str, Quantity]) -> dict[str, float]:
+        document: Document, way: KeyPath, quantities: Mapping[str, Quantity]) -> dict[str, float]:
     """
     Return the quantities of a mapping, in SI units; object to those that are none.
 
@@ -65,7 +65,7 @@ def read_quantities(
     return numbers
 
 
-def read_quantity(document: Document, way: Place, quantity: Quantity) -> float | None:
+def read_quantity(document: Document, way: KeyPath, quantity: Quantity) -> float | None:
     """
     Return a quantity in its SI unit; object to what is none.
 
@@ -82,7 +82,7 @@ def read_quantity(document: Document, way: Place, quantity: Quantity) -> float |
         return None
 
 
-def object_with(document: Document, way: Place, error: InvalidMotionError) -> None:
+def add_error(document: Document, way: KeyPath, error: InvalidMotionError) -> None:
     """
     Object to a value in the words of the class that refused it.
 

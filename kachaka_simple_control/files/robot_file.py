@@ -21,12 +21,17 @@ import os
 from pathlib import PurePath
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
-from kachaka_simple_control.files.diagnostics import in_order, Problem, report, UnreadableFileError
+from kachaka_simple_control.files.diagnostics import (
+    format_problems,
+    Problem,
+    sort_problems,
+    UnreadableFileError,
+)
 from kachaka_simple_control.files.library import look_up, names_in
 from kachaka_simple_control.files.motion_file import read_document
-from kachaka_simple_control.files.quantities import LIMITS, object_with, read_quantities
+from kachaka_simple_control.files.quantities import add_error, LIMITS, read_quantities
 from kachaka_simple_control.files.robot_profile import Box, Disc, Footprint, RobotProfile
-from kachaka_simple_control.files.units import HOLD, LENGTH, SIZE
+from kachaka_simple_control.files.units import COMMAND_TIMEOUT, LENGTH, SIZE
 from kachaka_simple_control.files.yaml_document import Document
 from kachaka_simple_control.motion.limits import Limits
 
@@ -49,8 +54,8 @@ class RobotFileError(UsageError):
         :param problems: what is wrong with it
         """
         self.source = source
-        self.problems = in_order(problems)
-        super().__init__(report(source, self.problems))
+        self.problems = sort_problems(problems)
+        super().__init__(format_problems(source, self.problems))
 
 
 def robots() -> list[str]:
@@ -80,8 +85,8 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
 
 def _read(document: Document, source: str) -> RobotProfile:
     data = document.root.data if isinstance(document.root.data, dict) else {}
-    hold = read_quantities(document, [], {'hold': HOLD})
-    timeout = read_quantities(document, ['manual_control'], {'timeout': HOLD})
+    hold = read_quantities(document, [], {'hold': COMMAND_TIMEOUT})
+    timeout = read_quantities(document, ['manual_control'], {'timeout': COMMAND_TIMEOUT})
     limits = _limits(document)
     footprint = _footprint(document)
     if document.problems or limits is None:
@@ -107,7 +112,7 @@ def _limits(document: Document) -> Limits | None:
     try:
         return Limits(**numbers)
     except InvalidMotionError as error:
-        object_with(document, ['limits'], error)
+        add_error(document, ['limits'], error)
         return None
 
 

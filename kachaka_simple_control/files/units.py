@@ -32,7 +32,7 @@ class UnitError(ValueError):
     """A text is no quantity of the kind asked for; the text says why, and what is."""
 
 
-class Sign(Enum):
+class SignRule(Enum):
     """Which numbers a quantity may be."""
 
     ANY = 'any'
@@ -56,7 +56,7 @@ class Quantity:
     name: str
     units: dict[str, tuple[float, float]]
     example: str
-    sign: Sign = Sign.POSITIVE
+    sign: SignRule = SignRule.POSITIVE
     largest: float = math.inf
 
     @property
@@ -68,7 +68,7 @@ class Quantity:
     def pattern(self) -> str:
         """Return the regular expression, for Python and ECMA alike, of a text that is one."""
         units = '|'.join(unit.replace('^', r'\^') for unit in self.units)
-        return f'^[{"-" if self.sign is Sign.ANY else ""}+]?{DIGITS} *({units})?$'
+        return f'^[{"-" if self.sign is SignRule.ANY else ""}+]?{DIGITS} *({units})?$'
 
     def parse(self, text: str) -> float:
         """
@@ -92,9 +92,9 @@ class Quantity:
     def _check(self, value: float, text: str) -> None:
         if not math.isfinite(value):
             raise UnitError(f'{quoted(text)} is too large a number')
-        if text.startswith('-') and self.sign is not Sign.ANY:
+        if text.startswith('-') and self.sign is not SignRule.ANY:
             raise UnitError(f'{quoted(text)}; it must not be negative')
-        if value == 0.0 and self.sign is Sign.POSITIVE:
+        if value == 0.0 and self.sign is SignRule.POSITIVE:
             raise UnitError(f'{quoted(text)}; it must be above 0 {self.unit}')
         if value > self.largest:
             raise UnitError(f'{quoted(text)}; it must be at most {self.largest:g} {self.unit}')
@@ -119,16 +119,16 @@ _METRE = {'m': (1.0, 1.0), 'cm': (1.0, 100.0), 'mm': (1.0, 1000.0)}
 _SECOND = {'s': (1.0, 1.0), 'ms': (1.0, 1000.0), 'min': (60.0, 1.0)}
 _RADIAN = {'rad': (1.0, 1.0), 'deg': (math.pi, 180.0)}
 
-LENGTH = Quantity('a length', _METRE, '0.5 m', Sign.ANY)
+LENGTH = Quantity('a length', _METRE, '0.5 m', SignRule.ANY)
 SIZE = Quantity('a size', _METRE, '0.4 m')
-ANGLE = Quantity('an angle', _RADIAN, '90 deg', Sign.ANY)
-TIME = Quantity('a time', _SECOND, '2 s', Sign.NOT_NEGATIVE)
-HOLD = Quantity('a time above zero', _SECOND, '0.3 s')
+ANGLE = Quantity('an angle', _RADIAN, '90 deg', SignRule.ANY)
+TIME = Quantity('a time', _SECOND, '2 s', SignRule.NOT_NEGATIVE)
+COMMAND_TIMEOUT = Quantity('a time above zero', _SECOND, '0.3 s')
 FREQUENCY = Quantity('a frequency', {'Hz': (1.0, 1.0)}, '20 Hz', largest=1000.0)
-LINEAR_VELOCITY = Quantity('a linear velocity', _per(_METRE, 's'), '0.2 m/s', Sign.ANY)
-ANGULAR_VELOCITY = Quantity('an angular velocity', _per(_RADIAN, 's'), '45 deg/s', Sign.ANY)
-SPEED = Quantity('a speed', _per(_METRE, 's'), '0.2 m/s')
-TURNING_SPEED = Quantity('a turning speed', _per(_RADIAN, 's'), '45 deg/s')
+LINEAR_VELOCITY = Quantity('a linear velocity', _per(_METRE, 's'), '0.2 m/s', SignRule.ANY)
+ANGULAR_VELOCITY = Quantity('an angular velocity', _per(_RADIAN, 's'), '45 deg/s', SignRule.ANY)
+POSITIVE_LINEAR_VELOCITY = Quantity('a speed', _per(_METRE, 's'), '0.2 m/s')
+POSITIVE_ANGULAR_VELOCITY = Quantity('a turning speed', _per(_RADIAN, 's'), '45 deg/s')
 LINEAR_ACCELERATION = Quantity('a linear acceleration', _per(_METRE, 's^2'), '0.5 m/s^2')
 ANGULAR_ACCELERATION = Quantity('an angular acceleration', _per(_RADIAN, 's^2'), '90 deg/s^2')
 LINEAR_JERK = Quantity('a linear jerk', _per(_METRE, 's^3'), '2 m/s^3')
@@ -136,5 +136,7 @@ ANGULAR_JERK = Quantity('an angular jerk', _per(_RADIAN, 's^3'), '360 deg/s^3')
 
 #: By the words that stand for them in the schemas.
 QUANTITIES = {quantity.name.split(' ', 1)[1]: quantity for quantity in (
-    LENGTH, SIZE, ANGLE, TIME, HOLD, FREQUENCY, LINEAR_VELOCITY, ANGULAR_VELOCITY, SPEED,
-    TURNING_SPEED, LINEAR_ACCELERATION, ANGULAR_ACCELERATION, LINEAR_JERK, ANGULAR_JERK)}
+    LENGTH, SIZE, ANGLE, TIME, COMMAND_TIMEOUT, FREQUENCY, LINEAR_VELOCITY, ANGULAR_VELOCITY,
+    POSITIVE_LINEAR_VELOCITY,
+    POSITIVE_ANGULAR_VELOCITY, LINEAR_ACCELERATION, ANGULAR_ACCELERATION, LINEAR_JERK,
+    ANGULAR_JERK)}

@@ -25,10 +25,10 @@ from typing import Any
 
 from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.diagnostics import (
-    dotted,
+    format_path,
     INSTALL,
+    KeyPath,
     MAX_PROBLEMS,
-    Place,
     Problem,
     UnreadableFileError,
 )
@@ -145,7 +145,7 @@ class Node:
     is_bad: bool = False
     is_spoilt: bool = False
 
-    def on_the_way(self, way: Place) -> list[Node]:
+    def on_the_way(self, way: KeyPath) -> list[Node]:
         """
         Return the values on the way to a place, this one first.
 
@@ -159,7 +159,7 @@ class Node:
             found.append(found[-1].children[part])
         return found
 
-    def at(self, way: Place) -> Node:
+    def at(self, way: KeyPath) -> Node:
         """
         Return the value at a place.
 
@@ -181,7 +181,7 @@ class Document:
     root: Node
     problems: list[Problem] = field(default_factory=list)
 
-    def object_to(self, way: Place, text: str) -> None:
+    def object_to(self, way: KeyPath, text: str) -> None:
         """
         Say what is wrong with a value, unless something is that was said already.
 
@@ -192,7 +192,7 @@ class Document:
         nodes = self.root.on_the_way(way)
         if len(nodes) > len(way) and nodes[-1].is_bad:
             return
-        self.problems.append(Problem(text, nodes[-1].line, dotted(way)))
+        self.problems.append(Problem(text, nodes[-1].line, format_path(way)))
         for node in nodes:
             node.is_spoilt = True
         if len(self.problems) >= MAX_PROBLEMS:
@@ -202,10 +202,10 @@ class Document:
 #: More characters than this no number needs: the longest float has 24.
 MAX_NUMBER = 100
 _NOTHING = ('', '~', 'null', 'Null', 'NULL')
-_TRUTH = {
+_BOOLEANS = {
     'true': True, 'True': True, 'TRUE': True, 'false': False, 'False': False, 'FALSE': False}
 _NUMBER = re.compile(f'[-+]?{DIGITS}')
-_WHOLE = re.compile('[-+]?[0-9]{1,15}')
+_INTEGER = re.compile('[-+]?[0-9]{1,15}')
 _LEADING_ZERO = re.compile('[-+]?0[0-9]+')
 _NOT_FINITE = re.compile(r'[-+]?[.]?(inf(inity)?|nan)', re.IGNORECASE)
 
@@ -226,8 +226,8 @@ def resolve(word: str) -> bool | int | float | str | None:
     """
     if word in _NOTHING:
         return None
-    if word in _TRUTH:
-        return _TRUTH[word]
+    if word in _BOOLEANS:
+        return _BOOLEANS[word]
     if _NUMBER.fullmatch(word):
         return _number(word)
     if _NOT_FINITE.fullmatch(word):
@@ -242,7 +242,7 @@ def _number(word: str) -> int | float:
         raise ScalarError(
             f'{quoted(word)} has a leading zero, which makes it octal for some readers; '
             'leave the zero out')
-    if _WHOLE.fullmatch(word):
+    if _INTEGER.fullmatch(word):
         return int(word)
     number = float(word)
     if not math.isfinite(number):
@@ -256,7 +256,7 @@ MAX_VALUES = 100_000
 MAX_DEPTH = 70
 
 
-def compose(text: str) -> Document:
+def parse_yaml(text: str) -> Document:
     """
     Read YAML: mappings, lists and words, in one document.
 
@@ -270,7 +270,7 @@ def compose(text: str) -> Document:
         raise UnreadableFileError(Problem(INSTALL)) from None
     # The one in C is fifteen times as fast; some builds of PyYAML have it not.
     loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-    composer = _Composer()
+    composer = _YamlBuilder()
     try:
         for event in yaml.parse(text, Loader=loader):
             composer.take(event)
@@ -314,7 +314,7 @@ def _decoration(event: Any) -> str | None:
 
 
 @dataclass(eq=False)
-class _Open:
+class _OpenNode:
     """A mapping or list whose end has not come yet, and the key whose value comes next."""
 
     node: Node
@@ -332,13 +332,13 @@ class _Open:
         return len(self.node.data) - 1 if self.key is None else self.key
 
 
-class _Composer:
+class _YamlBuilder:
     """Builds the values of a document from the events of PyYAML, one by one."""
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
         self._root: Node | None = None
-        self._open: list[_Open] = []
+        self._open: list[_OpenNode] = []
         self._count = 0
 
     def document(self) -> Document:
@@ -383,7 +383,7 @@ class _Composer:
             node.is_bad = node.is_spoilt = True
             self._object(line, objection)
         if kind in ('MappingStart', 'SequenceStart'):
-            self._open.append(_Open(node))
+            self._open.append(_OpenNode(node))
             if len(self._open) > MAX_DEPTH:
                 raise self._given_up(
                     f'lists and keys are nested more than {MAX_DEPTH} deep', line)
@@ -411,7 +411,7 @@ class _Composer:
         for parent in self._open:
             parent.node.is_spoilt = True
         way = [parent.part for parent in self._open]
-        self.problems.append(Problem(text, line, dotted(way)))
+        self.problems.append(Problem(text, line, format_path(way)))
         if len(self.problems) >= MAX_PROBLEMS:
             raise UnreadableFileError(*self.problems)
 

@@ -23,26 +23,30 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from kachaka_simple_control.control.output import never_wait_for_log
-from kachaka_simple_control.control.signals import Ending
+from kachaka_simple_control.control.output import make_log_nonblocking
+from kachaka_simple_control.control.signals import ShutdownEvent
 from kachaka_simple_control.errors import RobotTakenError
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.kachaka.bridge_process import PARTICIPANT
 from kachaka_simple_control.kachaka.grpc_client.address import Address, PORT, UnreachableError
-from kachaka_simple_control.kachaka.simulator.command import add_figures, fidelity, MISSING
-from kachaka_simple_control.kachaka.simulator.drive_model import Fidelity
+from kachaka_simple_control.kachaka.simulator.command import (
+    add_parameter_options,
+    MISSING,
+    simulation_parameters,
+)
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.one_line_parser import OneLineParser
 from kachaka_simple_control.ros.dds_transport import (
-    avoid_shared_memory,
-    is_told_to_stay,
-    stay_on_this_machine,
+    is_localhost_requested,
+    use_localhost_only,
+    use_udp_transport,
 )
-from kachaka_simple_control.ros.names import LONGEST_NAMESPACE, require_namespace
+from kachaka_simple_control.ros.names import MAX_NAMESPACE_LENGTH, require_namespace
 
 if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.bridge_node import BridgeNode
-    from kachaka_simple_control.ros.executors import Spinner
+    from kachaka_simple_control.ros.executors import ExecutorLoop
 
 PROGRAM = 'kachaka_bridge'
 DONE, FAULTED, BAD_USAGE, NO_ROBOT = 0, 1, 2, 3
@@ -56,10 +60,10 @@ class _EndedError(Exception):
         self.code = code
 
 
-class _Verdict:
+class _FaultReason:
     """Why the bridge gave up, if it did."""
 
-    def __init__(self, ending: Ending) -> None:
+    def __init__(self, ending: ShutdownEvent) -> None:
         self._ending = ending
         self.text = ''
 
@@ -78,8 +82,8 @@ def main(args: Sequence[str] | None = None) -> int:
     :param args: the arguments without the program's name; those of the command line by default
     :returns: the exit code
     """
-    never_wait_for_log()
-    with Ending() as ending:
+    make_log_nonblocking()
+    with ShutdownEvent() as ending:
         try:
             _main([*(sys.argv[1:] if args is None else args)], ending)
         except _EndedError as ended:
@@ -88,23 +92,23 @@ def main(args: Sequence[str] | None = None) -> int:
         return DONE
 
 
-def _main(args: list[str], ending: Ending) -> None:
+def _main(args: list[str], ending: ShutdownEvent) -> None:
     try:
         import rclpy
         from rclpy.utilities import remove_ros_args
     except ImportError as error:
         raise _EndedError(FAULTED, f'ROS 2 is missing here ({error})') from None
-    verdict = _Verdict(ending)
+    verdict = _FaultReason(ending)
     try:
         from kachaka_simple_control.ros.startup import check_arguments, start_ros
         options, how = _parse(check_arguments(args, remove_ros_args))
         namespace = '/' + options.namespace.strip('/')
-        require_namespace(namespace, '--namespace', LONGEST_NAMESPACE)
+        require_namespace(namespace, '--namespace', MAX_NAMESPACE_LENGTH)
         make = (_real(options, verdict) if options.address
                 else _simulated(options, how, verdict))
-        if is_told_to_stay():
-            stay_on_this_machine()
-        avoid_shared_memory()
+        if is_localhost_requested():
+            use_localhost_only()
+        use_udp_transport()
         start_ros(args)
         node = make(namespace)
     except (UnreachableError, RobotTakenError) as error:
@@ -122,8 +126,8 @@ def _main(args: list[str], ending: Ending) -> None:
 
 
 def _simulated(
-        options: argparse.Namespace, how: Fidelity,
-        verdict: _Verdict) -> Callable[[str], BridgeNode]:
+        options: argparse.Namespace, how: SimulationParameters,
+        verdict: _FaultReason) -> Callable[[str], BridgeNode]:
     """Return what makes the node of a simulated robot, told the namespace."""
     try:
         from kachaka_simple_control.kachaka.bridge_node import KachakaBridge
@@ -137,17 +141,17 @@ def _simulated(
     return make
 
 
-def _real(options: argparse.Namespace, verdict: _Verdict) -> Callable[[str], BridgeNode]:
+def _real(options: argparse.Namespace, verdict: _FaultReason) -> Callable[[str], BridgeNode]:
     """Meet the real robot, and return what makes its node, told the namespace."""
     try:
-        from kachaka_simple_control.kachaka.grpc_client.connection import meet
+        from kachaka_simple_control.kachaka.grpc_client.connection import connect
     except (ImportError, RuntimeError) as error:  # its SDK refuses an older gRPC so
         raise _EndedError(FAULTED, MISSING.format(error=error)) from None
     try:
         from kachaka_simple_control.kachaka.grpc_client.bridge import RealBridge
     except ImportError as error:
         raise _EndedError(FAULTED, f'ROS 2 is missing here ({error})') from None
-    meeting = meet(options.address)
+    meeting = connect(options.address)
 
     def make(namespace: str) -> BridgeNode:
         return RealBridge(
@@ -157,7 +161,7 @@ def _real(options: argparse.Namespace, verdict: _Verdict) -> Callable[[str], Bri
     return make
 
 
-def _parse(args: list[str]) -> tuple[argparse.Namespace, Fidelity]:
+def _parse(args: list[str]) -> tuple[argparse.Namespace, SimulationParameters]:
     parser = _parser()
     options = parser.parse_args(args)
     if not options.sim and options.address is None:
@@ -165,7 +169,7 @@ def _parse(args: list[str]) -> tuple[argparse.Namespace, Fidelity]:
     if options.sim and options.address is not None:
         parser.error('one robot at a time: --sim or --address')
     try:
-        return options, fidelity(options)
+        return options, simulation_parameters(options)
     except ValueError as error:
         parser.error(str(error))
 
@@ -192,12 +196,12 @@ def _parser() -> OneLineParser:
         help='end with code 1 when a real robot refuses to move, or is lost while it moves')
     add('--docked', action='store_true', help='the simulated robot starts on its charging dock')
     add('--seed', type=int, default=0, help='of all noise (default: %(default)s)')
-    add_figures(parser)
+    add_parameter_options(parser)
     add('--with-parent', action='store_true', help='end when standard input does')
     return parser
 
 
-def _serve(node: BridgeNode, ending: Ending, with_parent: bool) -> None:
+def _serve(node: BridgeNode, ending: ShutdownEvent, with_parent: bool) -> None:
     if with_parent:
         from kachaka_simple_control.ros.participants import own_participant
         print(f'{PARTICIPANT}{own_participant(node).hex()}', file=sys.stderr, flush=True)
@@ -211,7 +215,7 @@ def _serve(node: BridgeNode, ending: Ending, with_parent: bool) -> None:
 
 
 @contextlib.contextmanager
-def _spinning(spinner: Spinner, ending: Ending) -> Iterator[None]:
+def _spinning(spinner: ExecutorLoop, ending: ShutdownEvent) -> Iterator[None]:
     with ThreadPoolExecutor(max_workers=1) as threads:
         spinning = threads.submit(spinner.run)
         spinning.add_done_callback(lambda _: ending.end())

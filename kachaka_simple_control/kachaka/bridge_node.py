@@ -28,10 +28,10 @@ from kachaka_simple_control.kachaka.simulator.robot import (
 )
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions
-from kachaka_simple_control.ros.executors import NodeSpinner, Spinner
+from kachaka_simple_control.ros.executors import ExecutorLoop, NodeExecutor
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.robot_claim import RobotClaim
-from kachaka_simple_control.ros.startup import check_node_names, refused_in_one_line
+from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from nav_msgs.msg import Odometry
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
@@ -62,7 +62,7 @@ class BridgeNode(Node):
         :raises RobotTakenError: if another bridge does
         :raises UsageError: if a name cannot be one, or is taken by something else of the node
         """
-        with refused_in_one_line(NODE):
+        with one_line_errors(NODE):
             super().__init__(NODE, namespace=namespace, start_parameter_services=False)
         check_node_names(
             self, RobotNames(
@@ -89,9 +89,9 @@ class BridgeNode(Node):
             f'manual control at {self.resolve_service_name(self._service.srv_name)}, '
             f'odometry on {self._odometry[0].topic_name}')
 
-    def spinners(self) -> list[Spinner]:
+    def spinners(self) -> list[ExecutorLoop]:
         """Return what to run, each in a thread of its own."""
-        return [NodeSpinner(self)]
+        return [NodeExecutor(self)]
 
     def hear(self, twist: Twist) -> None:
         """

@@ -28,12 +28,12 @@ from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.files.robot_profile import KACHAKA
 
 #: How long the process may take to end when it is asked to [s].
-PATIENCE = 2.0
+EXIT_TIMEOUT = 2.0
 #: How long it may take to start, and to meet a robot or to say why it cannot [s].
-START = 20.0
+START_TIMEOUT = 20.0
 #: What the bridge says once it listens, and what its last words begin with.
 READY = 'ready: '
-LAST_WORDS = 'kachaka_bridge: '
+ERROR_PREFIX = 'kachaka_bridge: '
 #: What comes before the line in which it tells who it is.
 PARTICIPANT = 'participant: '
 #: Its exit code when no robot answers.
@@ -41,9 +41,9 @@ NO_ROBOT = 3
 
 
 @contextlib.contextmanager
-def simulation(
+def simulated_bridge(
         namespace: str = KACHAKA.namespace,
-        options: Sequence[str] = ()) -> Iterator[SimulationProcess]:
+        options: Sequence[str] = ()) -> Iterator[BridgeProcess]:
     """
     Run a simulated robot on ROS 2, and end it whatever happens.
 
@@ -55,14 +55,14 @@ def simulation(
     :raises ControlError: if the robot ended before the block did; in place of the errors that
         the block raised because of it
     """
-    with _running(SimulationProcess(
+    with _running(BridgeProcess(
             ['--sim', '--namespace', namespace, *options], 'the simulated robot')) as process:
         yield process
 
 
 @contextlib.contextmanager
-def real_robot(
-        address: str, namespace: str = KACHAKA.namespace) -> Iterator[SimulationProcess]:
+def real_bridge(
+        address: str, namespace: str = KACHAKA.namespace) -> Iterator[BridgeProcess]:
     """
     Run a bridge to a real robot, and end it whatever happens.
 
@@ -76,7 +76,7 @@ def real_robot(
     :raises ControlError: if the bridge ended before the block did; in place of the errors that
         the block raised because of it
     """
-    with _running(SimulationProcess(
+    with _running(BridgeProcess(
             ['--address', address, '--give-up', '--namespace', namespace],
             'the bridge to the robot')) as process:
         process.wait_until_ready()
@@ -84,7 +84,7 @@ def real_robot(
 
 
 @contextlib.contextmanager
-def _running(process: SimulationProcess) -> Iterator[SimulationProcess]:
+def _running(process: BridgeProcess) -> Iterator[BridgeProcess]:
     try:
         yield process
         process.check()
@@ -96,7 +96,7 @@ def _running(process: SimulationProcess) -> Iterator[SimulationProcess]:
         process.end()
 
 
-class SimulationProcess:
+class BridgeProcess:
     """
     The bridge with its robot, as a child of this process.
 
@@ -121,10 +121,10 @@ class SimulationProcess:
         self._failure: ControlError | None = None
         # Text that is no UTF-8 is shown somehow: it must not end the thread that shows it.
         self._process = subprocess.Popen(
-            [*processes.command('kachaka_simple_control.kachaka.bridge_command'),
+            [*processes.python_command('kachaka_simple_control.kachaka.bridge_command'),
              '--with-parent', *options],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-            start_new_session=True, env=processes.environment(), text=True, errors='replace')
+            start_new_session=True, env=processes.child_environment(), text=True, errors='replace')
         self._showing = threading.Thread(target=self._show, name='simulation', daemon=True)
         self._showing.start()
 
@@ -143,13 +143,13 @@ class SimulationProcess:
         """Return what to raise once the process has ended; the same each time."""
         if self._failure is None:
             # What it said last may be on its way.
-            self._showing.join(PATIENCE)
+            self._showing.join(EXIT_TIMEOUT)
             self._failure = self._what_happened(self._process.returncode)
         return self._failure
 
     def _what_happened(self, code: int) -> ControlError:
         if code == NO_ROBOT:
-            return RobotNotFoundError(self._last_line.removeprefix(LAST_WORDS))
+            return RobotNotFoundError(self._last_line.removeprefix(ERROR_PREFIX))
         return ControlError(f'{self._name} ended early (exit code {code}): {self._last_line}')
 
     def check(self) -> None:
@@ -177,17 +177,17 @@ class SimulationProcess:
 
         :raises ControlError: if it ends instead, or does neither in time
         """
-        end = time.monotonic() + START
+        end = time.monotonic() + START_TIMEOUT
         while not self._ready.wait(0.02):
             self.check()
             if time.monotonic() > end:
-                raise ControlError(f'{self._name} is not ready after {START:g} s')
+                raise ControlError(f'{self._name} is not ready after {START_TIMEOUT:g} s')
 
     def end(self) -> None:
         """End the process, at the latest after a patience of 2 s; harmless if it is over."""
         try:
             self._process.terminate()
-            self._process.wait(PATIENCE)
+            self._process.wait(EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:
             pass
         finally:
@@ -197,7 +197,7 @@ class SimulationProcess:
             self._close()
 
     def _close(self) -> None:
-        self._showing.join(PATIENCE)
+        self._showing.join(EXIT_TIMEOUT)
         for pipe in (self._process.stdin, self._process.stderr):
             if pipe is not None:
                 pipe.close()
@@ -211,6 +211,6 @@ class SimulationProcess:
             self._last_line = escaped(line.strip(), 1000) or self._last_line
             if READY in line:
                 self._ready.set()
-            if not line.startswith(LAST_WORDS):  # whoever is told of its end hears them
+            if not line.startswith(ERROR_PREFIX):  # whoever is told of its end hears them
                 sys.stderr.write(line)
                 sys.stderr.flush()

@@ -23,7 +23,7 @@ import math
 from typing import Any
 
 from kachaka_simple_control.escaping import escaped
-from kachaka_simple_control.kachaka.grpc_client.connection_state import Link
+from kachaka_simple_control.kachaka.grpc_client.connection_state import ConnectionState
 
 SUCCESS = 0
 #: The robot's own codes, in pf-robotics/kachaka-api: error_code.hpp of the bridge for the first,
@@ -140,7 +140,7 @@ SLOW = 0.15
 
 
 @dataclass(frozen=True)
-class Status:
+class DiagnosticEntry:
     """
     One entry of diagnostics.
 
@@ -157,7 +157,8 @@ class Status:
 
 
 def link_status(
-        link: Link, address: str, round_trip: float, dropped: int, now: float) -> Status:
+        link: ConnectionState, address: str, round_trip: float, dropped: int,
+        now: float) -> DiagnosticEntry:
     """
     Return how the link is.
 
@@ -174,14 +175,15 @@ def link_status(
         values['last answer to a velocity after [ms]'] = f'{1e3 * round_trip:.1f}'
     if not link.is_up:
         since = '' if math.isnan(link.since) else f' for {now - link.since:.0f} s'
-        return Status(Level.ERROR, 'link', f'lost{since}: {link.reason}', values)
+        return DiagnosticEntry(Level.ERROR, 'link', f'lost{since}: {link.reason}', values)
     if round_trip > SLOW:
         text = f'slow: the robot answered after {1e3 * round_trip:.0f} ms'
-        return Status(Level.WARN, 'link', text, values)
-    return Status(Level.OK, 'link', 'up', values)
+        return DiagnosticEntry(Level.WARN, 'link', text, values)
+    return DiagnosticEntry(Level.OK, 'link', 'up', values)
 
 
-def robot_status(link: Link, codes: Sequence[int], texts: ErrorTexts) -> Status:
+def robot_status(
+        link: ConnectionState, codes: Sequence[int], texts: ErrorTexts) -> DiagnosticEntry:
     """
     Return what is wrong with the robot.
 
@@ -191,10 +193,10 @@ def robot_status(link: Link, codes: Sequence[int], texts: ErrorTexts) -> Status:
     :returns: the entry
     """
     if not link.is_up:
-        return Status(Level.ERROR, 'robot', 'unknown: the link is lost')
+        return DiagnosticEntry(Level.ERROR, 'robot', 'unknown: the link is lost')
     if not codes:
-        return Status(Level.OK, 'robot', 'no errors')
-    return Status(
+        return DiagnosticEntry(Level.OK, 'robot', 'no errors')
+    return DiagnosticEntry(
         max(texts.find(code).level for code in codes), 'robot',
         '; '.join(texts.describe(code) for code in codes),
         {str(code): texts.find(code).title for code in codes})

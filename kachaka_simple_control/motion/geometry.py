@@ -101,7 +101,7 @@ def integrate(pose: Pose, velocity: Velocity, duration: float) -> Pose:
     return advance(pose, velocity.linear_x * duration, velocity.angular_z * duration)
 
 
-def composed(frame: Pose, pose: Pose) -> Pose:
+def compose(frame: Pose, pose: Pose) -> Pose:
     """
     Return a pose that is told as seen from another one.
 
@@ -116,9 +116,9 @@ def composed(frame: Pose, pose: Pose) -> Pose:
         frame.theta + pose.theta)
 
 
-def seen_from(frame: Pose, pose: Pose) -> Pose:
+def relative_to(frame: Pose, pose: Pose) -> Pose:
     """
-    Return a pose as seen from another one: what ``composed`` undoes.
+    Return a pose as seen from another one: what ``compose`` undoes.
 
     :param frame: the other one
     :param pose: the pose
@@ -129,7 +129,7 @@ def seen_from(frame: Pose, pose: Pose) -> Pose:
     return Pose(x * cosine + y * sine, y * cosine - x * sine, pose.theta - frame.theta)
 
 
-def apart(one: Pose, two: Pose) -> tuple[float, float]:
+def distance_between(one: Pose, two: Pose) -> tuple[float, float]:
     """
     Return how far two poses are apart.
 
@@ -149,7 +149,7 @@ CORNERS = 48
 
 
 @runtime_checkable
-class Cornered(Protocol):
+class RectangularFootprint(Protocol):
     """A robot with four corners; a profile's box is one."""
 
     @property
@@ -166,7 +166,7 @@ class Cornered(Protocol):
 
 
 @runtime_checkable
-class Round(Protocol):
+class CircularFootprint(Protocol):
     """A round robot with its axle in the middle; a profile's disc is one."""
 
     @property
@@ -174,7 +174,7 @@ class Round(Protocol):
         """Return its radius [m]."""
 
 
-Footprint = Cornered | Round
+Footprint = RectangularFootprint | CircularFootprint
 
 
 def outline(footprint: Footprint, pose: Pose) -> list[Point]:
@@ -185,10 +185,10 @@ def outline(footprint: Footprint, pose: Pose) -> list[Point]:
     :param pose: where its axle is, and where it looks
     :returns: the corners [m], counter-clockwise, beginning at the front on the right
     """
-    return [place(corner, pose) for corner in _corners(footprint)]
+    return [transform_point(corner, pose) for corner in _corners(footprint)]
 
 
-def nose(footprint: Footprint, pose: Pose) -> Point:
+def front_point(footprint: Footprint, pose: Pose) -> Point:
     """
     Return the foremost point straight ahead of the axle.
 
@@ -196,12 +196,12 @@ def nose(footprint: Footprint, pose: Pose) -> Point:
     :param pose: where it stands
     :returns: the point [m]
     """
-    if isinstance(footprint, Round):
-        return place((footprint.radius, 0.0), pose)
-    return place((footprint.ahead + footprint.length / 2.0, 0.0), pose)
+    if isinstance(footprint, CircularFootprint):
+        return transform_point((footprint.radius, 0.0), pose)
+    return transform_point((footprint.ahead + footprint.length / 2.0, 0.0), pose)
 
 
-def place(point: Point, pose: Pose) -> Point:
+def transform_point(point: Point, pose: Pose) -> Point:
     """
     Return a point of the robot in the frame that its pose is in.
 
@@ -215,7 +215,7 @@ def place(point: Point, pose: Pose) -> Point:
 
 
 def _corners(footprint: Footprint) -> list[Point]:
-    if isinstance(footprint, Round):
+    if isinstance(footprint, CircularFootprint):
         angles = (math.tau * corner / CORNERS for corner in range(CORNERS))
         return [(footprint.radius * math.cos(a), footprint.radius * math.sin(a)) for a in angles]
     half, side = footprint.length / 2.0, footprint.width / 2.0

@@ -21,7 +21,7 @@ from typing import NamedTuple
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import advance, integrate, ORIGIN, Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits, require_finite, require_positive
-from kachaka_simple_control.motion.planner import Leg, Survey, total, written_out
+from kachaka_simple_control.motion.planner import expand, MotionValidator, PlannedItem, total
 from kachaka_simple_control.motion.steps import Motion, Step
 
 #: How many segments a plan may have: goals for a day at 50 Hz, in less than a gigabyte.
@@ -44,7 +44,7 @@ class Segment:
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class PlannedStep:
     """
     What one step comes to, each time that it is driven.
 
@@ -80,7 +80,7 @@ class Plan:
 
     segments: tuple[Segment, ...]
     period: float
-    stages: tuple[Stage, ...] = ()
+    stages: tuple[PlannedStep, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -133,7 +133,7 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
     """
     require_finite('rate', rate, 'Hz')
     require_positive('rate', rate, 'Hz')
-    survey = Survey(motion, limits)
+    survey = MotionValidator(motion, limits)
     if survey.errors:
         raise survey.errors[0]
     count = total(survey.parts, lambda leg: leg.course.ticks(rate))
@@ -141,7 +141,7 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
         raise InvalidMotionError(
             f'the motion needs {count:.10g} velocities at {rate} Hz; it may have {MAX_SEGMENTS} '
             'at most: take a lower rate')
-    return _Drawing(rate).drawn(written_out(survey.parts))
+    return _PlanBuilder(rate).drawn(expand(survey.parts))
 
 
 class _Sent(NamedTuple):
@@ -152,7 +152,7 @@ class _Sent(NamedTuple):
     max_angular: float
 
 
-class _Drawing:
+class _PlanBuilder:
     """A plan being made, leg after leg."""
 
     def __init__(self, rate: float) -> None:
@@ -160,24 +160,24 @@ class _Drawing:
         self._time = 0.0
         self._pose = ORIGIN
         self._segments: list[Segment] = []
-        self._stages: list[Stage] = []
+        self._stages: list[PlannedStep] = []
         #: found but once for each leg, however often it is repeated
-        self._sent: dict[Leg, _Sent] = {}
+        self._sent: dict[PlannedItem, _Sent] = {}
 
-    def drawn(self, legs: list[Leg]) -> Plan:
+    def drawn(self, legs: list[PlannedItem]) -> Plan:
         for leg in legs:
             if leg not in self._sent:
                 self._sent[leg] = _sent(leg.course.velocities(self._rate))
             self._draw(leg, self._sent[leg])
         return Plan(tuple(self._segments), 1.0 / self._rate, tuple(self._stages))
 
-    def _draw(self, leg: Leg, sent: _Sent) -> None:
+    def _draw(self, leg: PlannedItem, sent: _Sent) -> None:
         start, course = self._time, leg.course
         self._time = start + course.duration
         segments = _segments(sent.velocities, start, self._time)
         self._segments += segments
         self._pose = advance(self._pose, course.length, course.angle)
-        self._stages.append(Stage(
+        self._stages.append(PlannedStep(
             leg.path, leg.step, start, self._time, self._pose, abs(course.length),
             sent.max_linear if segments else 0.0, sent.max_angular if segments else 0.0))
 

@@ -33,13 +33,13 @@ from kachaka_simple_control.motion.steps import (
     Turn,
     Wait,
 )
-from kachaka_simple_control.motion.velocity_profile import Profile, quickest
+from kachaka_simple_control.motion.velocity_profile import time_optimal_profile, VelocityProfile
 
 #: A step that says where to be.
 Goal = Forward | Turn | Arc
 
 
-class Way(NamedTuple):
+class PathSegment(NamedTuple):
     """
     A path with a constant curvature, in its own unit u: metres, or radians for a turn in place.
 
@@ -63,7 +63,7 @@ class Way(NamedTuple):
         return self.angular * self.distance
 
 
-class WayLimits(NamedTuple):
+class PathLimits(NamedTuple):
     """
     The limits along a path; each is positive or infinite.
 
@@ -79,7 +79,7 @@ class WayLimits(NamedTuple):
     jerk: float
 
 
-def way_of(goal: Goal) -> Way:
+def path_segment(goal: Goal) -> PathSegment:
     """
     Return the path of a goal.
 
@@ -88,16 +88,16 @@ def way_of(goal: Goal) -> Way:
     """
     if isinstance(goal, Forward):
         distance = float(goal.distance)
-        return Way(abs(distance), math.copysign(1.0, distance), 0.0)
+        return PathSegment(abs(distance), math.copysign(1.0, distance), 0.0)
     angle = float(goal.angle)
     sign = math.copysign(1.0, angle)
     if isinstance(goal, Turn):
-        return Way(abs(angle), 0.0, sign)
+        return PathSegment(abs(angle), 0.0, sign)
     radius = float(goal.radius)
-    return Way(abs(radius * angle), sign, sign / radius)
+    return PathSegment(abs(radius * angle), sign, sign / radius)
 
 
-def along(way: Way, limits: Limits) -> WayLimits:
+def limits_along(way: PathSegment, limits: Limits) -> PathLimits:
     """
     Return what a robot's limits are along a path: the tighter of the linear and the angular ones.
 
@@ -106,14 +106,14 @@ def along(way: Way, limits: Limits) -> WayLimits:
     :returns: the limits in the path's unit, (13) in docs/theory.md
     """
     forward = limits.backward_velocity if way.linear < 0.0 else limits.max_linear_velocity
-    return WayLimits(
+    return PathLimits(
         _tighter(way, forward, limits.max_angular_velocity),
         _tighter(way, limits.max_linear_acceleration, limits.max_angular_acceleration),
         _tighter(way, limits.linear_deceleration, limits.angular_deceleration),
         _tighter(way, limits.max_linear_jerk, limits.max_angular_jerk))
 
 
-def _tighter(way: Way, linear: float, angular: float) -> float:
+def _tighter(way: PathSegment, linear: float, angular: float) -> float:
     if not way.linear:
         return angular
     if not way.angular:
@@ -125,10 +125,10 @@ def _tighter(way: Way, linear: float, angular: float) -> float:
 
 
 #: A last tick shorter than this part of a period is rounding, not a tick.
-SLIVER = 1e-9
+TIME_TOLERANCE = 1e-9
 
 
-class Course(Protocol):
+class StepTrajectory(Protocol):
     """What the planner needs of a step."""
 
     @property
@@ -161,7 +161,7 @@ class Course(Protocol):
 
 
 @dataclass(frozen=True)
-class Held:
+class ConstantVelocity:
     """
     One velocity, held for a time.
 
@@ -202,7 +202,7 @@ class Held:
 
 
 @dataclass(frozen=True)
-class Driven:
+class ProfiledPath:
     """
     A path, from rest to rest, along a profile.
 
@@ -210,8 +210,8 @@ class Driven:
     :param profile: how it is driven
     """
 
-    way: Way
-    profile: Profile
+    way: PathSegment
+    profile: VelocityProfile
 
     @property
     def duration(self) -> float:
@@ -237,7 +237,7 @@ class Driven:
         """
         if not self.duration:
             return 0
-        return max(1, math.ceil(self.duration * rate * (1.0 - SLIVER)))
+        return max(1, math.ceil(self.duration * rate * (1.0 - TIME_TOLERANCE)))
 
     def velocities(self, rate: float) -> list[Velocity]:
         """
@@ -259,7 +259,7 @@ class Driven:
 
 # Compared by identity: whatever is repeated is one object.
 @dataclass(frozen=True, eq=False)
-class Leg:
+class PlannedItem:
     """
     A step at its place in a motion, under limits.
 
@@ -270,11 +270,11 @@ class Leg:
 
     path: str
     step: Step
-    course: Course
+    course: StepTrajectory
 
 
 @dataclass(frozen=True, eq=False)
-class Round:
+class RepeatBlock:
     """
     Some legs that are driven several times.
 
@@ -287,10 +287,10 @@ class Round:
 
 
 #: What a motion is driven as.
-Part = Leg | Round
+Part = PlannedItem | RepeatBlock
 
 
-def total(parts: Sequence[Part], measure: Callable[[Leg], float]) -> float:
+def total(parts: Sequence[Part], measure: Callable[[PlannedItem], float]) -> float:
     """
     Add something up over all legs, looking at each but once.
 
@@ -299,23 +299,23 @@ def total(parts: Sequence[Part], measure: Callable[[Leg], float]) -> float:
     :returns: the sum, all repeats counted
     """
     return sum(
-        measure(part) if isinstance(part, Leg) else part.times * total(part.parts, measure)
+        measure(part) if isinstance(part, PlannedItem) else part.times * total(part.parts, measure)
         for part in parts)
 
 
-def written_out(parts: Sequence[Part]) -> list[Leg]:
+def expand(parts: Sequence[Part]) -> list[PlannedItem]:
     """
     Return the legs one after the other.
 
     :param parts: what is driven
     :returns: every leg as often as it is driven
     """
-    legs: list[Leg] = []
+    legs: list[PlannedItem] = []
     for part in parts:
-        if isinstance(part, Leg):
+        if isinstance(part, PlannedItem):
             legs.append(part)
         else:
-            legs += written_out(part.parts) * part.times
+            legs += expand(part.parts) * part.times
     return legs
 
 
@@ -326,7 +326,7 @@ MAX_DURATION = 86_400.0
 #: A speed may be this part above a limit: what rounding makes of the same number.
 ROUNDING = 1e-9
 #: Stands for what cannot be driven.
-NOTHING = Held(ZERO, 0.0)
+NOTHING = ConstantVelocity(ZERO, 0.0)
 
 
 def find_errors(motion: Motion, limits: Limits) -> list[InvalidMotionError]:
@@ -338,10 +338,10 @@ def find_errors(motion: Motion, limits: Limits) -> list[InvalidMotionError]:
     :returns: the errors, in the order of the motion; none if it can be planned, at any rate that
         leaves it fewer than ``MAX_SEGMENTS`` velocities
     """
-    return Survey(motion, limits).errors
+    return MotionValidator(motion, limits).errors
 
 
-class Survey:
+class MotionValidator:
     """
     A motion held against limits; each step is looked at once, however often it is repeated.
 
@@ -376,22 +376,22 @@ class Survey:
 
     def _part(self, step: Step, path: str) -> Part:
         if isinstance(step, Repeat):
-            return Round(step.times, self._parts(step.steps, f'{path}.repeat.'))
-        return Leg(path, step, self._course(step, f'{path}.{type(step).__name__.lower()}'))
+            return RepeatBlock(step.times, self._parts(step.steps, f'{path}.repeat.'))
+        return PlannedItem(path, step, self._course(step, f'{path}.{type(step).__name__.lower()}'))
 
-    def _course(self, step: Move | Wait | Goal, place: str) -> Course:
+    def _course(self, step: Move | Wait | Goal, place: str) -> StepTrajectory:
         if isinstance(step, Move):
             return self._move(step, place)
         if isinstance(step, Wait):
-            return self._held(Held(ZERO, float(step.duration)), place)
+            return self._held(ConstantVelocity(ZERO, float(step.duration)), place)
         return self._goal(step, place)
 
-    def _move(self, step: Move, place: str) -> Course:
+    def _move(self, step: Move, place: str) -> StepTrajectory:
         velocity = step.velocity
         limits = self._limits
         self._try(limits.check_linear, velocity.linear_x, f'{place}.linear_x')
         self._try(limits.check_angular, velocity.angular_z, f'{place}.angular_z')
-        return self._held(Held(velocity, float(step.duration)), place)
+        return self._held(ConstantVelocity(velocity, float(step.duration)), place)
 
     def _try(self, check: Callable[[float], None], value: float, path: str) -> None:
         try:
@@ -399,22 +399,22 @@ class Survey:
         except InvalidMotionError as error:
             self._refuse(error.message, path)
 
-    def _held(self, course: Held, place: str) -> Course:
+    def _held(self, course: ConstantVelocity, place: str) -> StepTrajectory:
         if course.duration <= MAX_DURATION:
             return course
         self._refuse(f'{course.duration} s is too long; a motion may take {MAX_DURATION:.10g} s '
                      'at most', f'{place}.duration')
         return NOTHING
 
-    def _goal(self, goal: Goal, place: str) -> Course:
-        way = way_of(goal)
-        bounds = self._bounds(goal, along(way, self._limits), place)
+    def _goal(self, goal: Goal, place: str) -> StepTrajectory:
+        way = path_segment(goal)
+        bounds = self._bounds(goal, limits_along(way, self._limits), place)
         if bounds is None:
             return NOTHING
         # From below, and before the profile: no arithmetic meets what is out of all proportion.
         duration = way.distance / bounds.velocity
         if duration <= MAX_DURATION:
-            course = Driven(way, quickest(way.distance, *bounds))
+            course = ProfiledPath(way, time_optimal_profile(way.distance, *bounds))
             duration = course.duration
             if duration <= MAX_DURATION:
                 return course
@@ -423,14 +423,14 @@ class Survey:
                      f'{MAX_DURATION:.10g} s at most', f'{place}.{name}')
         return NOTHING
 
-    def _bounds(self, goal: Goal, bounds: WayLimits, place: str) -> WayLimits | None:
+    def _bounds(self, goal: Goal, bounds: PathLimits, place: str) -> PathLimits | None:
         unit = 'rad/s' if isinstance(goal, Turn) else 'm/s'
         if goal.speed is not None:
             speed = float(goal.speed)
             if speed > bounds.velocity * (1.0 + ROUNDING):
                 self._refuse(f'{speed} {unit} is above the limit of {bounds.velocity:.10g} {unit}'
                              f'{_reason(goal)}', f'{place}.speed')
-            bounds = WayLimits(min(speed, bounds.velocity), *bounds[1:])
+            bounds = PathLimits(min(speed, bounds.velocity), *bounds[1:])
         if min(bounds) < math.inf:
             return bounds
         self._refuse('it is not given, and the robot has no limit either; give one',

@@ -118,7 +118,7 @@ def ramp(velocity: float, acceleration: float, jerk: float) -> Ramp:
 
 
 @dataclass(frozen=True)
-class Profile:
+class VelocityProfile:
     """
     Up a ramp, along at one velocity, and down a ramp that may be another one.
 
@@ -227,9 +227,9 @@ class Profile:
         return (up[1] - up[0] + self.velocity * (along[1] - along[0]) + down[0] - down[1]) / part
 
 
-def quickest(
+def time_optimal_profile(
         distance: float, velocity: float, acceleration: float = math.inf,
-        deceleration: float = math.inf, jerk: float = math.inf) -> Profile:
+        deceleration: float = math.inf, jerk: float = math.inf) -> VelocityProfile:
     """
     Return the quickest profile over a distance; each limit is positive and may be infinite.
 
@@ -247,7 +247,7 @@ def quickest(
     rise, fall = ramp(peak, acceleration, jerk), ramp(peak, deceleration, jerk)
     # Over no distance there is no peak either, unless the velocity may jump.
     cruise = (distance - rise.distance - fall.distance) / peak if peak else 0.0
-    return Profile(distance, rise, max(0.0, cruise), fall)
+    return VelocityProfile(distance, rise, max(0.0, cruise), fall)
 
 
 def _unlimited_peak(

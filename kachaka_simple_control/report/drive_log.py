@@ -21,17 +21,17 @@ from dataclasses import dataclass, field
 from functools import cached_property
 import math
 
-from kachaka_simple_control.motion.plan import Plan, plan, Stage
+from kachaka_simple_control.motion.plan import Plan, plan, PlannedStep
 from kachaka_simple_control.motion.steps import Step
 from kachaka_simple_control.telemetry.events import (
-    Answered,
-    Began,
-    Closed,
-    Ended,
     Event,
-    Opened,
-    Planned,
-    Sent,
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    SessionEnded,
+    SessionStarted,
+    VelocitySent,
 )
 
 #: A message is not early if it is by less than this [s]: times are sums of others.
@@ -39,7 +39,7 @@ ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
-class Movement:
+class StepLog:
     """
     One step and the messages that belong to it.
 
@@ -49,9 +49,9 @@ class Movement:
     :param is_whole: whether it was driven to its end
     """
 
-    stage: Stage
+    stage: PlannedStep
     began: float
-    sent: tuple[Sent, ...]
+    sent: tuple[VelocitySent, ...]
     is_whole: bool = True
 
     @property
@@ -61,7 +61,7 @@ class Movement:
 
 
 @dataclass
-class DrivenMotion:
+class MotionLog:
     """
     A motion, and what became of it.
 
@@ -74,8 +74,8 @@ class DrivenMotion:
     :param is_fault: whether something went wrong, if it was over before its end
     """
 
-    planned: Planned
-    sent: list[Sent] = field(default_factory=list)
+    planned: MotionPlanned
+    sent: list[VelocitySent] = field(default_factory=list)
     began: float = math.nan
     ended: float | None = None
     reason: str | None = None
@@ -97,14 +97,14 @@ class DrivenMotion:
         return plan(self.planned.motion, self.planned.limits, self.planned.rate)
 
     @property
-    def own_messages(self) -> Sequence[Sent]:
+    def own_messages(self) -> Sequence[VelocitySent]:
         """Return its messages, from t = 0 to the zero that ended it."""
         if not self.has_begun:
             return ()
         return self.sent[self._first(0.0):self._last() + 1]
 
     @property
-    def movements(self) -> list[Movement]:
+    def movements(self) -> list[StepLog]:
         """Return its steps as far as they were begun, in order."""
         if not self.has_begun or not self.sent:
             return []
@@ -114,11 +114,11 @@ class DrivenMotion:
                   if self.is_whole or self._begins_by(stage, until)]
         starts = [self._first(stage.start) for stage in stages]
         return [
-            Movement(stage, self.began + stage.start, tuple(self.sent[first:following + 1]),
+            StepLog(stage, self.began + stage.start, tuple(self.sent[first:following + 1]),
                      self.is_whole or self.began + stage.end <= until + ROUNDING)
             for stage, first, following in zip(stages, starts, [*starts[1:], last])]
 
-    def _begins_by(self, stage: Stage, until: float) -> bool:
+    def _begins_by(self, stage: PlannedStep, until: float) -> bool:
         # The zero that a rest begins with is as good as any zero of the stop.
         rests = stage.max_linear_velocity == stage.max_angular_velocity == 0.0
         return self.began + stage.start < until + (ROUNDING if rests else -ROUNDING)
@@ -126,7 +126,7 @@ class DrivenMotion:
     def _first(self, elapsed: float) -> int:
         return bisect_left(self.sent, self.began + elapsed - ROUNDING, key=_time)
 
-    def _is_zero_after_start(self, sent: Sent) -> bool:
+    def _is_zero_after_start(self, sent: VelocitySent) -> bool:
         return sent.velocity.is_zero and sent.time > self.began
 
     def _last(self) -> int:
@@ -141,7 +141,7 @@ class DrivenMotion:
 
 
 @dataclass
-class Record:
+class DriveLog:
     """
     What happened, as far as this program can tell.
 
@@ -151,18 +151,18 @@ class Record:
     :param closed: how it ended; None if nobody told: it goes on, or was killed
     """
 
-    opened: Opened | None = None
-    motions: list[DrivenMotion] = field(default_factory=list)
-    odometry: list[Answered] = field(default_factory=list)
-    closed: Closed | None = None
+    opened: SessionStarted | None = None
+    motions: list[MotionLog] = field(default_factory=list)
+    odometry: list[OdometryReceived] = field(default_factory=list)
+    closed: SessionEnded | None = None
 
     @property
-    def movements(self) -> list[Movement]:
+    def movements(self) -> list[StepLog]:
         """Return the steps of all motions, as far as they were begun, in order."""
         return [movement for motion in self.motions for movement in motion.movements]
 
     @property
-    def sent(self) -> list[Sent]:
+    def sent(self) -> list[VelocitySent]:
         """Return every message, in order."""
         return [message for motion in self.motions for message in motion.sent]
 
@@ -173,23 +173,23 @@ class Record:
         :param event: what it was; nothing but odometry comes before the first plan
         """
         match event:
-            case Sent():
+            case VelocitySent():
                 self.motions[-1].sent.append(event)
-            case Answered():
+            case OdometryReceived():
                 self.odometry.append(event)
-            case Planned():
-                self.motions.append(DrivenMotion(event))
-            case Began():
+            case MotionPlanned():
+                self.motions.append(MotionLog(event))
+            case MotionStarted():
                 self.motions[-1].began = event.time
-            case Ended():
+            case MotionEnded():
                 motion = self.motions[-1]
                 motion.ended, motion.reason = event.time, event.reason
                 motion.is_fault = event.is_fault
-            case Opened():
+            case SessionStarted():
                 self.opened = event
-            case Closed():
+            case SessionEnded():
                 self.closed = event
 
 
-def _time(sent: Sent) -> float:
+def _time(sent: VelocitySent) -> float:
     return sent.time

@@ -26,18 +26,22 @@ from typing import Any, TYPE_CHECKING
 import warnings
 
 from kachaka_simple_control.motion.geometry import (
-    composed,
+    compose,
     Footprint,
-    nose,
+    front_point,
     ORIGIN,
     outline,
-    place,
     Point,
     Pose,
+    transform_point,
 )
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.report.odometry_alignment import DrivenPath, Odometry, Start
-from kachaka_simple_control.report.paths import Stretch, stretches
+from kachaka_simple_control.report.odometry_alignment import (
+    AlignedDrive,
+    MotionStart,
+    OdometrySample,
+)
+from kachaka_simple_control.report.paths import arc_segments, ArcSegment
 from kachaka_simple_control.report.plan_plot import GRAIN, MARGIN, SMALLEST, TICK
 from kachaka_simple_control.report.plot_style import (
     BLUE,
@@ -52,11 +56,10 @@ from kachaka_simple_control.report.plot_style import (
     SENT,
     style,
 )
-from kachaka_simple_control.report.simplification import bands, straightened
+from kachaka_simple_control.report.simplification import min_max_decimate, simplify
 from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.report.velocity_plot import (
     ANGULAR,
-    Corner,
     draw_limits,
     Kind,
     LINEAR,
@@ -64,7 +67,8 @@ from kachaka_simple_control.report.velocity_plot import (
     MAX_BOUNDARIES,
     room,
     Scale,
-    staircase,
+    StepPoint,
+    velocity_steps,
 )
 
 if TYPE_CHECKING:
@@ -91,7 +95,7 @@ MANY = 1000
 THIN: dict[str, Any] = {'linewidth': 0.6, 'linestyle': '-'}
 
 
-def draw_drive_path(figure: Figure, path: DrivenPath, footprint: Footprint | None) -> None:
+def draw_drive_path(figure: Figure, path: AlignedDrive, footprint: Footprint | None) -> None:
     """
     Draw a drive's path in a picture of its own; sets the height of the picture.
 
@@ -114,7 +118,7 @@ def draw_drive_path(figure: Figure, path: DrivenPath, footprint: Footprint | Non
     _frame_path(axes, left, bottom, width, height)
     grain = max(width, height) * GRAIN
     for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
-        kept = straightened(points, grain, MAX_POINTS)
+        kept = simplify(points, grain, MAX_POINTS)
         thin = THIN if name == 'odometry' and len(kept) > MANY else {}
         axes.plot([x for x, _ in kept], [y for _, y in kept], **{**look, **thin}, label=name,
                   gid=name)
@@ -125,7 +129,7 @@ def draw_drive_path(figure: Figure, path: DrivenPath, footprint: Footprint | Non
         borderpad=0.2, borderaxespad=0.0, handlelength=2.6, columnspacing=1.8)
 
 
-def _lines(path: DrivenPath) -> dict[str, list[Point]]:
+def _lines(path: AlignedDrive) -> dict[str, list[Point]]:
     planned = [(ORIGIN.x, ORIGIN.y)]
     for start in path.starts:
         planned.append((start.pose.x, start.pose.y))
@@ -139,7 +143,7 @@ def _lines(path: DrivenPath) -> dict[str, list[Point]]:
     return lines
 
 
-def _flat(path: DrivenPath) -> Iterator[Pose]:
+def _flat(path: AlignedDrive) -> Iterator[Pose]:
     """Return the poses along what was sent, close enough to each other to show arcs."""
     reckoning = path.reckoning
     for (begin, end), (one, two) in zip(pairwise(reckoning.times), pairwise(reckoning.poses)):
@@ -152,9 +156,9 @@ def _flat(path: DrivenPath) -> Iterator[Pose]:
     yield from reckoning.poses[-1:]
 
 
-def _moved(start: Start) -> list[Stretch]:
-    return [replace(part, start=composed(start.pose, part.start))
-            for part in stretches(start.motion.plan)]
+def _moved(start: MotionStart) -> list[ArcSegment]:
+    return [replace(part, start=compose(start.pose, part.start))
+            for part in arc_segments(start.motion.plan)]
 
 
 def _corners(footprint: Footprint | None, poses: Sequence[Pose]) -> list[Point]:
@@ -195,9 +199,9 @@ def _draw_robots(
         if footprint is not None:
             axes.add_collection(PolyCollection(
                 [outline(footprint, pose)], **look, label=f'robot {name}'))
-            front = nose(footprint, ORIGIN)
+            front = front_point(footprint, ORIGIN)
             tip = front if front[0] > 0.0 else tip
-        x, y = place(tip, pose)
+        x, y = transform_point(tip, pose)
         axes.plot([pose.x, x], [pose.y, y], color=colour, linewidth=1.4, zorder=2.5)
         axes.plot(pose.x, pose.y, linestyle='', marker='o', markersize=4.0, color=colour,
                   markeredgecolor=GREY, markeredgewidth=0.0, zorder=5.0,
@@ -215,7 +219,7 @@ HELD = ('planned', 'sent')
 CORNERS, STRETCHES = 6000, 180
 
 
-def draw_drive_velocities(figure: Figure, path: DrivenPath, limits: Sequence[Limits]) -> None:
+def draw_drive_velocities(figure: Figure, path: AlignedDrive, limits: Sequence[Limits]) -> None:
     """
     Draw both components of the velocity over time, with limits dashed.
 
@@ -242,7 +246,7 @@ def draw_drive_velocities(figure: Figure, path: DrivenPath, limits: Sequence[Lim
         borderaxespad=0.0, handlelength=2.6, columnspacing=1.8)
 
 
-def draw_drive_errors(figure: Figure, path: DrivenPath) -> None:
+def draw_drive_errors(figure: Figure, path: AlignedDrive) -> None:
     """
     Draw how far odometry was from where the messages should have brought the robot.
 
@@ -251,7 +255,7 @@ def draw_drive_errors(figure: Figure, path: DrivenPath) -> None:
     """
     above, below = _rows(figure, 0.0)
     end = end_of(path)
-    parts: tuple[tuple[Axes, str, str, Callable[[Odometry], float], dict[str, Any]], ...] = (
+    parts: tuple[tuple[Axes, str, str, Callable[[OdometrySample], float], dict[str, Any]], ...] = (
         (above, 'distance [mm]', 'distance', lambda seen: 1e3 * seen.distance, {'color': BLUE}),
         (below, 'heading [°]', 'heading', lambda seen: math.degrees(seen.angle),
          {'color': ORANGE, 'linestyle': '-'}))
@@ -268,14 +272,14 @@ def draw_drive_errors(figure: Figure, path: DrivenPath) -> None:
     _finish(above, below, end)
 
 
-def _velocities(path: DrivenPath, kind: Kind) -> dict[str, list[Corner]]:
+def _velocities(path: AlignedDrive, kind: Kind) -> dict[str, list[StepPoint]]:
     value_of = attrgetter(kind.component)
-    planned: list[Corner] = []
+    planned: list[StepPoint] = []
     for start in path.starts:
         if start.time is not None or not path.sent:
             offset = start.time or (planned[-1][0] if planned else 0.0)
             planned += [(offset + time, value)
-                        for time, value in staircase(start.motion.plan, kind.component)]
+                        for time, value in velocity_steps(start.motion.plan, kind.component)]
     lines = {'planned': planned}
     if path.sent:
         lines['sent'] = [(sent.time - path.began, value_of(sent.velocity)) for sent in path.sent]
@@ -295,7 +299,7 @@ def _rows(figure: Figure, key: float) -> tuple[Axes, Axes]:
     return above, below
 
 
-def _frame_time(axes: Axes, path: DrivenPath, scale: Scale) -> None:
+def _frame_time(axes: Axes, path: AlignedDrive, scale: Scale) -> None:
     unit = _unit(scale.duration)[1]
     right = scale.duration / unit
     framed(axes, TIME_WIDTH - TIME_LEFT - TIME_RIGHT)
@@ -309,7 +313,7 @@ def _frame_time(axes: Axes, path: DrivenPath, scale: Scale) -> None:
                     linewidth=0.5, alpha=0.5, zorder=1.0, gid='boundaries')
 
 
-def is_dense(path: DrivenPath) -> bool:
+def is_dense(path: AlignedDrive) -> bool:
     """
     Return whether so much was sent or seen that lines would be a wall of colour.
 
@@ -320,7 +324,7 @@ def is_dense(path: DrivenPath) -> bool:
 
 
 def _draw_line(
-        axes: Axes, corners: Sequence[Corner], end: float, look: dict[str, Any]) -> None:
+        axes: Axes, corners: Sequence[StepPoint], end: float, look: dict[str, Any]) -> None:
     unit = _unit(end)[1]
     # What is told is held until the next; what is seen changes from one sample to the next.
     held = look['gid'] in HELD
@@ -329,9 +333,9 @@ def _draw_line(
 
 
 def _draw_band(
-        axes: Axes, corners: Sequence[Corner], end: float, look: dict[str, Any]) -> None:
+        axes: Axes, corners: Sequence[StepPoint], end: float, look: dict[str, Any]) -> None:
     unit = _unit(end)[1]
-    found = bands(corners, end, STRETCHES)
+    found = min_max_decimate(corners, end, STRETCHES)
     times = [(band.begin + 0.5 * end / STRETCHES) / unit for band in found]
     lows, highs = [band.lowest for band in found], [band.highest for band in found]
     if look['gid'] == 'planned':
@@ -353,7 +357,7 @@ def _unit(end: float) -> tuple[str, float]:
     return ('min', 60.0) if end > LONG else ('s', 1.0)
 
 
-def end_of(path: DrivenPath) -> float:
+def end_of(path: AlignedDrive) -> float:
     """
     Return how long the axis of time is.
 

@@ -34,13 +34,13 @@ from kachaka_simple_control.report.drive_plots import (
 from kachaka_simple_control.report.json_export import moment
 from kachaka_simple_control.report.metrics import (
     EXTRA,
-    Naive,
     Quantiles,
+    SleepLoopEstimate,
     step_in_words,
-    StepDriven,
+    StepResult,
 )
-from kachaka_simple_control.report.plan_view import amount, counted, fixed
-from kachaka_simple_control.report.summary import Ending, Miss, Summary
+from kachaka_simple_control.report.plan_view import format_fixed, format_number, pluralize
+from kachaka_simple_control.report.summary import OutcomeKind, PoseError, Summary
 
 # What stands below the pictures, and is read aloud for them.
 PATH_SENT = (
@@ -85,7 +85,7 @@ MEANINGS = {
 }
 
 
-def loop_in_words(naive: Naive) -> str:
+def loop_in_words(naive: SleepLoopEstimate) -> str:
     """
     Say what the lesson's loop would have lost, and how that was worked out.
 
@@ -93,7 +93,7 @@ def loop_in_words(naive: Naive) -> str:
     :returns: the inside of a paragraph
     """
     fewer = 'as many messages' if not naive.missing else (
-        f'{counted(abs(naive.missing), "message")} {"fewer" if naive.missing > 0 else "more"}')
+        f'{pluralize(abs(naive.missing), "message")} {"fewer" if naive.missing > 0 else "more"}')
     return (
         '<strong>What the loop of the lesson would have lost.</strong> For what was planned it '
         f'would have taken {number(naive.longer, 3)} s longer, sent {fewer}, and brought a robot '
@@ -101,7 +101,8 @@ def loop_in_words(naive: Naive) -> str:
         f'{degrees(naive.angle)} from the planned end. <span class="note">This is worked out, not '
         'measured here: the loop publishes what is due, waits for as long as that is to be held, '
         'a period at most, and begins again until the time of the step is up; each turn takes '
-        f'{amount(1e3 * EXTRA)} ms longer than it should, as the benchmarks measured it at 10 Hz '
+        f'{format_number(1e3 * EXTRA)} ms longer than it should, as the benchmarks measured it '
+        'at 10 Hz '
         '(docs/why.md). What it loses before a robot listens is not counted.</span>')
 
 
@@ -197,7 +198,7 @@ def number(value: float, digits: int) -> str:
     :param digits: how many stand behind the point
     :returns: its text, or a dash if it is none
     """
-    return fixed(value, digits) if math.isfinite(value) else NOTHING
+    return format_fixed(value, digits) if math.isfinite(value) else NOTHING
 
 
 #: So many steps at each end of a long drive are shown.
@@ -236,7 +237,7 @@ def _pose(name: str, pose: Pose | None, looks: float) -> str:
     return f'<tr><th scope="row">{name}</th>{numbers(cells)}</tr>'
 
 
-def _miss_text(name: str, miss: Miss | None) -> str:
+def _miss_text(name: str, miss: PoseError | None) -> str:
     if miss is None:
         return ''
     return (f'<tr><th scope="row">{name}</th><td class="n" colspan="2">'
@@ -259,16 +260,16 @@ def steps_table(summary: Summary) -> str:
     if len(steps) > 2 * SHOWN:
         left = len(steps) - 2 * SHOWN
         rows.insert(SHOWN, (
-            f'<tr class="gap"><td colspan="6">{counted(left, "step")} left out here; '
+            f'<tr class="gap"><td colspan="6">{pluralize(left, "step")} left out here; '
             '<code>run.json</code> has all</td></tr>'))
     return (f'<table class="steps">{head(STEPS)}<tbody>{"".join(rows)}</tbody></table>')
 
 
-def _ends(rows: list[tuple[int, StepDriven]]) -> list[tuple[int, StepDriven]]:
+def _ends(rows: list[tuple[int, StepResult]]) -> list[tuple[int, StepResult]]:
     return rows if len(rows) <= 2 * SHOWN else rows[:SHOWN] + rows[-SHOWN:]
 
 
-def _step(place: int, step: StepDriven, origin: float, with_motion: bool) -> str:
+def _step(place: int, step: StepResult, origin: float, with_motion: bool) -> str:
     movement = step.movement
     start = movement.began - origin
     duration = movement.stage.end - movement.stage.start
@@ -306,7 +307,7 @@ def motions_table(summary: Summary) -> str:
             f'</th>{("".join(map(_right, (began, number(motion.plan.duration, 2)))))}'
             f'<td>{text(how)}</td></tr>')
     if len(motions) > 2 * SHOWN:
-        left = counted(len(motions) - 2 * SHOWN, 'motion')
+        left = pluralize(len(motions) - 2 * SHOWN, 'motion')
         rows.insert(SHOWN, f'<tr class="gap"><td colspan="5">{left} left out here; '
                            '<code>run.json</code> has all</td></tr>')
     return (f'<table>{head(MOTIONS)}<tbody>{"".join(rows)}</tbody></table>')
@@ -324,7 +325,7 @@ def timing_table(summary: Summary) -> str:
     :returns: the element
     """
     timing = summary.timing
-    rates = ', '.join(f'{amount(1e3 * period)} ms' for period in timing.periods)
+    rates = ', '.join(f'{format_number(1e3 * period)} ms' for period in timing.periods)
     rows = [('period', rates), ('messages due', str(timing.due)),
             ('late', _part(timing.late, timing.due)), ('lost', _part(timing.lost, timing.due)),
             ('away from its time', _spread(timing.lateness)),
@@ -349,11 +350,11 @@ def _spread(found: Quantiles | None) -> str:
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 #: Told apart by shape, for whoever sees no colours.
 SIGNS = {
-    Ending.DONE: '<path d="M5 13l5 5L20 6"/>',
-    Ending.STOPPED: '<path d="M6 6h12v12H6z"/>',
-    Ending.FAULTED: '<path d="M6 6l12 12M18 6L6 18"/>',
-    Ending.KILLED: '<path d="M6 6l12 12M18 6L6 18"/>',
-    Ending.NEVER_BEGAN: '<path d="M5 12h14"/>',
+    OutcomeKind.DONE: '<path d="M5 13l5 5L20 6"/>',
+    OutcomeKind.STOPPED: '<path d="M6 6h12v12H6z"/>',
+    OutcomeKind.FAULTED: '<path d="M6 6l12 12M18 6L6 18"/>',
+    OutcomeKind.KILLED: '<path d="M6 6l12 12M18 6L6 18"/>',
+    OutcomeKind.NEVER_BEGAN: '<path d="M5 12h14"/>',
 }
 
 
@@ -437,7 +438,7 @@ def _stop(summary: Summary) -> tuple[str, str, str]:
 def _ticks(summary: Summary) -> tuple[str, str, str]:
     timing = summary.timing
     return ('Late or lost', str(timing.late + timing.lost),
-            f'of {counted(timing.due, "message")} due; {timing.lost} lost')
+            f'of {pluralize(timing.due, "message")} due; {timing.lost} lost')
 
 
 def _picture(pictures: Mapping[str, str], name: str, caption: str) -> str:
@@ -476,7 +477,7 @@ def _over_time(summary: Summary, pictures: Mapping[str, str]) -> str:
         return ''
     velocities = VELOCITIES_SENT if summary.path.sent else VELOCITIES_PLANNED
     band = '' if not is_dense(summary.path) else (
-        f' {LOWEST} {amount(round(end_of(summary.path) / STRETCHES, 1))} s.')
+        f' {LOWEST} {format_number(round(end_of(summary.path) / STRETCHES, 1))} s.')
     drawn = [_picture(pictures, VELOCITIES, velocities + band),
              _picture(pictures, ERRORS, ERRORS_SEEN + band)]
     return f'<section><h2>Over time</h2><div class="pair">{"".join(drawn)}</div></section>\n'
@@ -489,7 +490,7 @@ def _steps(summary: Summary) -> str:
     names = {motion.planned.motion.name for motion in motions}
     several = ''
     if len(motions) > 1 and (len(names) > 1 or not all(motion.is_whole for motion in motions)):
-        several = (f'<details><summary>{counted(len(motions), "motion")}</summary>'
+        several = (f'<details><summary>{pluralize(len(motions), "motion")}</summary>'
                    f'{motions_table(summary)}</details>')
     return (f'<section><h2>Step by step</h2>{steps_table(summary)}{several}</section>\n')
 
@@ -507,13 +508,13 @@ def _settings(summary: Summary) -> str:
     opened = summary.record.opened
     if opened is None:
         return ''
-    limits = {name: amount(value) for name, value in asdict(opened.limits).items()
+    limits = {name: format_number(value) for name, value in asdict(opened.limits).items()
               if value is not None and math.isfinite(value)}
     robot = {
         'robot': opened.robot, 'velocities go to': opened.velocity_topic,
         'sent as': opened.message_type,
         'odometry comes from': opened.odometry_topic or 'nowhere',
-        'hold [s]': amount(opened.hold) if math.isfinite(opened.hold) else 'none', **limits}
+        'hold [s]': format_number(opened.hold) if math.isfinite(opened.hold) else 'none', **limits}
     return (
         '<details><summary>Settings and versions</summary>'
         f'{named(robot, "The robot; limits in m, rad and s")}'

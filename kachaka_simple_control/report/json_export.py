@@ -23,14 +23,14 @@ import math
 from typing import Any
 
 from kachaka_simple_control.motion.geometry import Pose
-from kachaka_simple_control.report.drive_log import DrivenMotion, Record
+from kachaka_simple_control.report.drive_log import DriveLog, MotionLog
 from kachaka_simple_control.report.metrics import (
     Displacement,
     Quantiles,
     step_in_words,
-    StepDriven,
+    StepResult,
 )
-from kachaka_simple_control.report.summary import Miss, signal_name, Summary
+from kachaka_simple_control.report.summary import PoseError, signal_name, Summary
 
 #: Counts up when a field goes away or changes its meaning; new fields may come at any time.
 FORMAT = 1
@@ -117,7 +117,7 @@ def _verdict(summary: Summary) -> Fields:
         'why': found.why, 'signal': None if signum is None else signal_name(signum)}
 
 
-def _still_after(record: Record) -> float | None:
+def _still_after(record: DriveLog) -> float | None:
     return None if record.closed is None else record.closed.still_after
 
 
@@ -144,7 +144,7 @@ def _quantiles(found: Quantiles | None) -> Fields | None:
         'median_s': found.median, 'p99_s': found.p99, 'worst_s': found.worst}
 
 
-def _motion(motion: DrivenMotion, origin: float) -> Fields:
+def _motion(motion: MotionLog, origin: float) -> Fields:
     return {
         'name': motion.planned.motion.name, 'rate_hz': motion.planned.rate,
         'steps': len(motion.plan.stages), 'planned_duration_s': motion.plan.duration,
@@ -152,7 +152,7 @@ def _motion(motion: DrivenMotion, origin: float) -> Fields:
         'is_whole': motion.is_whole, 'reason': motion.reason}
 
 
-def _step(number: int, step: StepDriven, origin: float) -> Fields:
+def _step(number: int, step: StepResult, origin: float) -> Fields:
     movement = step.movement
     return {
         'number': number, 'motion': step.motion, 'path': movement.stage.path,
@@ -168,7 +168,7 @@ def _displacement(displacement: Displacement | None) -> Fields | None:
         'distance_m': displacement.distance, 'angle_rad': displacement.angle}
 
 
-def _miss(miss: Miss | None) -> Fields | None:
+def _miss(miss: PoseError | None) -> Fields | None:
     return None if miss is None else {'distance_m': miss.distance, 'angle_rad': miss.angle}
 
 

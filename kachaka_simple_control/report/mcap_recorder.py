@@ -24,8 +24,8 @@ import struct
 from typing import Any, cast
 
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity
-from kachaka_simple_control.report.drive_log import Record
-from kachaka_simple_control.report.paths import PathBytes, planned_way
+from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.report.paths import PathSerializer, sample_path
 from kachaka_simple_control.report.rosbag2_metadata import (
     bag_information,
     BEST_EFFORT,
@@ -37,7 +37,13 @@ from kachaka_simple_control.report.rosbag2_metadata import (
     TRANSIENT_LOCAL,
     VELOCITY_TYPES,
 )
-from kachaka_simple_control.telemetry.events import Answered, Began, Event, Opened, Sent
+from kachaka_simple_control.telemetry.events import (
+    Event,
+    MotionStarted,
+    OdometryReceived,
+    SessionStarted,
+    VelocitySent,
+)
 from mcap.data_stream import RecordBuilder
 from mcap.records import DataEnd, Footer
 from mcap.writer import MCAP0_MAGIC, Writer
@@ -137,7 +143,7 @@ class _Cdr:
         return self
 
 
-class BagFile:
+class CrashSafeFile:
     """
     Takes what a writer of MCAP writes, and hands it to the disk with an end behind it.
 
@@ -223,7 +229,7 @@ class BagFile:
 
 PATH_TOPIC = '/kachaka_simple_control/planned_path'
 #: Messages are compressed and indexed in parts of this size at most [bytes].
-CHUNK = 1 << 20
+CHUNK_SIZE = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -241,14 +247,14 @@ class Message:
     data: bytes
 
 
-class Recording:
+class McapRecorder:
     """
     Puts events into a file, in the order of their stamps, whatever order they come in.
 
     Each flush leaves a whole file, though one without an index; that comes at the end.
     """
 
-    def __init__(self, path: Path, opened: Opened, record: Record) -> None:
+    def __init__(self, path: Path, opened: SessionStarted, record: DriveLog) -> None:
         """
         Begin it.
 
@@ -260,13 +266,13 @@ class Recording:
         self._path = path
         self._opened = opened
         self._record = record
-        self._paths = PathBytes(ODOM)
+        self._paths = PathSerializer(ODOM)
         self._pending: list[Message] = []
         self._span: list[int] = []
         self._is_finished = False
-        self._file = BagFile(path, _end())
+        self._file = CrashSafeFile(path, _end())
         # Of a file, the writer wants no more than this one has.
-        self._writer = Writer(cast('Any', self._file), chunk_size=CHUNK)
+        self._writer = Writer(cast('Any', self._file), chunk_size=CHUNK_SIZE)
         self._writer.start('ros2', 'kachaka_simple_control')
         try:
             self._file.flush()
@@ -291,12 +297,12 @@ class Recording:
         :param event: what happened
         """
         match event:
-            case Sent():
+            case VelocitySent():
                 self._take('velocity', event.time, self._velocity(event))
-            case Answered() if 'odometry' in self._channels:
+            case OdometryReceived() if 'odometry' in self._channels:
                 self._take('odometry', event.time, odometry(
                     event.pose, event.velocity, self._stamp(event.time)))
-            case Began():
+            case MotionStarted():
                 self._take('path', event.time, self._path_of(event))
 
     def flush(self, until: float) -> None:
@@ -369,18 +375,18 @@ class Recording:
         first, last = self._span or (0, 0)
         return bag_information([*self._topics.values()], first, last, self._path.name)
 
-    def _velocity(self, sent: Sent) -> bytes:
+    def _velocity(self, sent: VelocitySent) -> bytes:
         if self._opened.message_type == 'Twist':
             return twist(sent.velocity)
         return twist_stamped(
             sent.velocity, self._stamp(sent.time), self._opened.frame)
 
-    def _path_of(self, began: Began) -> bytes:
+    def _path_of(self, began: MotionStarted) -> bytes:
         record = self._record
         start = record.odometry[-1].pose if record.odometry else ORIGIN
         when = self._stamp(began.time)
         return self._paths.path(
-            [self._paths.pose(pose) for pose in planned_way(record.motions[-1].plan, start)],
+            [self._paths.pose(pose) for pose in sample_path(record.motions[-1].plan, start)],
             when)
 
     def _stamp(self, time: float) -> int:

@@ -22,13 +22,19 @@ from itertools import pairwise
 import math
 from typing import NamedTuple
 
-from kachaka_simple_control.motion.geometry import apart, composed, integrate, ORIGIN, Pose
-from kachaka_simple_control.motion.plan import Plan, Segment, Stage
-from kachaka_simple_control.motion.planner import way_of
+from kachaka_simple_control.motion.geometry import (
+    compose,
+    distance_between,
+    integrate,
+    ORIGIN,
+    Pose,
+)
+from kachaka_simple_control.motion.plan import Plan, PlannedStep, Segment
+from kachaka_simple_control.motion.planner import path_segment
 from kachaka_simple_control.motion.steps import Arc, Forward, Move, Step, Turn, Wait
-from kachaka_simple_control.report.drive_log import DrivenMotion, Movement
-from kachaka_simple_control.report.plan_view import in_words, ticks
-from kachaka_simple_control.telemetry.events import Answered, Sent
+from kachaka_simple_control.report.drive_log import MotionLog, StepLog
+from kachaka_simple_control.report.plan_view import describe_step, ticks
+from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySent
 
 
 @dataclass(frozen=True)
@@ -115,7 +121,7 @@ class Timing:
     periods: tuple[float, ...]
 
 
-def timing(motions: Sequence[DrivenMotion]) -> Timing:
+def timing(motions: Sequence[MotionLog]) -> Timing:
     """
     Hold the messages of some motions against their plans.
 
@@ -154,7 +160,7 @@ def due_times(plan: Plan, until: float) -> list[float]:
     return times[:bisect_left(times, until)]
 
 
-def _until(motion: DrivenMotion) -> float:
+def _until(motion: MotionLog) -> float:
     if motion.is_whole or not motion.own_messages:
         return motion.plan.duration
     # A tick that the stop came before cannot be late any more.
@@ -210,12 +216,12 @@ def requested(step: Step) -> Displacement:
     if isinstance(step, Move):
         return Displacement(step.linear_x * step.duration, step.angular_z * step.duration)
     if isinstance(step, (Forward, Turn, Arc)):
-        way = way_of(step)
+        way = path_segment(step)
         return Displacement(way.length, way.angle)
     return Displacement(0.0, 0.0)
 
 
-def sent(messages: Sequence[Sent], hold: float = math.inf) -> Displacement:
+def sent(messages: Sequence[VelocitySent], hold: float = math.inf) -> Displacement:
     """
     Return what a receiver is told that holds each velocity until the next message.
 
@@ -229,7 +235,7 @@ def sent(messages: Sequence[Sent], hold: float = math.inf) -> Displacement:
         math.fsum(velocity.angular_z * interval for velocity, interval in held))
 
 
-def driven(odometry: Sequence[Answered], begin: float, end: float) -> Displacement | None:
+def driven(odometry: Sequence[OdometryReceived], begin: float, end: float) -> Displacement | None:
     """
     Return how far odometry saw the robot go between two times.
 
@@ -249,8 +255,8 @@ def driven(odometry: Sequence[Answered], begin: float, end: float) -> Displaceme
         math.fsum(_wrapped(two.theta - one.theta) for one, two in pairwise(poses)))
 
 
-def boundaries(
-        movements: Sequence[Movement], odometry: Sequence[Answered]) -> list[float]:
+def segment_odometry(
+        movements: Sequence[StepLog], odometry: Sequence[OdometryReceived]) -> list[float]:
     """
     Return where to cut odometry so that each movement gets what it moved.
 
@@ -272,7 +278,7 @@ def boundaries(
     return [*cuts, max(cuts[-1], movements[-1].sent[-1].time)]
 
 
-def pose_at(odometry: Sequence[Answered], time: float) -> Pose:
+def pose_at(odometry: Sequence[OdometryReceived], time: float) -> Pose:
     """
     Return the pose at a time, between the two samples around it.
 
@@ -296,7 +302,7 @@ def _rests(step: Step) -> bool:
     return isinstance(step, Wait) or (isinstance(step, Move) and step.velocity.is_zero)
 
 
-def _time(answer: Answered) -> float:
+def _time(answer: OdometryReceived) -> float:
     return answer.time
 
 
@@ -312,7 +318,7 @@ def _wrapped(angle: float) -> float:
 
 
 @dataclass(frozen=True)
-class StepDriven:
+class StepResult:
     """
     One step that was begun, and what became of it.
 
@@ -323,7 +329,7 @@ class StepDriven:
     :param odometry: what odometry saw; None if it does not cover the step
     """
 
-    movement: Movement
+    movement: StepLog
     motion: str
     requested: Displacement
     sent: Displacement
@@ -343,9 +349,9 @@ class StepDriven:
             self.odometry.distance - wanted.distance, self.odometry.angle - wanted.angle)
 
 
-def steps_driven(
-        movements: Sequence[Movement], names: Sequence[str], odometry: Sequence[Answered],
-        hold: float = math.inf) -> list[StepDriven]:
+def step_results(
+        movements: Sequence[StepLog], names: Sequence[str], odometry: Sequence[OdometryReceived],
+        hold: float = math.inf) -> list[StepResult]:
     """
     Hold each step's messages and odometry against what it asked for.
 
@@ -357,9 +363,9 @@ def steps_driven(
     """
     if not movements:
         return []
-    cuts = pairwise(boundaries(movements, odometry))
+    cuts = pairwise(segment_odometry(movements, odometry))
     return [
-        StepDriven(movement, name, requested(movement.step), sent(movement.sent, hold),
+        StepResult(movement, name, requested(movement.step), sent(movement.sent, hold),
                    driven(odometry, begin, end))
         for movement, name, (begin, end) in zip(movements, names, cuts)]
 
@@ -372,8 +378,8 @@ def step_in_words(step: Step) -> str:
     :returns: a few words, with units
     """
     if isinstance(step, Move):
-        return f'{in_words(step).removeprefix("move ")} for {step.duration:g} s'
-    return in_words(step)
+        return f'{describe_step(step).removeprefix("move ")} for {step.duration:g} s'
+    return describe_step(step)
 
 
 #: By how much a turn of the lesson's loop is longer than its period [s].  Measured by the
@@ -382,7 +388,7 @@ EXTRA = 0.0008
 
 
 @dataclass(frozen=True)
-class Naive:
+class SleepLoopEstimate:
     """
     What a loop would have made of some plans that publishes, waits, and begins again.
 
@@ -398,7 +404,7 @@ class Naive:
     angle: float
 
 
-def naive(plans: Sequence[Plan]) -> Naive:
+def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
     """
     Let the lesson's loop walk some plans, one after the other.
 
@@ -413,22 +419,24 @@ def naive(plans: Sequence[Plan]) -> Naive:
     took = 0.0
     turns = 0
     for plan in plans:
-        wanted = composed(wanted, plan.pose)
-        ways: dict[str, _Way] = {}
+        wanted = compose(wanted, plan.pose)
+        ways: dict[str, _LoopStep] = {}
         index = 0
         for stage in plan.stages:
             count = _count(plan.segments, index, stage)
             if stage.path not in ways:
-                ways[stage.path] = _way(stage, plan.segments[index:index + count], plan.period)
+                ways[stage.path] = _loop_step(
+                    stage, plan.segments[index:index + count], plan.period)
             index += count
             way = ways[stage.path]
-            pose, took, turns = composed(pose, way.end), took + way.took, turns + way.turns
-    distance, angle = apart(wanted, pose)
+            pose, took, turns = compose(pose, way.end), took + way.took, turns + way.turns
+    distance, angle = distance_between(wanted, pose)
     due = sum(ticks(segment, plan.period) for plan in plans for segment in plan.segments)
-    return Naive(took - sum(plan.duration for plan in plans), due - turns, distance, angle)
+    return SleepLoopEstimate(
+        took - sum(plan.duration for plan in plans), due - turns, distance, angle)
 
 
-class _Way(NamedTuple):
+class _LoopStep(NamedTuple):
     """The loop's way through a step; the same each time that the step is repeated."""
 
     end: Pose
@@ -436,11 +444,11 @@ class _Way(NamedTuple):
     turns: int
 
 
-def _count(segments: Sequence[Segment], first: int, stage: Stage) -> int:
+def _count(segments: Sequence[Segment], first: int, stage: PlannedStep) -> int:
     return bisect_left(segments, stage.end, first, key=_start) - first
 
 
-def _way(stage: Stage, segments: Sequence[Segment], period: float) -> _Way:
+def _loop_step(stage: PlannedStep, segments: Sequence[Segment], period: float) -> _LoopStep:
     pose, time, turns, index = ORIGIN, stage.start, 0, 0
     while segments and time < stage.end:
         while index + 1 < len(segments) and segments[index].end <= time:
@@ -451,7 +459,7 @@ def _way(stage: Stage, segments: Sequence[Segment], period: float) -> _Way:
             pose = integrate(pose, segment.velocity, turn)
         time += turn
         turns += 1
-    return _Way(pose, time - stage.start, turns)
+    return _LoopStep(pose, time - stage.start, turns)
 
 
 def _start(segment: Segment) -> float:

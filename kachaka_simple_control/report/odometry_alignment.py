@@ -22,26 +22,26 @@ import math
 from typing import NamedTuple
 
 from kachaka_simple_control.motion.geometry import (
-    apart,
-    composed,
+    compose,
+    distance_between,
     integrate,
     ORIGIN,
     Pose,
-    seen_from,
+    relative_to,
     Velocity,
 )
-from kachaka_simple_control.report.drive_log import DrivenMotion, Record
-from kachaka_simple_control.telemetry.events import Answered, Sent
+from kachaka_simple_control.report.drive_log import DriveLog, MotionLog
+from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySent
 
 
-class Reckoning:
+class DeadReckoning:
     """
     The way of a robot that keeps each velocity until the next, but not longer than its hold.
 
     It stands at the origin when the first message comes.
     """
 
-    def __init__(self, messages: Sequence[Sent], hold: float) -> None:
+    def __init__(self, messages: Sequence[VelocitySent], hold: float) -> None:
         """
         Work it out.
 
@@ -57,7 +57,7 @@ class Reckoning:
             if not self.times or sent.time >= self.times[-1]:
                 self._hear(sent)
 
-    def _hear(self, sent: Sent) -> None:
+    def _hear(self, sent: VelocitySent) -> None:
         if not self.times:
             pose = ORIGIN
         elif self._velocities[-1].is_zero:
@@ -110,7 +110,7 @@ FAR = 1e6
 
 
 @dataclass(frozen=True)
-class Start:
+class MotionStart:
     """
     Where and when a motion was to begin.
 
@@ -119,12 +119,12 @@ class Start:
     :param time: when [s after t = 0 of the drive]; None if it never began
     """
 
-    motion: DrivenMotion
+    motion: MotionLog
     pose: Pose
     time: float | None
 
 
-class Odometry(NamedTuple):
+class OdometrySample(NamedTuple):
     """
     What odometry saw, in the frame of the drive.
 
@@ -137,12 +137,12 @@ class Odometry(NamedTuple):
 
     time: float
     pose: Pose
-    answer: Answered
+    answer: OdometryReceived
     distance: float
     angle: float
 
 
-class DrivenPath:
+class AlignedDrive:
     """
     All of a drive in one frame: its origin is where the robot stood at t = 0, looking along x.
 
@@ -150,7 +150,7 @@ class DrivenPath:
     that, is where the messages sent by then should have brought the robot.
     """
 
-    def __init__(self, record: Record) -> None:
+    def __init__(self, record: DriveLog) -> None:
         """
         Work it out.
 
@@ -162,7 +162,7 @@ class DrivenPath:
         self.began = began[0] if began else math.nan
         #: every message from t = 0 on
         self.sent = _from(record.sent, self.began)
-        self.reckoning = Reckoning(self.sent, hold)
+        self.reckoning = DeadReckoning(self.sent, hold)
         #: all motions, one after the other
         self.starts = self._starts(record.motions)
         #: odometry from t = 0 on
@@ -181,17 +181,17 @@ class DrivenPath:
         last = self.sent[-1].time - self.began if self.sent else 0.0
         return max([last, *planned])
 
-    def _starts(self, motions: Sequence[DrivenMotion]) -> list[Start]:
-        starts: list[Start] = []
+    def _starts(self, motions: Sequence[MotionLog]) -> list[MotionStart]:
+        starts: list[MotionStart] = []
         for motion in motions:
             pose = _end_of(starts)
             if starts and motion.has_begun and not starts[-1].motion.is_whole:
                 pose = self.reckoning.at(motion.began)
-            starts.append(Start(
+            starts.append(MotionStart(
                 motion, pose, motion.began - self.began if motion.has_begun else None))
         return starts
 
-    def _seen(self, answers: Sequence[Answered]) -> list[Odometry]:
+    def _seen(self, answers: Sequence[OdometryReceived]) -> list[OdometrySample]:
         if not self.sent:
             return []
         first = bisect_left(answers, self.began, key=_time)
@@ -203,32 +203,32 @@ class DrivenPath:
         seen = []
         for answer in answers:
             should = self.reckoning.at(answer.time)
-            pose = composed(frame, answer.pose)
-            distance, angle = apart(should, pose)
+            pose = compose(frame, answer.pose)
+            distance, angle = distance_between(should, pose)
             # Odometry tells headings within a turn; the robot may have made more of them.
             pose = Pose(pose.x, pose.y, should.theta + angle)
-            seen.append(Odometry(answer.time - self.began, pose, answer, distance, angle))
+            seen.append(OdometrySample(answer.time - self.began, pose, answer, distance, angle))
         return seen
 
-    def _frame(self, answers: Sequence[Answered]) -> Pose:
+    def _frame(self, answers: Sequence[OdometryReceived]) -> Pose:
         # The last one that came before t = 0, or the first of all.
-        return composed(
-            self.reckoning.at(answers[0].time), seen_from(answers[0].pose, ORIGIN))
+        return compose(
+            self.reckoning.at(answers[0].time), relative_to(answers[0].pose, ORIGIN))
 
 
-def _end_of(starts: Sequence[Start]) -> Pose:
-    return composed(starts[-1].pose, starts[-1].motion.plan.pose) if starts else ORIGIN
+def _end_of(starts: Sequence[MotionStart]) -> Pose:
+    return compose(starts[-1].pose, starts[-1].motion.plan.pose) if starts else ORIGIN
 
 
-def _from(messages: Sequence[Sent], began: float) -> list[Sent]:
+def _from(messages: Sequence[VelocitySent], began: float) -> list[VelocitySent]:
     return [sent for sent in messages if sent.time >= began - 1e-6]
 
 
-def _is_plausible(answer: Answered) -> bool:
+def _is_plausible(answer: OdometryReceived) -> bool:
     pose, velocity = answer.pose, answer.velocity
     return math.isfinite(answer.time) and all(abs(value) < FAR for value in (
         pose.x, pose.y, pose.theta, velocity.linear_x, velocity.angular_z))
 
 
-def _time(answer: Answered) -> float:
+def _time(answer: OdometryReceived) -> float:
     return answer.time

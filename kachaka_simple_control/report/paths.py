@@ -22,8 +22,8 @@ import math
 import struct
 from typing import Any
 
-from kachaka_simple_control.motion.geometry import advance, composed, ORIGIN, Point, Pose
-from kachaka_simple_control.motion.plan import Plan, Stage
+from kachaka_simple_control.motion.geometry import advance, compose, ORIGIN, Point, Pose
+from kachaka_simple_control.motion.plan import Plan, PlannedStep
 from kachaka_simple_control.motion.steps import Arc, Forward, Move
 
 #: How far a line turns between two of its points [rad]: 4 degrees, off by 1/1600 of the radius.
@@ -43,7 +43,7 @@ Cell = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ArcSegment:
     """
     The path of one step: its curvature is the same all along.
 
@@ -113,7 +113,7 @@ class Stretch:
         return math.copysign(math.tau, self.angle) + math.fmod(self.angle, math.tau)
 
 
-def stretches(plan: Plan) -> list[Stretch]:
+def arc_segments(plan: Plan) -> list[ArcSegment]:
     """
     Return the path of each step of a plan.
 
@@ -121,11 +121,11 @@ def stretches(plan: Plan) -> list[Stretch]:
     :returns: its paths, each beginning where the one before ends
     """
     starts = [ORIGIN, *(stage.pose for stage in plan.stages)]
-    return [Stretch(start, _signed(stage), stage.pose.theta - start.theta)
+    return [ArcSegment(start, _signed(stage), stage.pose.theta - start.theta)
             for start, stage in zip(starts, plan.stages)]
 
 
-def _signed(stage: Stage) -> float:
+def _signed(stage: PlannedStep) -> float:
     step = stage.step
     if isinstance(step, Move):
         return math.copysign(stage.length, step.linear_x)
@@ -134,7 +134,7 @@ def _signed(stage: Stage) -> float:
     return math.copysign(stage.length, step.angle) if isinstance(step, Arc) else stage.length
 
 
-def line(paths: Iterable[Stretch], grain: float) -> list[Point]:
+def polyline(paths: Iterable[ArcSegment], grain: float) -> list[Point]:
     """
     Return the line through all paths.
 
@@ -196,7 +196,7 @@ SPACING = 0.01
 TURN = math.radians(4.0)
 
 
-class Trail:
+class PoseHistory:
     """
     The way of a robot, in poses that are some way apart; pure, and never longer than it may be.
 
@@ -242,10 +242,10 @@ class Trail:
 
 
 #: So many poses at most, where nobody says another number.
-MOST = 2000
+MAX_POSES = 2000
 
 
-def planned_way(plan: Plan, start: Pose = ORIGIN, most: int = MOST) -> list[Pose]:
+def sample_path(plan: Plan, start: Pose = ORIGIN, most: int = MAX_POSES) -> list[Pose]:
     """
     Return where a plan goes.
 
@@ -256,14 +256,14 @@ def planned_way(plan: Plan, start: Pose = ORIGIN, most: int = MOST) -> list[Pose
     """
     if len(plan.stages) >= most:
         ends = [ORIGIN, *(stage.pose for stage in plan.stages)]
-        return [composed(start, pose) for pose in _some(ends, most)]
-    paths = stretches(plan)
+        return [compose(start, pose) for pose in _some(ends, most)]
+    paths = arc_segments(plan)
     # Were they all of one length, none would be without its end.
     coarseness = max(1.0, sum(path.count for path in paths) / most)
     poses = [ORIGIN]
     for path in paths:
         poses += path.poses(math.ceil(path.count / coarseness))
-    return [composed(start, pose) for pose in _some(poses, most)]
+    return [compose(start, pose) for pose in _some(poses, most)]
 
 
 def _some(poses: list[Pose], most: int) -> list[Pose]:
@@ -281,7 +281,7 @@ LENGTH = struct.Struct('<I')
 DOUBLE = 8
 
 
-class PathBytes:
+class PathSerializer:
     """Packs poses, and paths of packed poses, in one frame."""
 
     def __init__(self, frame: str) -> None:

@@ -26,15 +26,20 @@ import warnings
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import (
     advance,
-    nose,
+    front_point,
     ORIGIN,
     outline,
-    place,
     Point,
     Pose,
+    transform_point,
 )
-from kachaka_simple_control.report.paths import distinct, line, Stretch, stretches
-from kachaka_simple_control.report.plan_view import amount, counted, fixed, Preview
+from kachaka_simple_control.report.paths import arc_segments, ArcSegment, distinct, polyline
+from kachaka_simple_control.report.plan_view import (
+    format_fixed,
+    format_number,
+    PlanView,
+    pluralize,
+)
 from kachaka_simple_control.report.plot_style import BLUE, framed, GREEN, GREY, nice, ORANGE, style
 from kachaka_simple_control.report.text_tables import one_line
 from kachaka_simple_control.report.velocity_plot import ANGULAR, draw_velocity, LINEAR, scale
@@ -84,7 +89,7 @@ class Area(NamedTuple):
     height: float
 
 
-def extent(previews: Sequence[Preview], proportion: float) -> Area:
+def extent(previews: Sequence[PlanView], proportion: float) -> Area:
     """
     Return an area with room for all paths and the robots on them.
 
@@ -102,22 +107,22 @@ def extent(previews: Sequence[Preview], proportion: float) -> Area:
                 width, height)
 
 
-def _reached(preview: Preview) -> list[Point]:
-    points = line(stretches(preview.plan), 0.001)
+def _reached(preview: PlanView) -> list[Point]:
+    points = polyline(arc_segments(preview.plan), 0.001)
     if preview.footprint is not None:
         for pose in distinct(_stops(preview), 0.001, len(points) + len(preview.plan.stages)):
             points += outline(preview.footprint, pose)
-        radius = nose(preview.footprint, ORIGIN)[0] * TURN
+        radius = front_point(preview.footprint, ORIGIN)[0] * TURN
         for turn in _turns(preview):
             points += turn.sweep(radius)
     return [point for point in points if not math.isnan(point[0])]
 
 
-def _stops(preview: Preview) -> list[Pose]:
+def _stops(preview: PlanView) -> list[Pose]:
     return [ORIGIN, *(stage.pose for stage in preview.plan.stages)]
 
 
-def draw_path(axes: Axes, preview: Preview, area: Area) -> None:
+def draw_path(axes: Axes, preview: PlanView, area: Area) -> None:
     """
     Draw the path of a plan, with the robot at its start and at the end of each step.
 
@@ -133,8 +138,8 @@ def draw_path(axes: Axes, preview: Preview, area: Area) -> None:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MultipleLocator(nice(area.height / 8.0)))
     grain = area.height * GRAIN
-    paths = stretches(preview.plan)
-    points = line(paths, grain)
+    paths = arc_segments(preview.plan)
+    points = polyline(paths, grain)
     axes.plot([x for x, _ in points], [y for _, y in points], color=BLUE, linewidth=1.6,
               solid_joinstyle='round', zorder=3.0, gid='path')
     _draw_robots(axes, preview, grain, _reach(preview, area))
@@ -149,15 +154,15 @@ def draw_path(axes: Axes, preview: Preview, area: Area) -> None:
 
 
 
-def _reach(preview: Preview, area: Area) -> float:
+def _reach(preview: PlanView, area: Area) -> float:
     shape = preview.footprint
-    return area.height * TICK if shape is None else nose(shape, ORIGIN)[0]
+    return area.height * TICK if shape is None else front_point(shape, ORIGIN)[0]
 
 
-def _turns(preview: Preview) -> list[Stretch]:
+def _turns(preview: PlanView) -> list[ArcSegment]:
     # One of each kind, however often it is repeated.
-    kinds: dict[tuple[float, ...], Stretch] = {}
-    for path in stretches(preview.plan):
+    kinds: dict[tuple[float, ...], ArcSegment] = {}
+    for path in arc_segments(preview.plan):
         start = path.start
         kind = (round(start.x, 3), round(start.y, 3), round(start.theta % math.tau, 2),
                 round(path.angle, 2))
@@ -166,7 +171,7 @@ def _turns(preview: Preview) -> list[Stretch]:
     return list(kinds.values()) if len(kinds) <= MOST_TURNS else []
 
 
-def _draw_robots(axes: Axes, preview: Preview, grain: float, reach: float) -> None:
+def _draw_robots(axes: Axes, preview: PlanView, grain: float, reach: float) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
     poses = distinct(_stops(preview), grain, MAX_MARKS)
@@ -179,11 +184,11 @@ def _draw_robots(axes: Axes, preview: Preview, grain: float, reach: float) -> No
                 [outline(shape, pose)], facecolor='none', edgecolor=colour, linewidth=width,
                 zorder=2.0))
     axes.add_collection(LineCollection(
-        [[(pose.x, pose.y), place((reach, 0.0), pose)] for pose in poses], colors=GREY,
+        [[(pose.x, pose.y), transform_point((reach, 0.0), pose)] for pose in poses], colors=GREY,
         linewidths=1.2, zorder=2.5, gid='headings'))
 
 
-def _draw_turns(axes: Axes, turns: Sequence[Stretch], radius: float) -> None:
+def _draw_turns(axes: Axes, turns: Sequence[ArcSegment], radius: float) -> None:
     from matplotlib.collections import LineCollection
 
     if not turns:
@@ -193,7 +198,8 @@ def _draw_turns(axes: Axes, turns: Sequence[Stretch], radius: float) -> None:
         gid='turns'))
     ends = [advance(turn.start, 0.0, turn.angle) for turn in turns]
     _draw_arrows(axes, [
-        Pose(*place((radius, 0.0), end), end.theta + math.copysign(math.pi / 2.0, turn.angle))
+        Pose(*transform_point((radius, 0.0), end),
+        end.theta + math.copysign(math.pi / 2.0, turn.angle))
         for turn, end in zip(turns, ends)], ORANGE)
 
 
@@ -249,7 +255,7 @@ BOTTOM, HEIGHT, BETWEEN = 0.5, 3.2, 0.3
 NAME_TOP, FIGURES_TOP = 0.17, 0.42
 
 
-def save_plot(file: str | os.PathLike[str], previews: Sequence[Preview]) -> None:
+def save_plot(file: str | os.PathLike[str], previews: Sequence[PlanView]) -> None:
     """
     Draw plans, one below the other and to the same scales, and save the picture.
 
@@ -295,7 +301,7 @@ def check_plot_file(file: str | os.PathLike[str]) -> Path:
     return path
 
 
-def draw(previews: Sequence[Preview]) -> Figure:
+def draw(previews: Sequence[PlanView]) -> Figure:
     """
     Draw plans, one below the other and to the same scales.
 
@@ -342,7 +348,7 @@ class _Row:
         framed(axes, width)
         return axes
 
-    def title(self, preview: Preview) -> None:
+    def title(self, preview: PlanView) -> None:
         for text, top, look in (
                 (_name(preview), NAME_TOP, {'fontsize': 12.0, 'fontweight': 'bold'}),
                 (_figures(preview), FIGURES_TOP, {'color': '#444444'})):
@@ -350,18 +356,18 @@ class _Row:
                 PATH_LEFT / WIDTH, (self._base + ROW - top) / self._height, text, va='top', **look)
 
 
-def _name(preview: Preview) -> str:
+def _name(preview: PlanView) -> str:
     return _plain(f'{one_line(preview.name, 50)} on {one_line(preview.robot, 30)}')
 
 
-def _figures(preview: Preview) -> str:
+def _figures(preview: PlanView) -> str:
     plan = preview.plan
     end = plan.pose
-    return (f'{plan.duration:.3f} s, {plan.length:.3f} m, {counted(len(plan.stages), "step")}; '
-            f'ends at x {fixed(end.x, 3)} m, y {fixed(end.y, 3)} m, heading '
-            f'{fixed(math.degrees(end.theta), 1)}°; '
-            f'{counted(preview.messages, "velocity", "velocities")} at '
-            f'{amount(preview.rate)} Hz')
+    return (f'{plan.duration:.3f} s, {plan.length:.3f} m, {pluralize(len(plan.stages), "step")}; '
+            f'ends at x {format_fixed(end.x, 3)} m, y {format_fixed(end.y, 3)} m, heading '
+            f'{format_fixed(math.degrees(end.theta), 1)}°; '
+            f'{pluralize(preview.messages, "velocity", "velocities")} at '
+            f'{format_number(preview.rate)} Hz')
 
 
 def _plain(text: str) -> str:

@@ -24,11 +24,11 @@ from kachaka_simple_control.motion.plan import Plan, Segment
 from kachaka_simple_control.motion.steps import Arc, Forward, Move, Repeat, Step, Turn
 
 #: A last tick shorter than this part of a period is rounding, as it is to the player.
-SLIVER = 1e-6
+TIME_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
-class Preview:
+class PlanView:
     """
     A plan to look at before anything moves.
 
@@ -64,10 +64,10 @@ def ticks(segment: Segment, period: float) -> int:
     :param period: how often it is repeated [s]
     :returns: how many
     """
-    return max(1, math.ceil((segment.end - segment.start) / period - SLIVER))
+    return max(1, math.ceil((segment.end - segment.start) / period - TIME_TOLERANCE))
 
 
-def in_words(step: Step) -> str:
+def describe_step(step: Step) -> str:
     """
     Return a step in a person's words; how fast and how long stand elsewhere.
 
@@ -75,19 +75,19 @@ def in_words(step: Step) -> str:
     :returns: a few words, with units
     """
     if isinstance(step, Move):
-        return f'move {amount(step.linear_x)} m/s, {amount(step.angular_z)} rad/s'
+        return f'move {format_number(step.linear_x)} m/s, {format_number(step.angular_z)} rad/s'
     if isinstance(step, Forward):
-        return f'forward {amount(step.distance)} m'
+        return f'forward {format_number(step.distance)} m'
     if isinstance(step, Turn):
-        return f'turn {amount(math.degrees(step.angle))} deg'
+        return f'turn {format_number(math.degrees(step.angle))} deg'
     if isinstance(step, Arc):
-        return f'arc {amount(step.radius)} m, {amount(math.degrees(step.angle))} deg'
+        return f'arc {format_number(step.radius)} m, {format_number(math.degrees(step.angle))} deg'
     if isinstance(step, Repeat):
         return f'repeat {step.times} times'
-    return f'wait {amount(step.duration)} s'
+    return f'wait {format_number(step.duration)} s'
 
 
-def amount(value: float) -> str:
+def format_number(value: float) -> str:
     """
     Return a number as people write it, with up to five digits.
 
@@ -97,7 +97,7 @@ def amount(value: float) -> str:
     return f'{value + 0.0:.5g}'
 
 
-def fixed(value: float, digits: int) -> str:
+def format_fixed(value: float, digits: int) -> str:
     """
     Return a number for a column.
 
@@ -108,7 +108,7 @@ def fixed(value: float, digits: int) -> str:
     return f'{round(value, digits) + 0.0:.{digits}f}'
 
 
-def counted(count: int, one: str, more: str | None = None) -> str:
+def pluralize(count: int, one: str, more: str | None = None) -> str:
     """
     Return how many there are of something.
 

@@ -20,11 +20,11 @@ import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kachaka_simple_control.report.drive_log import Record
-from kachaka_simple_control.telemetry.events import Event, Opened
+from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.telemetry.events import Event, SessionStarted
 
 if TYPE_CHECKING:
-    from kachaka_simple_control.report.mcap_recorder import Recording
+    from kachaka_simple_control.report.mcap_recorder import McapRecorder
 
 NAME = 'run.mcap'
 NEEDS = "it needs mcap 1.5 or newer: pip install 'mcap>=1.5'"
@@ -39,10 +39,10 @@ def lacking() -> str | None:
     return f'{NAME} is left out: {NEEDS}' if importlib.util.find_spec('mcap') is None else None
 
 
-class Bag:
+class FaultTolerantRecorder:
     """A recording that may fail, and says why."""
 
-    def __init__(self, folder: Path, record: Record) -> None:
+    def __init__(self, folder: Path, record: DriveLog) -> None:
         """
         Know where it will be; the file is made when a program begins.
 
@@ -51,7 +51,7 @@ class Bag:
         """
         self._path = folder / NAME
         self._record = record
-        self._recording: Recording | None = None
+        self._recording: McapRecorder | None = None
         #: why there is no recording or not all of it; None as long as there is
         self.failure = lacking()
 
@@ -61,7 +61,7 @@ class Bag:
 
         :param event: what it was
         """
-        if isinstance(event, Opened):
+        if isinstance(event, SessionStarted):
             self._try(lambda: self._begin(event))
         elif (recording := self._recording) is not None:
             self._try(lambda: recording.hear(event))
@@ -93,13 +93,13 @@ class Bag:
             self.failure = self.failure or f'metadata.yaml is left out: {_reason(error)}'
         return self.failure
 
-    def _begin(self, opened: Opened) -> None:
+    def _begin(self, opened: SessionStarted) -> None:
         # Here, for a report can be made without it.
         from mcap.writer import Writer
         if not hasattr(Writer, 'flush'):
             raise ImportError(NEEDS)
-        from kachaka_simple_control.report.mcap_recorder import Recording
-        self._recording = Recording(self._path, opened, self._record)
+        from kachaka_simple_control.report.mcap_recorder import McapRecorder
+        self._recording = McapRecorder(self._path, opened, self._record)
 
     def _try(self, action: Callable[[], None]) -> None:
         if self.failure is not None:

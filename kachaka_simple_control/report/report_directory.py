@@ -24,7 +24,7 @@ from kachaka_simple_control.errors import InvalidMotionError, UsageError
 
 
 @contextlib.contextmanager
-def report_folder(name: str) -> Iterator[None]:
+def prepare_report_dir(name: str) -> Iterator[None]:
     """
     Have a folder for a report; where a block is refused, it leaves no empty folder behind.
 

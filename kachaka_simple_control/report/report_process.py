@@ -27,22 +27,22 @@ import threading
 import time
 from typing import BinaryIO
 
-from kachaka_simple_control.control.output import never_wait, STDERR
-from kachaka_simple_control.control.processes import step_back
+from kachaka_simple_control.control.output import make_nonblocking, STDERR
+from kachaka_simple_control.control.processes import lower_priority
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.report.drive_log import Record
+from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.drive_plots import draw_pictures, Pictures
 from kachaka_simple_control.report.html_page import page
 from kachaka_simple_control.report.json_export import run_json
-from kachaka_simple_control.report.recording import Bag
+from kachaka_simple_control.report.recording import FaultTolerantRecorder
 from kachaka_simple_control.report.summary import Summary
-from kachaka_simple_control.telemetry.event_stream import events
-from kachaka_simple_control.telemetry.events import Audience, Event
+from kachaka_simple_control.telemetry.event_stream import decode
+from kachaka_simple_control.telemetry.events import Event, EventBus
 
 PAGE, PICTURE, FIGURES = 'report.html', 'path.png', 'run.json'
 
 
-def write_report(record: Record, folder: Path, recording: str | None) -> None:
+def write_report(record: DriveLog, folder: Path, recording: str | None) -> None:
     """
     Write ``report.html``, ``path.png`` and ``run.json``, each whole or not at all.
 
@@ -105,7 +105,7 @@ PERIOD = 0.5
 LATENESS = 0.1
 
 
-def outlive() -> None:
+def ignore_signals() -> None:
     """
     End only after the program that drives.
 
@@ -115,7 +115,7 @@ def outlive() -> None:
         signal.signal(signum, signal.SIG_IGN)
 
 
-def heard(stream: BinaryIO) -> Iterator[Event | None]:
+def read_events(stream: BinaryIO) -> Iterator[Event | None]:
     """
     Return what is told, as it comes, and nothing now and then.
 
@@ -129,7 +129,7 @@ def heard(stream: BinaryIO) -> Iterator[Event | None]:
 
     def read() -> None:
         try:
-            for event in events(stream):
+            for event in decode(stream):
                 queue.put(event)
         finally:
             queue.put(None)
@@ -146,7 +146,7 @@ def heard(stream: BinaryIO) -> Iterator[Event | None]:
         yield told
 
 
-def listen(stream: BinaryIO, audience: Audience, bag: Bag) -> None:
+def record_events(stream: BinaryIO, audience: EventBus, bag: FaultTolerantRecorder) -> None:
     """
     Hear all, and hand it to the disk as it comes.
 
@@ -155,7 +155,7 @@ def listen(stream: BinaryIO, audience: Audience, bag: Bag) -> None:
     :param bag: the recording
     """
     due = time.monotonic() + PERIOD
-    for event in heard(stream):
+    for event in read_events(stream):
         if event is not None:
             audience.tell(event)
         now = time.monotonic()
@@ -164,7 +164,7 @@ def listen(stream: BinaryIO, audience: Audience, bag: Bag) -> None:
             due = now + PERIOD
 
 
-def report(record: Record, folder: Path, recording: str | None) -> str | None:
+def report(record: DriveLog, folder: Path, recording: str | None) -> str | None:
     """
     Write the report.
 
@@ -199,15 +199,15 @@ def main() -> int:
 
     :returns: the exit code: 0 if all was written, else 1
     """
-    never_wait(STDERR)
-    step_back()
-    outlive()
+    make_nonblocking(STDERR)
+    lower_priority()
+    ignore_signals()
     folder = Path(sys.argv[1])
-    record, audience = Record(), Audience()
-    bag = Bag(folder, record)
+    record, audience = DriveLog(), EventBus()
+    bag = FaultTolerantRecorder(folder, record)
     audience.join(record.hear)
     audience.join(bag.hear)
-    listen(sys.stdin.buffer, audience, bag)
+    record_events(sys.stdin.buffer, audience, bag)
     recording = bag.finish()
     for text in filter(None, (recording, *map(repr, audience.failures))):
         say(text)

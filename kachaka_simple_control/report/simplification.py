@@ -21,10 +21,10 @@ import math
 from typing import NamedTuple
 
 from kachaka_simple_control.motion.geometry import Point
-from kachaka_simple_control.report.velocity_plot import Corner
+from kachaka_simple_control.report.velocity_plot import StepPoint
 
 
-def straightened(points: Sequence[Point], grain: float, most: int) -> list[Point]:
+def simplify(points: Sequence[Point], grain: float, most: int) -> list[Point]:
     """
     Leave away the points of a path that lie on the way from one that stays to the next.
 
@@ -102,7 +102,7 @@ class Band(NamedTuple):
     highest: float
 
 
-def bands(corners: Sequence[Corner], end: float, count: int) -> list[Band]:
+def min_max_decimate(corners: Sequence[StepPoint], end: float, count: int) -> list[Band]:
     """
     Return between which values something was, in stretches of equal length.
 

@@ -21,18 +21,18 @@ from functools import cached_property
 import math
 import signal
 
-from kachaka_simple_control.motion.geometry import apart, Pose
-from kachaka_simple_control.report.drive_log import DrivenMotion, Record
+from kachaka_simple_control.motion.geometry import distance_between, Pose
+from kachaka_simple_control.report.drive_log import DriveLog, MotionLog
 from kachaka_simple_control.report.metrics import (
-    Naive,
-    naive,
-    StepDriven,
-    steps_driven,
+    estimate_sleep_loop,
+    SleepLoopEstimate,
+    step_results,
+    StepResult,
     Timing,
     timing,
 )
-from kachaka_simple_control.report.odometry_alignment import DrivenPath, Odometry
-from kachaka_simple_control.report.plan_view import counted
+from kachaka_simple_control.report.odometry_alignment import AlignedDrive, OdometrySample
+from kachaka_simple_control.report.plan_view import pluralize
 
 #: What to say of a program whose end nobody told.
 UNHEARD = (
@@ -40,7 +40,7 @@ UNHEARD = (
     'without telling its report')
 
 
-class Ending(Enum):
+class OutcomeKind(Enum):
     """The ways in which a drive can end; the value is the word for it."""
 
     DONE = 'done'
@@ -51,7 +51,7 @@ class Ending(Enum):
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Outcome:
     """
     How a drive came out.
 
@@ -60,12 +60,12 @@ class Verdict:
     :param why: sentences that say why, and how far it came
     """
 
-    ending: Ending
+    ending: OutcomeKind
     headline: str
     why: str
 
 
-def verdict(record: Record) -> Verdict:
+def outcome(record: DriveLog) -> Outcome:
     """
     Say how a drive came out.
 
@@ -74,11 +74,11 @@ def verdict(record: Record) -> Verdict:
     """
     closed = record.closed
     if closed is None:
-        return Verdict(Ending.KILLED, 'Killed', f'{UNHEARD}. {_progress(record)}')
+        return Outcome(OutcomeKind.KILLED, 'Killed', f'{UNHEARD}. {_progress(record)}')
     if closed.signal is not None:
         name = signal_name(closed.signal)
-        return Verdict(
-            Ending.STOPPED, f'Stopped by {name}',
+        return Outcome(
+            OutcomeKind.STOPPED, f'Stopped by {name}',
             f'{name} ended the program. {_earlier(record, name)}{_progress(record)}')
     return _by_motions(record, closed.error)
 
@@ -96,30 +96,30 @@ def signal_name(number: int) -> str:
         return f'signal {number}'
 
 
-def _by_motions(record: Record, error: str | None) -> Verdict:
+def _by_motions(record: DriveLog, error: str | None) -> Outcome:
     reason = _reason(record, faults=True) or error
     if not any(motion.has_begun for motion in record.motions):
-        return Verdict(
-            Ending.NEVER_BEGAN, 'Never began',
+        return Outcome(
+            OutcomeKind.NEVER_BEGAN, 'Never began',
             _sentence(reason or _reason(record) or 'The program ended without driving'))
     if reason is not None:
-        return Verdict(
-            Ending.FAULTED, 'Faulted', f'{_sentence(reason)} {_progress(record)}')
+        return Outcome(
+            OutcomeKind.FAULTED, 'Faulted', f'{_sentence(reason)} {_progress(record)}')
     if (asked := _reason(record)) is not None:
-        return Verdict(
-            Ending.STOPPED, 'Stopped on request', f'{_sentence(asked)} {_progress(record)}')
+        return Outcome(
+            OutcomeKind.STOPPED, 'Stopped on request', f'{_sentence(asked)} {_progress(record)}')
     if not all(motion.is_whole for motion in record.motions):
-        return Verdict(
-            Ending.FAULTED, 'Not finished', f'Nobody told why. {_progress(record)}')
-    return Verdict(Ending.DONE, 'Done', _progress(record))
+        return Outcome(
+            OutcomeKind.FAULTED, 'Not finished', f'Nobody told why. {_progress(record)}')
+    return Outcome(OutcomeKind.DONE, 'Done', _progress(record))
 
 
-def _reason(record: Record, faults: bool = False) -> str | None:
+def _reason(record: DriveLog, faults: bool = False) -> str | None:
     return next((motion.reason for motion in record.motions
                  if motion.reason is not None and (motion.is_fault or not faults)), None)
 
 
-def _earlier(record: Record, name: str) -> str:
+def _earlier(record: DriveLog, name: str) -> str:
     # Standing by, a program drives on after a motion that came to nothing.
     reason = _reason(record)
     if reason is None or reason == f'stopped by {name}':
@@ -132,7 +132,7 @@ def _sentence(text: str) -> str:
     return text[0].upper() + text[1:] + ('' if text[-1] in '.!?' else '.')
 
 
-def _progress(record: Record) -> str:
+def _progress(record: DriveLog) -> str:
     begun = [motion for motion in record.motions if motion.has_begun]
     if not begun:
         return 'No motion had begun.'
@@ -141,30 +141,30 @@ def _progress(record: Record) -> str:
     if cut is None:
         steps = sum(len(motion.plan.stages) for motion in whole)
         more = len(record.motions) - len(begun)
-        left = f' {counted(more, "motion")} more did not begin.' if more else ''
+        left = f' {pluralize(more, "motion")} more did not begin.' if more else ''
         if len(whole) == 1:
             return f'Its motion was driven to its end, {_all_of(steps)}.{left}'
         return (f'{len(whole)} motions were driven to their end, '
-                f'{counted(steps, "step")} in all.{left}')
+                f'{pluralize(steps, "step")} in all.{left}')
     return _how_far(cut, len(whole), len(begun))
 
 
 def _all_of(steps: int) -> str:
-    return f'all {steps} steps' if steps > 1 else counted(steps, 'step')
+    return f'all {steps} steps' if steps > 1 else pluralize(steps, 'step')
 
 
-def _how_far(cut: DrivenMotion, whole: int, begun: int) -> str:
+def _how_far(cut: MotionLog, whole: int, begun: int) -> str:
     movements = cut.movements
     stages = len(cut.plan.stages)
     at = cut.own_messages[-1].time - cut.began if cut.own_messages else 0.0
     where = f'in step {len(movements)} of {stages}, ' if movements else ''
-    others = f'; of {counted(begun, "motion")} {whole} were driven to their end' if whole else ''
+    others = f'; of {pluralize(begun, "motion")} {whole} were driven to their end' if whole else ''
     return (f'The motion ended {where}{at:.2f} s after its t = 0, of '
             f'{cut.plan.duration:.2f} s{others}.')
 
 
 @dataclass(frozen=True)
-class Miss:
+class PoseError:
     """
     How far odometry saw the robot from where it should have been.
 
@@ -183,7 +183,7 @@ class Summary:
     :param record: what happened
     """
 
-    def __init__(self, record: Record) -> None:
+    def __init__(self, record: DriveLog) -> None:
         """
         Take a record; it changes no more.
 
@@ -192,23 +192,23 @@ class Summary:
         self.record = record
 
     @cached_property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> Outcome:
         """How it came out."""
-        return verdict(self.record)
+        return outcome(self.record)
 
     @cached_property
-    def path(self) -> DrivenPath:
+    def path(self) -> AlignedDrive:
         """Where it was planned, sent and seen to go."""
-        return DrivenPath(self.record)
+        return AlignedDrive(self.record)
 
     @cached_property
-    def steps(self) -> list[StepDriven]:
+    def steps(self) -> list[StepResult]:
         """The steps that were begun."""
         pairs = [(movement, motion.planned.motion.name) for motion in self.record.motions
                  for movement in motion.movements if movement.sent]
         opened = self.record.opened
         odometry = [seen.answer for seen in self.path.odometry]
-        return steps_driven([one for one, _ in pairs], [name for _, name in pairs], odometry,
+        return step_results([one for one, _ in pairs], [name for _, name in pairs], odometry,
                             math.inf if opened is None else opened.hold)
 
     @cached_property
@@ -217,9 +217,9 @@ class Summary:
         return timing(self.record.motions)
 
     @cached_property
-    def naive(self) -> Naive:
+    def naive(self) -> SleepLoopEstimate:
         """What the lesson's loop would have made of all that was planned."""
-        return naive([motion.plan for motion in self.record.motions])
+        return estimate_sleep_loop([motion.plan for motion in self.record.motions])
 
     @property
     def planned_duration(self) -> float:
@@ -235,7 +235,7 @@ class Summary:
             if motion.own_messages)
 
     @property
-    def last_seen(self) -> Odometry | None:
+    def last_seen(self) -> OdometrySample | None:
         """What odometry told last; None if it told nothing since t = 0."""
         return self.path.odometry[-1] if self.path.odometry else None
 
@@ -245,14 +245,14 @@ class Summary:
         return None if self.last_seen is None else self.last_seen.pose
 
     @property
-    def miss_of_plan(self) -> Miss | None:
+    def miss_of_plan(self) -> PoseError | None:
         """How far from the planned end that is; None if it was not to be reached or not seen."""
         if self.end is None or not all(motion.is_whole for motion in self.record.motions):
             return None
-        return Miss(*apart(self.path.planned_end, self.end))
+        return PoseError(*distance_between(self.path.planned_end, self.end))
 
     @property
-    def miss_of_sent(self) -> Miss | None:
+    def miss_of_sent(self) -> PoseError | None:
         """How far from where the messages should have brought it that is."""
-        return None if self.last_seen is None else Miss(
+        return None if self.last_seen is None else PoseError(
             self.last_seen.distance, self.last_seen.angle)

@@ -23,17 +23,23 @@ import unicodedata
 
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import Plan, Stage
-from kachaka_simple_control.report.drive_log import Movement, Record
+from kachaka_simple_control.motion.plan import Plan, PlannedStep
+from kachaka_simple_control.report.drive_log import DriveLog, StepLog
 from kachaka_simple_control.report.metrics import (
-    boundaries,
     Displacement,
     driven,
     requested,
+    segment_odometry,
     sent,
     step_in_words,
 )
-from kachaka_simple_control.report.plan_view import amount, counted, fixed, in_words, Preview
+from kachaka_simple_control.report.plan_view import (
+    describe_step,
+    format_fixed,
+    format_number,
+    PlanView,
+    pluralize,
+)
 
 #: The widest table: what most terminals show without breaking lines.
 WIDEST = 99
@@ -113,9 +119,9 @@ def _width(text: str) -> int:
 #: About how many lines a person looks at.
 LINES = 60
 #: The longest table of steps; a longer one is cut.
-MOST_STEPS = 40
+MAX_STEPS = 40
 #: A shorter table of steps says nothing.
-FEWEST_STEPS = 8
+MIN_STEPS = 8
 #: What a table of steps has beside its steps, and a comparison beside its motions.
 FRAME, CAPTION = 6, 7
 #: The longest name there is room for.
@@ -128,7 +134,7 @@ FIGURES = (('takes', '[s]'), ('length', '[m]'), ('x', '[m]'), ('y', '[m]'), ('he
 LEGEND = 'Poses: at the end, seen from the start.  Velocities: the largest sent, either way.'
 
 
-def plan_table(previews: Sequence[Preview]) -> str:
+def plan_table(previews: Sequence[PlanView]) -> str:
     """
     Put plans as tables: for each its steps, as long as there is room, and what they add up to.
 
@@ -138,16 +144,16 @@ def plan_table(previews: Sequence[Preview]) -> str:
     if len(previews) == 1:
         preview = previews[0]
         return '\n'.join([
-            *_steps(preview, MOST_STEPS, with_total=True), '', *_sending(preview), LEGEND])
+            *_steps(preview, MAX_STEPS, with_total=True), '', *_sending(preview), LEGEND])
     most = (LINES - CAPTION - len(previews)) // max(1, len(previews)) - FRAME
     lines: list[str] = []
-    if most >= FEWEST_STEPS:
+    if most >= MIN_STEPS:
         for preview in previews:
             lines += [*_steps(preview, most, with_total=False), '']
     return '\n'.join([*lines, *_comparison(previews), '', LEGEND])
 
 
-def _steps(preview: Preview, most: int, with_total: bool) -> list[str]:
+def _steps(preview: PlanView, most: int, with_total: bool) -> list[str]:
     stages = preview.plan.stages
     kept = _kept(stages, most)
     times = Counter(stage.path for stage in stages)
@@ -164,20 +170,20 @@ def _steps(preview: Preview, most: int, with_total: bool) -> list[str]:
     lines = columns(head, rows, rule_above_last=with_total)
     _mark_gaps(lines, kept, stages)
     title = (f'{one_line(preview.name, NAME)} on {one_line(preview.robot, NAME)} '
-             f'at {amount(preview.rate)} Hz')
+             f'at {format_number(preview.rate)} Hz')
     return [title, '', *lines]
 
 
-def _plan_row(index: int, stage: Stage, number: int, times: int) -> Row:
+def _plan_row(index: int, stage: PlannedStep, number: int, times: int) -> Row:
     return (
-        str(index + 1), in_words(stage.step), f'{number} of {times}' if times > 1 else '',
+        str(index + 1), describe_step(stage.step), f'{number} of {times}' if times > 1 else '',
         _time(stage.start),
         *_figures(stage.end - stage.start, stage.length, stage.pose,
                   stage.max_linear_velocity, stage.max_angular_velocity))
 
 
 def _total(plan: Plan) -> Row:
-    return ('', counted(len(plan.stages), 'step'), '', '', *_plan_figures(plan))
+    return ('', pluralize(len(plan.stages), 'step'), '', '', *_plan_figures(plan))
 
 
 def _plan_figures(plan: Plan) -> Row:
@@ -187,11 +193,12 @@ def _plan_figures(plan: Plan) -> Row:
 
 def _figures(duration: float, length: float, pose: Pose, linear: float, angular: float) -> Row:
     return (
-        _time(duration), fixed(length, 3), fixed(pose.x, 3), fixed(pose.y, 3),
-        fixed(math.degrees(pose.theta), 1), fixed(linear, 3), fixed(angular, 3))
+        _time(duration), format_fixed(length, 3), format_fixed(pose.x, 3), format_fixed(pose.y, 3),
+        format_fixed(math.degrees(pose.theta), 1), format_fixed(linear, 3),
+        format_fixed(angular, 3))
 
 
-def _kept(stages: Sequence[Stage], most: int) -> list[int]:
+def _kept(stages: Sequence[PlannedStep], most: int) -> list[int]:
     # What is shown of a long motion: of repeated steps the first time and the last.
     if len(stages) <= most:
         return list(range(len(stages)))
@@ -208,7 +215,7 @@ def _kept(stages: Sequence[Stage], most: int) -> list[int]:
     return [*range(half), *range(len(stages) - half, len(stages))]
 
 
-def _mark_gaps(lines: list[str], kept: Sequence[int], stages: Sequence[Stage]) -> None:
+def _mark_gaps(lines: list[str], kept: Sequence[int], stages: Sequence[PlannedStep]) -> None:
     # From below, so that the places above stay where they are; two lines and a rule are the head.
     for place in range(len(kept) - 1, 0, -1):
         before, after = kept[place - 1], kept[place]
@@ -217,14 +224,14 @@ def _mark_gaps(lines: list[str], kept: Sequence[int], stages: Sequence[Stage]) -
         known = {stages[index].path for index in kept[:place]}
         again = all(stage.path in known for stage in stages[before + 1:after])
         lines.insert(3 + place, (
-            f'... {counted(after - before - 1, "step")}, from {_time(stages[before].end)} s '
+            f'... {pluralize(after - before - 1, "step")}, from {_time(stages[before].end)} s '
             f'to {_time(stages[after].start)} s{", as above" if again else ""} ...'))
 
 
-def _sending(preview: Preview) -> list[str]:
+def _sending(preview: PlanView) -> list[str]:
     count = preview.messages
-    sent = (f'Sent: {counted(count, "velocity", "velocities")}, '
-            f'{amount(1000.0 * preview.plan.period)} ms apart or less, then the stop')
+    sent = (f'Sent: {pluralize(count, "velocity", "velocities")}, '
+            f'{format_number(1000.0 * preview.plan.period)} ms apart or less, then the stop')
     return [sent, *_limits(preview.limits)]
 
 
@@ -245,11 +252,11 @@ def _limits(limits: Limits) -> list[str]:
 
 def _bounds(bounds: Sequence[tuple[float, str]]) -> str:
     # Infinity is no limit, and needs no words.
-    known = [f'{amount(value)} {unit}' for value, unit in bounds if value < math.inf]
+    known = [f'{format_number(value)} {unit}' for value, unit in bounds if value < math.inf]
     return ', '.join(known) or 'none'
 
 
-def _comparison(previews: Sequence[Preview]) -> list[str]:
+def _comparison(previews: Sequence[PlanView]) -> list[str]:
     robots = {preview.robot for preview in previews}
     rates = {preview.rate for preview in previews}
     own: list[tuple[str, str]] = []
@@ -260,26 +267,26 @@ def _comparison(previews: Sequence[Preview]) -> list[str]:
     rows = [_compared(preview, dict(own)) for preview in previews]
     head = (('motion', ''), *own, ('steps', ''), *FIGURES, ('sent', ''))
     common = [f'on {one_line(next(iter(robots)), NAME)}'] if len(robots) == 1 else []
-    common += [f'at {amount(next(iter(rates)))} Hz'] if len(rates) == 1 else []
-    return [' '.join([counted(len(previews), 'motion'), *common]), '', *columns(head, rows)]
+    common += [f'at {format_number(next(iter(rates)))} Hz'] if len(rates) == 1 else []
+    return [' '.join([pluralize(len(previews), 'motion'), *common]), '', *columns(head, rows)]
 
 
-def _compared(preview: Preview, own: dict[str, str]) -> Row:
+def _compared(preview: PlanView, own: dict[str, str]) -> Row:
     cells = [one_line(preview.name, NAME)]
     cells += [one_line(preview.robot, NAME)] if 'robot' in own else []
-    cells += [amount(preview.rate)] if 'rate' in own else []
+    cells += [format_number(preview.rate)] if 'rate' in own else []
     plan = preview.plan
     return (*cells, str(len(plan.stages)), *_plan_figures(plan), str(preview.messages))
 
 
 def _time(value: float) -> str:
-    return fixed(value, 3 if value < LONG else 1)
+    return format_fixed(value, 3 if value < LONG else 1)
 
 
 HEAD = ('movement', 'requested', 'sent', 'odometry')
 
 
-def table(record: Record, still_after: float | None) -> str:
+def table(record: DriveLog, still_after: float | None) -> str:
     """
     Put a record as a table: each movement's displacement as asked, as sent and as driven.
 
@@ -288,7 +295,7 @@ def table(record: Record, still_after: float | None) -> str:
         it did not
     :returns: lines of text, the last two with the stop and the final pose
     """
-    cuts = boundaries(record.movements, record.odometry) if record.movements else []
+    cuts = segment_odometry(record.movements, record.odometry) if record.movements else []
     rows = [HEAD, *(
         _drive_row(movement, driven(record.odometry, begin, end))
         for movement, begin, end in zip(record.movements, cuts, cuts[1:]))]
@@ -299,7 +306,7 @@ def table(record: Record, still_after: float | None) -> str:
     return '\n'.join([*lines, _stop(still_after), _final_pose(record)])
 
 
-def _drive_row(movement: Movement, seen: Displacement | None) -> tuple[str, ...]:
+def _drive_row(movement: StepLog, seen: Displacement | None) -> tuple[str, ...]:
     return (
         step_in_words(movement.step),
         _amount(requested(movement.step)),
@@ -319,7 +326,7 @@ def _stop(still_after: float | None) -> str:
     return f'Stop: confirmed by odometry after {still_after:.2f} s'
 
 
-def _final_pose(record: Record) -> str:
+def _final_pose(record: DriveLog) -> str:
     if not record.odometry:
         return 'Final pose: unknown, no odometry arrived'
     pose = record.odometry[-1].pose

@@ -24,7 +24,7 @@ from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.report.plan_view import amount, Preview
+from kachaka_simple_control.report.plan_view import format_number, PlanView
 from kachaka_simple_control.report.plot_style import BLUE, GREY, ORANGE
 
 if TYPE_CHECKING:
@@ -35,10 +35,10 @@ MAX_CORNERS = 3000
 #: Columns in each of which the first, lowest, highest and last corner stay.
 COLUMNS = 600
 
-Corner = tuple[float, float]
+StepPoint = tuple[float, float]
 
 
-def staircase(plan: Plan, component: str) -> list[Corner]:
+def velocity_steps(plan: Plan, component: str) -> list[StepPoint]:
     """
     Return when a component of the velocity changes, and to what.
 
@@ -53,11 +53,11 @@ def staircase(plan: Plan, component: str) -> list[Corner]:
     return corners if len(corners) <= MAX_CORNERS else _thinned(corners)
 
 
-def _thinned(corners: list[Corner]) -> list[Corner]:
+def _thinned(corners: list[StepPoint]) -> list[StepPoint]:
     # What is drawn in a column of the picture reaches from its lowest value to its highest, and
     # joins its neighbours with the first and the last: the picture stays the same.
     width = corners[-1][0] / COLUMNS
-    thinned: list[Corner] = []
+    thinned: list[StepPoint] = []
     for _, column in groupby(corners, key=lambda corner: int(corner[0] / width)):
         found = list(column)
         height = itemgetter(1)
@@ -124,7 +124,7 @@ class Scale:
     duration: float
 
 
-def scale(previews: Sequence[Preview], kind: Kind) -> Scale:
+def scale(previews: Sequence[PlanView], kind: Kind) -> Scale:
     """
     Return a scale with room for what all plans send, and for the limits that are near.
 
@@ -133,7 +133,7 @@ def scale(previews: Sequence[Preview], kind: Kind) -> Scale:
     :returns: the scale
     """
     values = [value for preview in previews
-              for _, value in staircase(preview.plan, kind.component)]
+              for _, value in velocity_steps(preview.plan, kind.component)]
     duration = max(preview.plan.duration for preview in previews)
     return room(kind, values, [preview.limits for preview in previews], duration)
 
@@ -168,7 +168,7 @@ def _free(kind: Kind, lowest: float, highest: float, duration: float) -> Scale:
                  duration or 1.0)
 
 
-def draw_velocity(axes: Axes, preview: Preview, scale_: Scale, with_time: bool) -> None:
+def draw_velocity(axes: Axes, preview: PlanView, scale_: Scale, with_time: bool) -> None:
     """
     Draw a velocity over time, with its limits dashed and a faint line where a step ends.
 
@@ -187,7 +187,7 @@ def draw_velocity(axes: Axes, preview: Preview, scale_: Scale, with_time: bool) 
     if len(ends) <= MAX_BOUNDARIES:
         axes.vlines(ends, 0.0, 1.0, transform=axes.get_xaxis_transform(), color=GREY,
                     linewidth=0.5, alpha=0.5, zorder=1.0, gid='boundaries')
-    corners = staircase(preview.plan, kind.component)
+    corners = velocity_steps(preview.plan, kind.component)
     axes.step([0.0, *(time / seconds for time, _ in corners)],
               [0.0, *(value for _, value in corners)], where='post', color=kind.colour,
               linewidth=1.2, alpha=1.0 if len(corners) <= DENSE else 0.5, zorder=1.5, gid='sent')
@@ -212,9 +212,11 @@ def draw_limits(axes: Axes, kind: Kind, limits: Limits) -> None:
     for limit, side, lift in near:
         axes.axhline(limit, color=GREY, linewidth=1.0, linestyle='--', zorder=2.0, gid='limit')
         axes.annotate(
-            f'limit {amount(limit)} {kind.unit}', (1.0, limit), (-4.0, lift), ha='right', va=side,
+            f'limit {format_number(limit)} {kind.unit}', (1.0, limit), (-4.0, lift), ha='right',
+            va=side,
             xycoords=axes.get_yaxis_transform(), textcoords='offset points', **WORDS)
     if not near and math.isfinite(above):
         axes.annotate(
-            f'far above: limit {amount(above)} {kind.unit}', (1.0, 1.0), (-4.0, 0.0), ha='right',
+            f'far above: limit {format_number(above)} {kind.unit}', (1.0, 1.0), (-4.0, 0.0),
+            ha='right',
             va='top', xycoords='axes fraction', textcoords='offset points', **WORDS)

@@ -35,7 +35,7 @@ CHOICES = (RANGE, PEERS, LOCALHOST_ONLY, TRANSPORTS, *PROFILES.values())
 UDP, LOOPBACK = (Path(__file__).with_name(name) for name in ('udp.xml', 'loopback.xml'))
 
 
-def avoid_shared_memory() -> None:
+def use_udp_transport() -> None:
     """
     Let Fast DDS send by UDP alone in this process and its children, unless told otherwise.
 
@@ -51,7 +51,7 @@ def avoid_shared_memory() -> None:
         _choose(UDP)
 
 
-def stay_on_this_machine() -> None:
+def use_localhost_only() -> None:
     """
     Let this process and its children find nobody on other machines, unless told otherwise.
 
@@ -79,22 +79,22 @@ def stay_on_this_machine() -> None:
         os.environ[RANGE] = 'SUBNET'
 
 
-def is_told_to_stay() -> bool:
+def is_localhost_requested() -> bool:
     """
     Tell whether ROS is asked to find nobody on other machines.
 
-    :returns: whether ``stay_on_this_machine`` does the same, and better
+    :returns: whether ``use_localhost_only`` does the same, and better
     """
     return os.environ.get(RANGE) == 'LOCALHOST'
 
 
-def is_kept_to_this_machine() -> bool:
+def is_localhost_only() -> bool:
     """
     Tell whether this process finds nobody on other machines.
 
-    :returns: whether it was told so, by ROS's own variables or by ``stay_on_this_machine``
+    :returns: whether it was told so, by ROS's own variables or by ``use_localhost_only``
     """
-    if is_told_to_stay() or os.environ.get(LOCALHOST_ONLY) == '1':
+    if is_localhost_requested() or os.environ.get(LOCALHOST_ONLY) == '1':
         return not os.environ.get(PEERS)
     return str(LOOPBACK) in (os.environ.get(name) for name in PROFILES.values())
 

@@ -29,9 +29,21 @@ from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.ros.session_status import Condition, condition, Lookout, Tally
+from kachaka_simple_control.ros.session_status import (
+    diagnose,
+    Diagnosis,
+    StatusReader,
+    TickStatistics,
+)
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
-from kachaka_simple_control.telemetry.events import Answered, Audience, Began, Event, Hearer, Sent
+from kachaka_simple_control.telemetry.events import (
+    Event,
+    EventBus,
+    EventHandler,
+    MotionStarted,
+    OdometryReceived,
+    VelocitySent,
+)
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
@@ -42,14 +54,14 @@ from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverriding
 from rclpy.serialization import serialize_message
 
 if TYPE_CHECKING:
-    from kachaka_simple_control.ros.diagnostics import Diagnostics
+    from kachaka_simple_control.ros.diagnostics import DiagnosticsPublisher
 
 #: The deepest queue that can be asked for; DDS takes memory for it [messages].
-DEEPEST = 100_000
-_DEPTHS = f'from 1 to {DEEPEST}'
+MAX_DEPTH = 100_000
+_DEPTHS = f'from 1 to {MAX_DEPTH}'
 
 
-class Unwatched:
+class NoEventCallbacks:
     """
     In place of the events of a publisher.
 
@@ -66,7 +78,7 @@ class Unwatched:
         return []
 
 
-def shown_topic(
+def create_debug_publisher(
         node: Node, velocities: VelocityPublisher, kind: type, topic: str,
         quality: QoSProfile) -> Publisher:
     """
@@ -87,15 +99,15 @@ def shown_topic(
         raise UsageError(
             f'{topic} is remapped to {name}, which moves the robot: what is shown needs a topic '
             'of its own')
-    publisher: Publisher = with_quality(
+    publisher: Publisher = with_qos_overrides(
         lambda options: node.create_publisher(
-            kind, topic, quality, event_callbacks=Unwatched(),  # type: ignore[arg-type]
+            kind, topic, quality, event_callbacks=NoEventCallbacks(),  # type: ignore[arg-type]
             qos_overriding_options=options),
         _refuse_to_wait)
     return publisher
 
 
-def with_quality(
+def with_qos_overrides(
         make: Callable[[QoSOverridingOptions], Any],
         check: Callable[[QoSProfile], SetParametersResult] | None = None) -> Any:
     """
@@ -126,7 +138,7 @@ def with_quality(
 
 def _refuse_depth(quality: QoSProfile) -> SetParametersResult:
     # Of this DDS would print a dozen lines.
-    is_possible = 1 <= quality.depth <= DEEPEST
+    is_possible = 1 <= quality.depth <= MAX_DEPTH
     return SetParametersResult(
         successful=is_possible,
         reason='' if is_possible else f'depth is {quality.depth}; it must be {_DEPTHS}')
@@ -141,15 +153,15 @@ def _refuse_to_wait(quality: QoSProfile) -> SetParametersResult:
 
 
 #: So many messages may wait for DDS; what comes then is left away.
-MOST = 200
+MAX_QUEUE = 200
 #: How long the thread may take to end [s].
-PATIENCE = 1.0
+THREAD_EXIT_TIMEOUT = 1.0
 
 #: Makes a message, in the thread that publishes it.
 Make = Callable[[], bytes]
 
 
-class Aside:
+class PublisherThread:
     """One thread for all that a node shows; it begins with the first message."""
 
     def __init__(self, is_open: Callable[[], bool]) -> None:
@@ -172,7 +184,7 @@ class Aside:
         :param publisher: where
         :param make: returns the message as bytes
         """
-        if self._waiting.qsize() < MOST:
+        if self._waiting.qsize() < MAX_QUEUE:
             self._waiting.put((publisher, make))
         if self._thread is None:
             self._start()
@@ -181,7 +193,7 @@ class Aside:
         """Publish nothing more."""
         self._waiting.put(None)
         if self._thread is not None:
-            self._thread.join(PATIENCE)
+            self._thread.join(THREAD_EXIT_TIMEOUT)
 
     def _start(self) -> None:
         with self._starting:
@@ -208,10 +220,10 @@ def _ignore(publisher: Publisher, error: Exception) -> None:
 
 TOPIC = '~/commanded_velocity'
 #: How often to look whether anybody subscribes [s]: asking takes longer than all the rest here.
-GLANCE = 0.2
+SUBSCRIBER_CHECK_PERIOD = 0.2
 
 
-class Echo:
+class CommandedVelocityPublisher:
     """
     Publishes velocities after they left, as long as somebody subscribes.
 
@@ -221,7 +233,8 @@ class Echo:
     """
 
     def __init__(
-            self, node: Node, velocities: VelocityPublisher, aside: Aside, frame: str) -> None:
+            self, node: Node, velocities: VelocityPublisher, aside: PublisherThread,
+            frame: str) -> None:
         """
         Publish nothing yet.
 
@@ -231,7 +244,7 @@ class Echo:
         :param frame: the frame of the robot
         :raises UsageError: if the topic is remapped to where it would move the robot
         """
-        self._publisher = shown_topic(
+        self._publisher = create_debug_publisher(
             node, velocities, TwistStamped, TOPIC,
             QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
         self._aside = aside
@@ -248,9 +261,9 @@ class Echo:
 
         :param event: what happened; a velocity that is told of has left just now
         """
-        if not isinstance(event, Sent):
+        if not isinstance(event, VelocitySent):
             return
-        if event.time - self._looked >= GLANCE:
+        if event.time - self._looked >= SUBSCRIBER_CHECK_PERIOD:
             self._looked = event.time
             self._is_watched = self._publisher.get_subscription_count() > 0
         if self._is_watched:
@@ -266,12 +279,12 @@ class Echo:
 
 
 #: How often a diagnosis is made [s].
-PERIOD = 1.0
+DIAGNOSTICS_PERIOD = 1.0
 
 Show = Callable[[Any], None]
 
 
-class Showing:
+class IntrospectionPublishers:
     """
     The topics beside the velocities: paths, commanded velocity, diagnostics.
 
@@ -288,21 +301,22 @@ class Showing:
         :raises UsageError: if a topic is remapped to where it would move the robot
         """
         self._node = node
-        self._tally = Tally()
-        self._lookout: Lookout | None = None
-        self._aside = Aside(lambda: self._is_open)
+        self._tally = TickStatistics()
+        self._lookout: StatusReader | None = None
+        self._aside = PublisherThread(lambda: self._is_open)
         self._aside.on_error = self._could_not
         self._failed: set[str] = set()
         self._plans: list[Show] = []
         self._frames: list[Show] = []
         self._events: dict[type, list[Show]] = {}
         #: told everything, at any time: quick, and careful on their own
-        self._hearers: list[Hearer] = [
-            self._safe(TOPIC, Echo(node, velocities, self._aside, profile.frame).hear)]
+        self._hearers: list[EventHandler] = [
+            self._safe(TOPIC,
+            CommandedVelocityPublisher(node, velocities, self._aside, profile.frame).hear)]
         self._show_paths(velocities)
         self._show_diagnostics(velocities, profile.name)
 
-    def follow(self, audience: Audience, lookout: Lookout) -> None:
+    def follow(self, audience: EventBus, lookout: StatusReader) -> None:
         """
         Show what happens from now on.
 
@@ -350,44 +364,44 @@ class Showing:
         try:
             from kachaka_simple_control.ros.path_topics import (
                 DRIVEN,
-                DrivenPathTopic,
+                DrivenPathPublisher,
                 PLANNED,
-                PlannedPathTopic,
+                PlannedPathPublisher,
             )
         except ImportError:
             return
-        planned = PlannedPathTopic(self._node, velocities, self._aside)
-        driven = DrivenPathTopic(self._node, velocities, self._aside)
+        planned = PlannedPathPublisher(self._node, velocities, self._aside)
+        driven = DrivenPathPublisher(self._node, velocities, self._aside)
         self._plans.append(self._safe(PLANNED, planned.expect))
         self._frames += [
             self._safe(PLANNED, planned.in_frame), self._safe(DRIVEN, driven.in_frame)]
-        self._events[Began] = [self._safe(PLANNED, planned.begin)]
-        self._events[Answered] = [
+        self._events[MotionStarted] = [self._safe(PLANNED, planned.begin)]
+        self._events[OdometryReceived] = [
             self._safe(PLANNED, planned.hear), self._safe(DRIVEN, driven.hear)]
 
     def _show_diagnostics(self, velocities: VelocityPublisher, robot: str) -> None:
         try:
-            from kachaka_simple_control.ros.diagnostics import Diagnostics
+            from kachaka_simple_control.ros.diagnostics import DiagnosticsPublisher
         except ImportError:
             return
-        diagnostics = Diagnostics(
+        diagnostics = DiagnosticsPublisher(
             self._node, velocities, self._aside, robot, self._condition)
         self._plans.append(self._tally.expect)
         self._hearers.append(self._tally.hear)
         # A timer would otherwise follow /clock, which may stand still while the robot drives.
         self._timer = self._node.create_timer(
-            PERIOD, self._safe('/diagnostics', lambda _: self._diagnose(diagnostics)),
+            DIAGNOSTICS_PERIOD, self._safe('/diagnostics', lambda _: self._diagnose(diagnostics)),
             clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _diagnose(self, diagnostics: Diagnostics) -> None:
+    def _diagnose(self, diagnostics: DiagnosticsPublisher) -> None:
         self._tally.count()
         diagnostics.publish()
 
-    def _condition(self) -> Condition | None:
+    def _condition(self) -> Diagnosis | None:
         if self._lookout is None or self._lookout.is_closed:
             return None
         now = time.monotonic()
-        return condition(self._tally, self._lookout.look(now), now)
+        return diagnose(self._tally, self._lookout.look(now), now)
 
     def _safe(self, name: str, show: Show) -> Show:
         """Return what shows something, but fails only once and ends nothing."""

@@ -18,8 +18,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from kachaka_simple_control.ros.debug_topics import Aside, shown_topic
-from kachaka_simple_control.ros.session_status import Condition
+from kachaka_simple_control.ros.debug_topics import create_debug_publisher, PublisherThread
+from kachaka_simple_control.ros.session_status import Diagnosis
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -29,12 +29,12 @@ TOPIC = '/diagnostics'
 DEPTH = 10
 
 
-class Diagnostics:
+class DiagnosticsPublisher:
     """Publishes a diagnosis whenever it is asked to, if anybody subscribes."""
 
     def __init__(
-            self, node: Node, velocities: VelocityPublisher, aside: Aside, robot: str,
-            condition: Callable[[], Condition | None]) -> None:
+            self, node: Node, velocities: VelocityPublisher, aside: PublisherThread, robot: str,
+            condition: Callable[[], Diagnosis | None]) -> None:
         """
         Publish nothing yet.
 
@@ -45,7 +45,7 @@ class Diagnostics:
         :param condition: makes the diagnosis; None when there is none to make
         :raises UsageError: if the topic is remapped to where it would move the robot
         """
-        self._publisher = shown_topic(
+        self._publisher = create_debug_publisher(
             node, velocities, DiagnosticArray, TOPIC, QoSProfile(depth=DEPTH))
         self._aside = aside
         self._clock = node.get_clock()

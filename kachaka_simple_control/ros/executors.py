@@ -29,12 +29,12 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 #: How long the thread may take to end [s].
-PATIENCE = 2.0
+THREAD_EXIT_TIMEOUT = 2.0
 #: How long it pauses after a callback has failed [s]: the next may fail as well.
-PAUSE = 0.02
+PAUSE_AFTER_ERROR = 0.02
 
 
-class BackgroundSpinner:
+class BackgroundExecutor:
     """
     Spins a node in one background thread, unless somebody else does.
 
@@ -80,7 +80,7 @@ class BackgroundSpinner:
         """Spin no more, and return when the thread has ended."""
         self._executor.shutdown(timeout_sec=0.0)
         if threading.current_thread() is not self._thread:
-            self._thread.join(PATIENCE)
+            self._thread.join(THREAD_EXIT_TIMEOUT)
 
     def _is_ours(self) -> bool:
         return self._node.executor is self._executor
@@ -94,7 +94,7 @@ class BackgroundSpinner:
         while (error := _failure(self._executor)) is not None:
             # Then it goes on: the answer to giving the robot back needs to be heard, too.
             self._on_error(error)
-            time.sleep(PAUSE)
+            time.sleep(PAUSE_AFTER_ERROR)
 
 
 def _failure(executor: SingleThreadedExecutor) -> BaseException | None:
@@ -133,11 +133,11 @@ def _executor_frames(frame: FrameType | None) -> Iterator[FrameType]:
 
 
 #: After a message, the thread that it was for is let go first [s].
-COURTESY = 5e-5
+YIELD_TIME = 5e-5
 FOREVER = -1
 
 
-class Spinner(Protocol):
+class ExecutorLoop(Protocol):
     """Serves something."""
 
     def run(self) -> None:
@@ -147,8 +147,8 @@ class Spinner(Protocol):
         """Make ``run`` return, or not begin; once, from any thread."""
 
 
-class NodeSpinner:
-    """Serves all that a node has, in rclpy's way, but for what an ``Ear`` has taken."""
+class NodeExecutor:
+    """Serves a node in rclpy's way, without what a ``SubscriptionExecutor`` has taken."""
 
     def __init__(self, node: Node) -> None:
         """
@@ -172,7 +172,7 @@ class NodeSpinner:
         self._executor.create_task(self._over.set)
 
 
-class Ear:
+class SubscriptionExecutor:
     """
     Serves one subscription and nothing else of its node, at a fraction of what an executor costs.
 
@@ -212,7 +212,7 @@ class Ear:
                 wait_set.add_guard_condition(wake)
                 wait_set.wait(FOREVER)
                 self._empty()
-                time.sleep(COURTESY)
+                time.sleep(YIELD_TIME)
 
     def stop(self) -> None:
         """Make ``run`` return, or not begin; once, from any thread."""

@@ -29,11 +29,11 @@ from rclpy.subscription import Subscription
 
 #: For how long whoever may drive the robot is listened to before it is taken, or given back [s]:
 #: longer than a Kachaka keeps a velocity, so whoever drives one sends within it.
-LISTEN = 0.4
+LISTEN_TIME = 0.4
 #: Somebody whose message is older than this [s] does not drive any more.
-RECENT = 1.0
+FOREIGN_MESSAGE_MAX_AGE = 1.0
 #: Best effort hears everybody; the depth is for a thread that is held up for a moment.
-QUALITY = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+LISTENER_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 #: What stands in place of a node's name that discovery does not tell, as between distros.
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
 
@@ -82,7 +82,7 @@ class ForeignMessages:
         if self._names and self._subscription is None:
             self._publisher.sent.begin(time.monotonic())
             self._subscription = self._node.create_subscription(
-                self._publisher.msg_type, self._publisher.topic_name, self._hear, QUALITY,
+                self._publisher.msg_type, self._publisher.topic_name, self._hear, LISTENER_QOS,
                 callback_group=self._group, raw=True)
         elif not self._names and self._subscription is not None:
             subscription, self._subscription = self._subscription, None
@@ -96,7 +96,7 @@ class ForeignMessages:
         :param now: the time [s on the steady clock]
         :returns: whether a message of others came a short time ago
         """
-        return now - self._heard <= RECENT
+        return now - self._heard <= FOREIGN_MESSAGE_MAX_AGE
 
     def listen(self, check: Callable[[], None] = lambda: None) -> bool:
         """
@@ -109,7 +109,7 @@ class ForeignMessages:
             return False
         self._is_asked = True
         try:
-            return wait_until(lambda: self.is_heard(time.monotonic()), LISTEN, check)
+            return wait_until(lambda: self.is_heard(time.monotonic()), LISTEN_TIME, check)
         finally:
             self._is_asked = False
 
@@ -122,7 +122,7 @@ class ForeignMessages:
         """
         if self.listen(check):
             # Discovery tells the names of nodes last, and nothing moves yet.
-            wait_until(lambda: UNKNOWN not in self._others(), LISTEN, check)
+            wait_until(lambda: UNKNOWN not in self._others(), LISTEN_TIME, check)
             raise RobotTakenError(
                 f'{self.sender()} sends velocities on {self._publisher.topic_name}; nothing was '
                 'sent. Stop that program, or set the parameter allow_other_publishers to true')

@@ -25,11 +25,11 @@ import signal
 import socket
 import sys
 
-from kachaka_simple_control.control.latch import Flag, Latch
-from kachaka_simple_control.control.processes import awake_or_asleep, is_frozen
+from kachaka_simple_control.control.latch import Latch, SharedFlag
+from kachaka_simple_control.control.processes import boottime, is_stopped
 from kachaka_simple_control.control.stop import send_stop
 from kachaka_simple_control.control.waiting import wait_until
-from kachaka_simple_control.control.watchdog import Sign, Watchdog
+from kachaka_simple_control.control.watchdog import GuardianMessage, Watchdog
 from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.ros.participants import own_participant
 from kachaka_simple_control.ros.velocity_publisher import VelocityMessage, VelocityPublisher
@@ -37,10 +37,10 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 #: How long to wait for a robot before greeting it anew [s], each time.
-PATIENCE = (0.3, 0.6, 1.2)
+DISCOVERY_RETRY_TIMEOUTS = (0.3, 0.6, 1.2)
 
 
-class Presence:
+class GuardianNode:
     """A publisher of velocities with a hidden node and a DDS participant of its own."""
 
     def __init__(
@@ -76,7 +76,8 @@ class Presence:
         self._context.try_shutdown()
 
 
-def introduce(enter: Callable[[], Presence], is_wanted: Callable[[], bool]) -> Presence:
+def create_matched_node(
+        enter: Callable[[], GuardianNode], is_wanted: Callable[[], bool]) -> GuardianNode:
     """
     Be there, and be there anew if no robot answers soon.
 
@@ -88,7 +89,7 @@ def introduce(enter: Callable[[], Presence], is_wanted: Callable[[], bool]) -> P
     :param is_wanted: whether there is something else to do, so that it stays as it is
     :returns: the presence that is left
     """
-    for patience in PATIENCE:
+    for patience in DISCOVERY_RETRY_TIMEOUTS:
         presence = enter()
         if wait_until(_either(presence, is_wanted), patience):
             return presence
@@ -96,7 +97,7 @@ def introduce(enter: Callable[[], Presence], is_wanted: Callable[[], bool]) -> P
     return enter()
 
 
-def _either(presence: Presence, is_wanted: Callable[[], bool]) -> Callable[[], bool]:
+def _either(presence: GuardianNode, is_wanted: Callable[[], bool]) -> Callable[[], bool]:
     return lambda: presence.is_matched or is_wanted()
 
 
@@ -119,7 +120,7 @@ class GuardianProcess:
         :param hold: how long the robot keeps a velocity without a new one [s]
         """
         self._publisher = publisher
-        self._latch, self._sending = Latch(shared[:1]), Flag(shared[1:2])
+        self._latch, self._sending = Latch(shared[:1]), SharedFlag(shared[1:2])
         self._hold = hold
         self._node = os.getppid()
         self._watchdog = Watchdog()
@@ -134,7 +135,7 @@ class GuardianProcess:
         """
         while not self._watchdog.is_over:
             readable, _, _ = select.select([signs, endings], [], [], self._patience())
-            now = awake_or_asleep()
+            now = boottime()
             if endings in readable:
                 self._lost('the guardian was told to end')
             elif signs in readable:
@@ -145,7 +146,7 @@ class GuardianProcess:
 
     def _waits_for_dds(self) -> bool:
         # One that was frozen just then only seems to wait.
-        return self._sending.is_set and not is_frozen(self._node)
+        return self._sending.is_set and not is_stopped(self._node)
 
     def _patience(self) -> float | None:
         patience = self._watchdog.patience()
@@ -159,7 +160,7 @@ class GuardianProcess:
         for value in heard:
             sign = bytes([value])
             self._watchdog.hear(sign, now)
-            if sign == Sign.PRIME:
+            if sign == GuardianMessage.PRIME:
                 self._zero()
                 _say('primed')
 
@@ -198,8 +199,9 @@ def main(args: Sequence[str] | None = None) -> int:
     options = parser.parse_args(args)
     endings = _hear_signals()
     shared = memoryview(mmap.mmap(options.shared, mmap.PAGESIZE))
-    presence = introduce(
-        lambda: Presence(options.topic, options.type, options.frame, options.domain, _introduced),
+    presence = create_matched_node(
+        lambda: GuardianNode(options.topic, options.type, options.frame, options.domain,
+        _introduced),
         lambda: _is_readable(options.signs, endings))
     try:
         GuardianProcess(presence.publisher, shared, options.hold).serve(options.signs, endings)

@@ -30,7 +30,7 @@ from std_srvs.srv import SetBool
 #: A request that nobody answers is repeated after this time [s], then after twice that, and so on:
 #: the first answer may be lost on a path that has just been found, and a slow robot must not be
 #: asked more often than it can answer.
-REPEAT = 0.1
+REQUEST_RETRY_PERIOD = 0.1
 
 
 class ServiceAnswer:
@@ -56,7 +56,7 @@ class ServiceAnswer:
         return None if response.success else escaped(response.message) or 'no reason given'
 
 
-class ManualControl:
+class ManualControlClient:
     """Manual control of one robot; without a service it is always on."""
 
     def __init__(
@@ -147,7 +147,7 @@ class ManualControl:
     def _answer(self, end: float) -> ServiceAnswer | None:
         """Ask until an answer comes, to whichever request."""
         answers: list[ServiceAnswer] = []
-        pause = REPEAT
+        pause = REQUEST_RETRY_PERIOD
         while (left := end - time.monotonic()) > 0.0:
             answers.append(self.ask(True))
             wait_until(lambda: any(a.done for a in answers), min(pause, left), self._check)

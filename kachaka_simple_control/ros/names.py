@@ -24,9 +24,9 @@ from kachaka_simple_control.files.robot_profile import RobotProfile
 
 #: The longest name of a topic or a service: RMW_TOPIC_MAX_NAME_LENGTH, which is what DDS takes
 #: (255) without the room for the prefixes of ROS [characters].
-LONGEST = 247
+MAX_NAME_LENGTH = 247
 #: Likewise of a namespace: RMW_NAMESPACE_MAX_LENGTH, which leaves room for a name in it.
-LONGEST_NAMESPACE = 245
+MAX_NAMESPACE_LENGTH = 245
 _NAMESPACE = re.compile('(/+[A-Za-z_][A-Za-z0-9_]*)*/*')
 
 
@@ -57,7 +57,7 @@ def names_of(profile: RobotProfile, namespace: str, manual_control: bool) -> Rob
     """
     longest = max(len(name) for name in (
         profile.velocity_topic, profile.odometry_topic, profile.manual_control_service) if name)
-    require_namespace(f'/{namespace}', 'robot_namespace', LONGEST - 1 - longest)
+    require_namespace(f'/{namespace}', 'robot_namespace', MAX_NAME_LENGTH - 1 - longest)
 
     def absolute(name: str | None) -> str | None:
         return f'/{namespace.strip("/")}/{name}'.replace('//', '/') if name else None
@@ -87,5 +87,6 @@ def require_namespace(namespace: str, what: str, longest: int) -> None:
     if (length := len(namespace.strip('/')) + 1) > longest:
         raise UsageError(
             f'{what} is {quoted(namespace, 60)}, which has {length} characters; it may have '
-            f'{longest}, for the names in it must not be longer than the {LONGEST} that ROS '
+            f'{longest}, for the names in it must not be longer than the {MAX_NAME_LENGTH} that '
+            'ROS '
             'takes: take a shorter one')

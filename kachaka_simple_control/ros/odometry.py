@@ -23,7 +23,7 @@ from typing import Any
 
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.ros.conversions import pose, velocity
-from kachaka_simple_control.ros.debug_topics import with_quality
+from kachaka_simple_control.ros.debug_topics import with_qos_overrides
 from kachaka_simple_control.ros.names import RobotNames
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
@@ -67,6 +67,6 @@ def listen_to_odometry(
             on_odometry(time.monotonic(), place, speed)
 
     # Best effort, as the robot publishes it: a reliable subscription would hear nothing.
-    with_quality(lambda options: node.create_subscription(
+    with_qos_overrides(lambda options: node.create_subscription(
         Odometry, topic, hear, copy(qos_profile_sensor_data),
         qos_overriding_options=options))

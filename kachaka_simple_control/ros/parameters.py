@@ -25,12 +25,12 @@ import platform
 import time
 from typing import Any
 
-from kachaka_simple_control.control.plan_runner import HIGHEST_RATE, lowest_rate
+from kachaka_simple_control.control.plan_runner import MAX_RATE, min_rate
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped, quoted
 from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
 from kachaka_simple_control.ros.names import RobotNames
-from kachaka_simple_control.telemetry.events import Opened
+from kachaka_simple_control.telemetry.events import SessionStarted
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
@@ -47,7 +47,7 @@ def _setting(default: Any, description: str, lowest: float = 0.0, highest: float
 
 
 @dataclass(frozen=True)
-class Settings:
+class NodeParameters:
     """Every parameter of the node, fixed when the node is made."""
 
     robot: str = _setting(
@@ -57,7 +57,7 @@ class Settings:
         'ROS namespace of the robot; prefixes its topics and its service. By default that of its '
         'profile')
     rate: float = _setting(
-        10.0, 'How often a velocity is sent [Hz]', lowest_rate(KACHAKA.hold), HIGHEST_RATE)
+        10.0, 'How often a velocity is sent [Hz]', min_rate(KACHAKA.hold), MAX_RATE)
     robot_timeout: float = _setting(
         10.0, 'How long to wait for a robot before giving up [s]', 0.1, 3600.0)
     prime_time: float = _setting(
@@ -86,7 +86,7 @@ def check_names(arguments: Sequence[str]) -> None:
     :param arguments: what ROS is told, from ``--ros-args`` on
     :raises UsageError: if one is not
     """
-    known = [*(setting.name for setting in fields(Settings)), *OF_ROS]
+    known = [*(setting.name for setting in fields(NodeParameters)), *OF_ROS]
     for option, assignment in pairwise(arguments):
         # Those for one node of several are written NODE:NAME:=VALUE.
         name, is_set, _ = assignment.partition(':=')
@@ -97,7 +97,7 @@ def check_names(arguments: Sequence[str]) -> None:
             raise UsageError(
                 f'there is no parameter {escaped(name, 60)}' + (
                     f'; did you mean {like[0]}?' if like else (
-                        ': ' + ', '.join(setting.name for setting in fields(Settings)))))
+                        ': ' + ', '.join(setting.name for setting in fields(NodeParameters)))))
 
 
 def declare_robot(node: Node) -> str:
@@ -108,11 +108,11 @@ def declare_robot(node: Node) -> str:
     :returns: the name or the file of a robot's profile
     :raises UsageError: if it is no text
     """
-    (setting,) = (setting for setting in fields(Settings) if setting.name == 'robot')
+    (setting,) = (setting for setting in fields(NodeParameters) if setting.name == 'robot')
     return str(_declare_one(node, setting, setting.default, None))
 
 
-def declare(node: Node, profile: RobotProfile) -> Settings:
+def declare_parameters(node: Node, profile: RobotProfile) -> NodeParameters:
     """
     Declare the other parameters on a node, and read them.
 
@@ -124,13 +124,13 @@ def declare(node: Node, profile: RobotProfile) -> Settings:
     :raises UsageError: if a value has the wrong type or is out of range
     """
     defaults = {'robot_namespace': profile.namespace}
-    bounds = {'rate': (lowest_rate(profile.hold), HIGHEST_RATE)}
+    bounds = {'rate': (min_rate(profile.hold), MAX_RATE)}
     values = {
         setting.name: _declare_one(
             node, setting, defaults.get(setting.name, setting.default),
             bounds.get(setting.name, setting.metadata['range']))
-        for setting in fields(Settings) if setting.name != 'robot'}
-    return Settings(robot=str(node.get_parameter('robot').value), **values)
+        for setting in fields(NodeParameters) if setting.name != 'robot'}
+    return NodeParameters(robot=str(node.get_parameter('robot').value), **values)
 
 
 def _declare_one(
@@ -164,9 +164,9 @@ def _number(name: str, value: Any, bounds: tuple[float, float]) -> float:
 PACKAGE = 'kachaka_simple_control'
 
 
-def opened(
+def session_started(
         node: Node, title: str, profile: RobotProfile, names: RobotNames,
-        settings: Settings) -> Opened:
+        settings: NodeParameters) -> SessionStarted:
     """
     Return what there is to tell when a program begins.
 
@@ -177,7 +177,7 @@ def opened(
     :param settings: the parameters of the node
     :returns: the first event
     """
-    return Opened(
+    return SessionStarted(
         title=title,
         robot=profile.name,
         limits=profile.limits,

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.report.paths import MOST, PathBytes, planned_way, Trail
-from kachaka_simple_control.ros.debug_topics import Aside, shown_topic
+from kachaka_simple_control.report.paths import MAX_POSES, PathSerializer, PoseHistory, sample_path
+from kachaka_simple_control.ros.debug_topics import create_debug_publisher, PublisherThread
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
-from kachaka_simple_control.telemetry.events import Answered, Began
+from kachaka_simple_control.telemetry.events import MotionStarted, OdometryReceived
 from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -32,10 +32,10 @@ FRAME = 'odom'
 PERIOD = 0.5
 
 
-class PlannedPathTopic:
+class PlannedPathPublisher:
     """Publishes where the newest plan goes, before the robot moves; kept for who comes later."""
 
-    def __init__(self, node: Node, velocities: VelocityPublisher, aside: Aside) -> None:
+    def __init__(self, node: Node, velocities: VelocityPublisher, aside: PublisherThread) -> None:
         """
         Publish nothing yet.
 
@@ -44,12 +44,12 @@ class PlannedPathTopic:
         :param aside: publishes without holding anybody up
         :raises UsageError: if the topic is remapped to where it would move the robot
         """
-        self._publisher = shown_topic(
+        self._publisher = create_debug_publisher(
             node, velocities, Path, PLANNED,
             QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self._aside = aside
         self._clock = node.get_clock()
-        self._bytes = PathBytes(FRAME)
+        self._bytes = PathSerializer(FRAME)
         self._pose: Pose | None = None
         #: what was published for a robot of which nobody knew yet where it is
         self._placeless: Plan | None = None
@@ -60,7 +60,7 @@ class PlannedPathTopic:
 
         :param frame: its name
         """
-        self._bytes = PathBytes(frame)
+        self._bytes = PathSerializer(frame)
 
     def expect(self, plan: Plan) -> None:
         """
@@ -71,7 +71,7 @@ class PlannedPathTopic:
         self._placeless = plan if self._pose is None else None
         self._publish(plan, self._pose or ORIGIN)
 
-    def begin(self, began: Began) -> None:
+    def begin(self, began: MotionStarted) -> None:
         """
         Leave the plan as it was published: the robot moves.
 
@@ -80,7 +80,7 @@ class PlannedPathTopic:
         del began
         self._placeless = None
 
-    def hear(self, answered: Answered) -> None:
+    def hear(self, answered: OdometryReceived) -> None:
         """
         Take note of where the robot is.
 
@@ -92,15 +92,15 @@ class PlannedPathTopic:
             self._publish(plan, answered.pose)
 
     def _publish(self, plan: Plan, start: Pose) -> None:
-        poses = [self._bytes.pose(pose) for pose in planned_way(plan, start)]
+        poses = [self._bytes.pose(pose) for pose in sample_path(plan, start)]
         path = self._bytes.path(poses, self._clock.now().nanoseconds)
         self._aside.publish(self._publisher, lambda: path)
 
 
-class DrivenPathTopic:
+class DrivenPathPublisher:
     """Publishes where odometry saw the robot, from its first pose on, to whoever subscribes."""
 
-    def __init__(self, node: Node, velocities: VelocityPublisher, aside: Aside) -> None:
+    def __init__(self, node: Node, velocities: VelocityPublisher, aside: PublisherThread) -> None:
         """
         Publish nothing yet.
 
@@ -109,7 +109,8 @@ class DrivenPathTopic:
         :param aside: publishes without holding anybody up
         :raises UsageError: if the topic is remapped to where it would move the robot
         """
-        self._publisher = shown_topic(node, velocities, Path, DRIVEN, QoSProfile(depth=1))
+        self._publisher = create_debug_publisher(
+            node, velocities, Path, DRIVEN, QoSProfile(depth=1))
         self._aside = aside
         self._clock = node.get_clock()
         self._published = float('-inf')
@@ -121,11 +122,11 @@ class DrivenPathTopic:
 
         :param frame: the frame of odometry
         """
-        self._bytes = PathBytes(frame)
-        self._trail = Trail(
-            MOST, lambda pose: self._bytes.pose(pose, self._clock.now().nanoseconds))
+        self._bytes = PathSerializer(frame)
+        self._trail = PoseHistory(
+            MAX_POSES, lambda pose: self._bytes.pose(pose, self._clock.now().nanoseconds))
 
-    def hear(self, answered: Answered) -> None:
+    def hear(self, answered: OdometryReceived) -> None:
         """
         Take note of where the robot is, and publish where it was when it is time to.
 

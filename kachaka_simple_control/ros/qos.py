@@ -19,12 +19,12 @@ from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
 
 #: By default a service keeps ten requests, and forgets the eleventh that comes while it serves
 #: one: nobody would ever answer it.
-SERVICE_QUALITY = QoSProfile(depth=1000)
+SERVICE_QOS = QoSProfile(depth=1000)
 #: Policies that must fit: the words for a person, and the name in ``QoSProfile``.
 _POLICIES = ('reliability', 'durability', 'deadline', 'liveliness', 'liveliness_lease_duration')
 
 
-def misfit(offered: QoSProfile, requested: QoSProfile) -> str:
+def incompatibility(offered: QoSProfile, requested: QoSProfile) -> str:
     """
     Tell what keeps a subscriber from hearing a publisher.
 

@@ -24,19 +24,19 @@ import time
 
 from kachaka_simple_control.control.claims import (
     Claim,
+    CLAIM_PERIOD,
+    CLAIM_TIMEOUT,
     ClaimedError,
     Claims,
     HELD,
-    LEASE,
     MachineClaim,
     NOTHING,
-    PERIOD,
     WANTED,
 )
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotTakenError
-from kachaka_simple_control.ros.dds_transport import is_kept_to_this_machine
-from kachaka_simple_control.ros.names import LONGEST
+from kachaka_simple_control.ros.dds_transport import is_localhost_only
+from kachaka_simple_control.ros.names import MAX_NAME_LENGTH
 from kachaka_simple_control.ros.participants import own_participant
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -45,7 +45,7 @@ from std_msgs.msg import String
 
 #: How long a newcomer looks for others before it takes a robot [s], from when it joined the graph:
 #: discovery between machines mostly takes less.
-LOOK = LEASE
+LOOK = CLAIM_TIMEOUT
 #: How long two newcomers that have been there for a while have to hear of each other [s].
 SETTLE = 0.25
 #: For how much longer a claim is told after two were found to be held [s], so that the other
@@ -83,7 +83,7 @@ class RobotClaim:
         self._name = f'{role} {node.context.get_domain_id()} {topic}'
         self._node_name = node.get_fully_qualified_name()
         self._taken_text = TAKEN[role].format(topic=topic, who='{who}')
-        self._told = None if is_kept_to_this_machine() else _ToldClaim(
+        self._told = None if is_localhost_only() else _ToldClaim(
             node, _topic(topic, role), on_rival)
 
     def fileno(self) -> int:
@@ -141,7 +141,7 @@ class RobotClaim:
 
 def _topic(velocities: str, role: str) -> str:
     topic = f'{velocities}/_{role}'
-    if len(topic) <= LONGEST:
+    if len(topic) <= MAX_NAME_LENGTH:
         return topic
     return f'/_kachaka_simple_control/_{hashlib.sha256(velocities.encode()).hexdigest()}/_{role}'
 
@@ -229,7 +229,7 @@ class _ToldClaim:
             String(data=Claim(self._participant, self._state, self._who).packed()))
 
     def _tell_on(self) -> None:
-        while not self._over.wait(PERIOD):
+        while not self._over.wait(CLAIM_PERIOD):
             if not self._node.context.ok():
                 return
             if self._state != NOTHING:

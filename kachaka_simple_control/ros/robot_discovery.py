@@ -17,14 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from kachaka_simple_control.control.guardian import Guardian, Unguarded
+from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError
 from kachaka_simple_control.escaping import escaped
-from kachaka_simple_control.ros.manual_control_client import ManualControl
+from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.participants import own_participant, participants
-from kachaka_simple_control.ros.qos import misfit
+from kachaka_simple_control.ros.qos import incompatibility
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.node import Node
 
@@ -32,12 +32,12 @@ HINT = ('. Is its bridge running, in the same ROS_DOMAIN_ID? Compare the name wi
         'list`. Without a robot, try `kachaka_simple_control --sim`')
 
 
-class RobotLink:
+class RobotDiscovery:
     """Whether the robot listens, and to whom."""
 
     def __init__(
             self, node: Node, names: RobotNames, publisher: VelocityPublisher,
-            manual_control: ManualControl, guardian: Guardian | Unguarded) -> None:
+            manual_control: ManualControlClient, guardian: Guardian | NullGuardian) -> None:
         """
         Look at nothing yet.
 
@@ -212,7 +212,7 @@ class RobotLink:
         offered = [info.qos_profile for info, participant in zip(own, participants(own))
                    if participant == self._participant]
         for info in fitting:
-            if offered and (reason := misfit(offered[0], info.qos_profile)):
+            if offered and (reason := incompatibility(offered[0], info.qos_profile)):
                 return (f'a subscriber is there (node {escaped(info.node_name, 60)}), but its '
                         f'quality of service does not fit: {reason}; change that of the robot')
         return 'nobody subscribes to it'

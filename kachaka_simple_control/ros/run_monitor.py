@@ -17,23 +17,23 @@ from __future__ import annotations
 
 import time
 
-from kachaka_simple_control.control.guardian import Guardian, Unguarded
-from kachaka_simple_control.control.manual_control_lease import Renewal
-from kachaka_simple_control.control.stop import Stillness
+from kachaka_simple_control.control.guardian import Guardian, NullGuardian
+from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
+from kachaka_simple_control.control.stop import StandstillDetector
 from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
-from kachaka_simple_control.ros.robot_discovery import RobotLink
+from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 
 #: How often to look whether anybody came or left, by numbers alone [s].
-GLANCE = 0.2
+GRAPH_COUNT_PERIOD = 0.2
 #: How often to look who is there, if the numbers stay as they are [s]: that takes as long as five
 #: messages.
-LOOK = 1.0
+GRAPH_CHECK_PERIOD = 1.0
 #: How often to look whether the robot is still there [s]: asking takes as long as half a message.
-LISTENER = 0.05
+SUBSCRIBER_CHECK_PERIOD = 0.05
 
 
-class Attendant:
+class RosRunMonitor:
     """
     Called by a run after each message, and at least every 20 ms; each call is short.
 
@@ -47,8 +47,8 @@ class Attendant:
     """
 
     def __init__(
-            self, guardian: Guardian | Unguarded, renewal: Renewal, link: RobotLink,
-            foreign: ForeignMessages, odometry: Stillness, odometry_timeout: float,
+            self, guardian: Guardian | NullGuardian, renewal: LeaseRenewer, link: RobotDiscovery,
+            foreign: ForeignMessages, odometry: StandstillDetector, odometry_timeout: float,
             needs_renewal: bool) -> None:
         """Have looked at nothing yet."""
         self._guardian = guardian
@@ -82,11 +82,11 @@ class Attendant:
         now = time.monotonic()
         self._guardian.beat()
         self._renewal.beat(now)
-        if now - self._listened >= LISTENER:
+        if now - self._listened >= SUBSCRIBER_CHECK_PERIOD:
             self._listened = now
             self._link.require_listener()
         self._require_odometry(now)
-        if now - self._glanced >= GLANCE:
+        if now - self._glanced >= GRAPH_COUNT_PERIOD:
             self._glanced = now
             self._look(now)
 
@@ -103,7 +103,7 @@ class Attendant:
         return silence > self._odometry_timeout
 
     def _look(self, now: float) -> None:
-        if self._link.has_changed() or now - self._looked >= LOOK:
+        if self._link.has_changed() or now - self._looked >= GRAPH_CHECK_PERIOD:
             self._looked = now
             self._link.require_same_robot()
             self._link.require_one_robot()

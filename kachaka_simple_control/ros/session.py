@@ -22,32 +22,36 @@ import time
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.drive_requests import DriveRequest, DriveRequests
-from kachaka_simple_control.control.guardian import Guardian, Unguarded
-from kachaka_simple_control.control.manual_control_lease import Renewal
-from kachaka_simple_control.control.plan_runner import play
-from kachaka_simple_control.control.stop import INTERVAL, Stillness, Stopper
-from kachaka_simple_control.control.velocity_gate import Access, PublisherEdge
+from kachaka_simple_control.control.guardian import Guardian, NullGuardian
+from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
+from kachaka_simple_control.control.plan_runner import run_plan
+from kachaka_simple_control.control.stop import (
+    StandstillDetector,
+    STOP_REPEAT_PERIOD,
+    StopController,
+)
+from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, RunFaultError
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.ros.executors import BackgroundSpinner
+from kachaka_simple_control.ros.executors import BackgroundExecutor
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
-from kachaka_simple_control.ros.manual_control_client import ManualControl
+from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.names import RobotNames
-from kachaka_simple_control.ros.parameters import Settings
+from kachaka_simple_control.ros.parameters import NodeParameters
 from kachaka_simple_control.ros.robot_claim import RobotClaim
-from kachaka_simple_control.ros.robot_discovery import RobotLink
-from kachaka_simple_control.ros.run_monitor import Attendant
-from kachaka_simple_control.ros.session_status import Lookout
+from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
+from kachaka_simple_control.ros.run_monitor import RosRunMonitor
+from kachaka_simple_control.ros.session_status import StatusReader
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.node import Node
 
 #: How long the robot may take to confirm that manual control was given back [s].
-FAREWELL = 1.0
+RELEASE_TIMEOUT = 1.0
 #: How long the guardian may take to publish a zero it was asked for [s].
-PATIENCE = 1.0
+GUARDIAN_PRIME_TIMEOUT = 1.0
 
 
 class Session:
@@ -60,7 +64,7 @@ class Session:
 
     def __init__(
             self, node: Node, publisher: VelocityPublisher, profile: RobotProfile,
-            names: RobotNames, settings: Settings) -> None:
+            names: RobotNames, settings: NodeParameters) -> None:
         """
         Make a session with a robot that has not been met.
 
@@ -76,28 +80,28 @@ class Session:
         self._odometry_topic = names.odometry if settings.odometry_timeout else None
         self._settings = settings
         #: what odometry tells of the robot's velocity
-        self.odometry = Stillness()
+        self.odometry = StandstillDetector()
         self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._rival_found)
         self._publisher = publisher
-        self._guardian = guard(node, publisher, profile, settings, self._claim.fileno())
-        self.edge = PublisherEdge(
+        self._guardian = start_guardian(node, publisher, profile, settings, self._claim.fileno())
+        self.edge = VelocityGate(
             publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending)
-        self._manual_control = ManualControl(
+        self._manual_control = ManualControlClient(
             node, names.manual_control, self._require_wanted, profile.manual_control_timeout)
-        self._link = RobotLink(
+        self._link = RobotDiscovery(
             node, names, publisher, self._manual_control, self._guardian)
         self._foreign = ForeignMessages(
             node, publisher,
             list if settings.allow_other_publishers else self._link.others,
             # Who halts this node sets the latch, too; the guardian is silent then.
             lambda: self._guardian.latch.is_set and self._halted_by is None, self._foreign_heard)
-        self._stopper = Stopper(self.edge, profile.hold, self._guardian, self._still_moves)
-        self._renewal = Renewal(
+        self._stopper = StopController(self.edge, profile.hold, self._guardian, self._still_moves)
+        self._renewal = LeaseRenewer(
             lambda: self._manual_control.ask(True), patience=profile.hold - 1.0 / settings.rate)
-        self._attendant = Attendant(
+        self._attendant = RosRunMonitor(
             self._guardian, self._renewal, self._link, self._foreign, self.odometry,
             settings.odometry_timeout, self._manual_control.is_needed)
-        self._spinner = BackgroundSpinner(node, self._callback_failed)
+        self._spinner = BackgroundExecutor(node, self._callback_failed)
         self._requests = DriveRequests(self.edge, 1.0 / settings.rate)
         self._request: DriveRequest | None = None
         self._closing = threading.Lock()
@@ -108,7 +112,7 @@ class Session:
         #: whether somebody was told that the last stop could not be confirmed
         self._is_told = False
         #: how it stands with the robot, for those who show it
-        self.lookout = Lookout(
+        self.lookout = StatusReader(
             self.edge, self._link, self._guardian, self.odometry, self._manual_control,
             lambda: self._halted_by)
 
@@ -154,7 +158,7 @@ class Session:
             self._take()
             # Only now: until the robot is taken, the stop of the movement before must not wait.
             self._stopper.keep_quiet()
-            run = play(plan, self.edge, self._hold, self._attendant, prepared=request.run)
+            run = run_plan(plan, self.edge, self._hold, self._attendant, prepared=request.run)
             self._guardian.rest()
             self._stopper.stop_unless_more(run, within=plan.period)
         except BaseException as error:
@@ -176,7 +180,7 @@ class Session:
         if (failure := self._stop(reason)) is not None:
             self._is_told = True
             raise RunFaultError(failure)
-        return self.edge.access is not Access.NOT_YET
+        return self.edge.access is not GateState.NOT_YET
 
     def halt(self, reason: ControlError) -> None:
         """
@@ -281,10 +285,10 @@ class Session:
             self._publisher.sent.note_guardian(time.monotonic())
             self._guardian.prime()
             wanted += 1
-            time.sleep(INTERVAL)
+            time.sleep(STOP_REPEAT_PERIOD)
         # A zero of the guardian that came late would fall into the motion.
-        if not wait_until(lambda: self._guardian.primed >= wanted, PATIENCE):
-            raise RunFaultError(f'the guardian did not answer within {PATIENCE:g} s')
+        if not wait_until(lambda: self._guardian.primed >= wanted, GUARDIAN_PRIME_TIMEOUT):
+            raise RunFaultError(f'the guardian did not answer within {GUARDIAN_PRIME_TIMEOUT:g} s')
 
     def _give_back(self) -> None:
         wanted = self._settings.release_manual_control and self._manual_control.was_asked
@@ -294,9 +298,10 @@ class Session:
         # Somebody else may drive the robot by now, under manual control.
         if self._foreign.is_heard(time.monotonic()) or self._foreign.listen():
             return
-        if not self._manual_control.give_back(FAREWELL):
+        if not self._manual_control.give_back(RELEASE_TIMEOUT):
             self._node.get_logger().warning(
-                f'The robot did not confirm within {FAREWELL:g} s that manual control is off; it '
+                f'The robot did not confirm within {RELEASE_TIMEOUT:g} s that manual control is '
+                'off; it '
                 'goes off by itself')
 
     def _still_moves(self) -> bool:
@@ -315,7 +320,7 @@ class Session:
             return f'the stop could not be sent: {error}'
         now = time.monotonic()
         # It may well move if it is not ours, or somebody else drives it by now.
-        is_ours = self.edge.access is Access.OPEN and not self._foreign.is_heard(now)
+        is_ours = self.edge.access is GateState.OPEN and not self._foreign.is_heard(now)
         if is_ours and self.odometry.moves(now):
             return ('the stop is unconfirmed: zeros were sent, and odometry still sees the robot '
                     'move')
@@ -370,9 +375,9 @@ def _reason(error: BaseException) -> ControlError:
     return MotionRefusedError(f'the motion was ended by {error!r}')
 
 
-def guard(
-        node: Node, publisher: VelocityPublisher, profile: RobotProfile, settings: Settings,
-        claim: int) -> Guardian | Unguarded:
+def start_guardian(
+        node: Node, publisher: VelocityPublisher, profile: RobotProfile, settings: NodeParameters,
+        claim: int) -> Guardian | NullGuardian:
     """
     Start a guardian for a publisher, unless none is wanted.
 
@@ -384,10 +389,11 @@ def guard(
     :returns: the guardian, or what stands in for it
     """
     if not settings.guardian:
-        return Unguarded()
+        return NullGuardian()
     arguments = [
         publisher.topic_name, node.context.get_domain_id(), profile.hold, profile.message_type,
         profile.frame]
     return Guardian(
-        [*processes.command('kachaka_simple_control.ros.guardian_process'), *map(str, arguments)],
-        processes.environment(), claim)
+        [*processes.python_command('kachaka_simple_control.ros.guardian_process'),
+        *map(str, arguments)],
+        processes.child_environment(), claim)

@@ -23,24 +23,30 @@ from enum import IntEnum
 import time
 from typing import NamedTuple
 
-from kachaka_simple_control.control.guardian import Guardian, Unguarded
-from kachaka_simple_control.control.plan_runner import Due, Player
-from kachaka_simple_control.control.stop import Stillness
-from kachaka_simple_control.control.velocity_gate import Access, PublisherEdge
+from kachaka_simple_control.control.guardian import Guardian, NullGuardian
+from kachaka_simple_control.control.plan_runner import Tick, TickScheduler
+from kachaka_simple_control.control.stop import StandstillDetector
+from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.errors import ControlError
-from kachaka_simple_control.motion.plan import Plan, Stage
+from kachaka_simple_control.motion.plan import Plan, PlannedStep
 from kachaka_simple_control.report.metrics import LATE
-from kachaka_simple_control.ros.manual_control_client import ManualControl
-from kachaka_simple_control.ros.robot_discovery import RobotLink
-from kachaka_simple_control.telemetry.events import Began, Ended, Event, Planned, Sent
+from kachaka_simple_control.ros.manual_control_client import ManualControlClient
+from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
+from kachaka_simple_control.telemetry.events import (
+    Event,
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    VelocitySent,
+)
 
 #: How much is kept for a count that does not come; an hour of 20 Hz.
-MOST = 100_000
+MAX_TICKS = 100_000
 #: How much is counted at once.
 AT_ONCE = 100
 
 
-class Tally:
+class TickStatistics:
     """
     Counts what happens.
 
@@ -61,13 +67,13 @@ class Tally:
         self.is_on = False
         #: takes what happens, from any thread
         self.hear: Callable[[Event], None]
-        self._unread: deque[Event | Plan] = deque(maxlen=MOST)
+        self._unread: deque[Event | Plan] = deque(maxlen=MAX_TICKS)
         self.hear = self.expect = self._unread.append
-        self._stages: Sequence[Stage] = ()
+        self._stages: Sequence[PlannedStep] = ()
         self._began: float | None = None
         self._period = 0.0
-        self._player: Player | None = None
-        self._due: Due | None = None
+        self._player: TickScheduler | None = None
+        self._due: Tick | None = None
 
     @property
     def has_begun(self) -> bool:
@@ -87,20 +93,20 @@ class Tally:
         match event:
             case Plan():
                 self._expect(event)
-            case Sent():
+            case VelocitySent():
                 if self._due is not None:
                     self._count(event.time)
-            case Began():
+            case MotionStarted():
                 self._began = event.time
                 self._due = self._player.due(0.0) if self._player else None
-            case Planned():
+            case MotionPlanned():
                 self.motion, self.is_on, self.failure = event.motion.name, True, None
-            case Ended():
+            case MotionEnded():
                 self.is_on, self.failure, self._due = False, event.reason, None
 
     def _expect(self, plan: Plan) -> None:
         self._stages, self._period = plan.stages, plan.period
-        self._player, self._began, self._due = Player(plan), None, None
+        self._player, self._began, self._due = TickScheduler(plan), None, None
 
     def step(self, now: float) -> tuple[int, int]:
         """
@@ -126,19 +132,19 @@ class Tally:
         if elapsed - due >= LATE * self._period:
             self.late += 1
 
-    def _next(self) -> tuple[float, Due | None]:
+    def _next(self) -> tuple[float, Tick | None]:
         """Return when the next velocity is due, and what; nothing after the last zero."""
         assert self._due is not None
         assert self._player is not None
         return self._due.deadline, self._player.due(self._due.deadline)
 
 
-def _end(stage: Stage) -> float:
+def _end(stage: PlannedStep) -> float:
     return stage.end
 
 
 @dataclass(frozen=True)
-class Standing:
+class SessionStatus:
     """
     One look at it.
 
@@ -158,12 +164,12 @@ class Standing:
     halted_by: str | None
 
 
-class Lookout:
+class StatusReader:
     """Looks at the parts of a session, from any thread, and changes nothing."""
 
     def __init__(
-            self, edge: PublisherEdge, link: RobotLink, guardian: Guardian | Unguarded,
-            odometry: Stillness, manual_control: ManualControl,
+            self, edge: VelocityGate, link: RobotDiscovery, guardian: Guardian | NullGuardian,
+            odometry: StandstillDetector, manual_control: ManualControlClient,
             halted_by: Callable[[], ControlError | None]) -> None:
         """
         Look at nothing yet.
@@ -185,9 +191,9 @@ class Lookout:
     @property
     def is_closed(self) -> bool:
         """Whether the robot was given back: nothing is to be published any more."""
-        return self._edge.access is Access.CLOSED
+        return self._edge.access is GateState.CLOSED
 
-    def look(self, now: float) -> Standing:
+    def look(self, now: float) -> SessionStatus:
         """
         Look.
 
@@ -195,7 +201,7 @@ class Lookout:
         :returns: how it is now
         """
         halted_by = self._halted_by()
-        return Standing(
+        return SessionStatus(
             listeners=self._link.listeners,
             others=tuple(self._link.others()),
             guardian=_guardian(self._guardian),
@@ -204,8 +210,8 @@ class Lookout:
             halted_by=str(halted_by) if halted_by else None)
 
 
-def _guardian(guardian: Guardian | Unguarded) -> str:
-    if isinstance(guardian, Unguarded):
+def _guardian(guardian: Guardian | NullGuardian) -> str:
+    if isinstance(guardian, NullGuardian):
         return 'off'
     if guardian.stopped_because is not None:
         return f'stopped the robot because {guardian.stopped_because}'
@@ -224,7 +230,7 @@ class Severity(IntEnum):
     ERROR = 2
 
 
-class Condition(NamedTuple):
+class Diagnosis(NamedTuple):
     """
     What is told once a second.
 
@@ -238,7 +244,7 @@ class Condition(NamedTuple):
     values: dict[str, str]
 
 
-def condition(tally: Tally, standing: Standing, now: float) -> Condition:
+def diagnose(tally: TickStatistics, standing: SessionStatus, now: float) -> Diagnosis:
     """
     Judge.
 
@@ -250,7 +256,7 @@ def condition(tally: Tally, standing: Standing, now: float) -> Condition:
     state = _state(tally, standing)
     level, message = _worst(tally, standing, state)
     age = standing.odometry_age
-    return Condition(level, message, {
+    return Diagnosis(level, message, {
         'state': state,
         'motion': tally.motion or 'none',
         'step': '{} of {}'.format(*tally.step(now)),
@@ -264,7 +270,7 @@ def condition(tally: Tally, standing: Standing, now: float) -> Condition:
     })
 
 
-def _state(tally: Tally, standing: Standing) -> str:
+def _state(tally: TickStatistics, standing: SessionStatus) -> str:
     if standing.halted_by is not None:
         return 'halted'
     if tally.is_on:
@@ -274,7 +280,7 @@ def _state(tally: Tally, standing: Standing) -> str:
     return 'at rest' if tally.failure is None else 'stopped early'
 
 
-def _worst(tally: Tally, standing: Standing, state: str) -> tuple[Severity, str]:
+def _worst(tally: TickStatistics, standing: SessionStatus, state: str) -> tuple[Severity, str]:
     if standing.halted_by is not None:
         return Severity.ERROR, f'halted for good: {standing.halted_by}'
     if standing.guardian.startswith('stopped'):

@@ -25,8 +25,8 @@ from kachaka_simple_control.control.output import print_only_on_success
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped, quoted
 from kachaka_simple_control.ros.names import (
-    LONGEST,
-    LONGEST_NAMESPACE,
+    MAX_NAME_LENGTH,
+    MAX_NAMESPACE_LENGTH,
     require_namespace,
     RobotNames,
 )
@@ -37,9 +37,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 #: The highest domain that DDS has ports for.
-HIGHEST_DOMAIN = 232
+MAX_DOMAIN = 232
 #: The longest name of a node that ROS takes.
-LONGEST_NODE_NAME = 255
+MAX_NODE_NAME_LENGTH = 255
 #: What ROS would take for something else, in dozens of lines or none.
 SWITCHES = {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': ('SUBNET', 'LOCALHOST', 'OFF', 'SYSTEM_DEFAULT'),
@@ -101,10 +101,10 @@ def check_environment() -> None:
     :raises UsageError: if it cannot
     """
     domain = os.environ.get('ROS_DOMAIN_ID', '')
-    if domain and not (re.fullmatch('[0-9]{1,9}', domain) and int(domain) <= HIGHEST_DOMAIN):
+    if domain and not (re.fullmatch('[0-9]{1,9}', domain) and int(domain) <= MAX_DOMAIN):
         raise UsageError(
             f'ROS_DOMAIN_ID is {quoted(domain, 60)}; it must be a whole number from 0 to '
-            f'{HIGHEST_DOMAIN}')
+            f'{MAX_DOMAIN}')
     for name, values in SWITCHES.items():
         value = os.environ.get(name, '')
         if value and value not in values:
@@ -129,8 +129,8 @@ def check_remaps(arguments: Sequence[str]) -> None:
         if not is_rule:
             raise UsageError(f'{quoted(rule, 60)} is no remap rule: {HINTS["remap"]}')
         if kind == '__ns':
-            require_namespace(name, 'the namespace in -r __ns:=', LONGEST_NAMESPACE)
-        most = LONGEST_NODE_NAME if kind in ('__node', '__name') else LONGEST
+            require_namespace(name, 'the namespace in -r __ns:=', MAX_NAMESPACE_LENGTH)
+        most = MAX_NODE_NAME_LENGTH if kind in ('__node', '__name') else MAX_NAME_LENGTH
         if len(name) > most:
             raise UsageError(
                 f'{quoted(match, 60)} is remapped to {quoted(name, 60)}, which has {len(name)} '
@@ -158,7 +158,7 @@ SERVICES = (
 
 
 @contextlib.contextmanager
-def refused_in_one_line(name: str) -> Iterator[None]:
+def one_line_errors(name: str) -> Iterator[None]:
     """
     Turn what ROS says of a node that cannot be made into one line.
 
@@ -173,8 +173,9 @@ def refused_in_one_line(name: str) -> Iterator[None]:
         text = escaped(str(error).splitlines()[0])
         if 'Failed to construct ~' in text or 'should not exceed' in text:
             # Of the services that every node has, the longest name does not fit.
-            text = (f'with its namespace, a name of its has more than {LONGEST} characters; ROS '
-                    f'takes {LONGEST} at most: take a shorter namespace or name')
+            text = (f'with its namespace, a name of its has more than {MAX_NAME_LENGTH} '
+                    'characters; ROS '
+                    f'takes {MAX_NAME_LENGTH} at most: take a shorter namespace or name')
         raise UsageError(f'there can be no node {escaped(name, 60)}: {text}') from None
 
 
@@ -218,13 +219,14 @@ def _resolved(node: Node, name: str, kind: str) -> str:
         resolved = resolve(name)
     except (NameValidationException, RuntimeError):
         resolved = expand_topic_name(name, node.get_name(), node.get_namespace())
-        if len(resolved) <= LONGEST:
+        if len(resolved) <= MAX_NAME_LENGTH:
             raise UsageError(
                 f'{escaped(name, 60)} is remapped to what is no name of a {kind}, or has more '
-                f'than {LONGEST} characters: choose another one') from None
-    if len(resolved) > LONGEST:
+                f'than {MAX_NAME_LENGTH} characters: choose another one') from None
+    if len(resolved) > MAX_NAME_LENGTH:
         raise UsageError(
             f'the {kind} {escaped(name, 60)} is {escaped(resolved, 60)} in full, which has '
-            f'{len(resolved)} characters; ROS takes {LONGEST} at most: take a shorter namespace '
+            f'{len(resolved)} characters; ROS takes {MAX_NAME_LENGTH} at most: take a shorter '
+            'namespace '
             'or name')
     return resolved

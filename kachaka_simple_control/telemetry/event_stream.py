@@ -24,11 +24,11 @@ from typing import Any, BinaryIO
 #: What a pipe takes whole or not at all [bytes]: PIPE_BUF of Linux and POSIX's least on others.
 WHOLE = 4096
 #: What a part of something larger carries [bytes]; the rest of WHOLE is room for its frame.
-PART = 3500
+CHUNK_SIZE = 3500
 
 
 @dataclass(frozen=True)
-class Part:
+class Chunk:
     """
     A part of an event that is too large to be sent at once.
 
@@ -40,7 +40,7 @@ class Part:
     is_last: bool
 
 
-def packets(event: object) -> list[bytes]:
+def encode(event: object) -> list[bytes]:
     """
     Return an event as what is written to a pipe.
 
@@ -52,12 +52,12 @@ def packets(event: object) -> list[bytes]:
     data = pickle.dumps(event, pickle.HIGHEST_PROTOCOL)
     if len(data) <= WHOLE:
         return [data]
-    starts = range(0, len(data), PART)
-    return [pickle.dumps(Part(data[start:start + PART], start == starts[-1]),
+    starts = range(0, len(data), CHUNK_SIZE)
+    return [pickle.dumps(Chunk(data[start:start + CHUNK_SIZE], start == starts[-1]),
                          pickle.HIGHEST_PROTOCOL) for start in starts]
 
 
-def events(stream: BinaryIO) -> Iterator[Any]:
+def decode(stream: BinaryIO) -> Iterator[Any]:
     """
     Return what was written to a pipe, until its end.
 
@@ -70,7 +70,7 @@ def events(stream: BinaryIO) -> Iterator[Any]:
             event = pickle.load(stream)  # from the process that started this one
         except (EOFError, pickle.UnpicklingError):
             return
-        if isinstance(event, Part):
+        if isinstance(event, Chunk):
             parts += event.data
             if not event.is_last:
                 continue

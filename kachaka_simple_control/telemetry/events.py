@@ -24,7 +24,7 @@ from kachaka_simple_control.motion.steps import Motion
 
 
 @dataclass(frozen=True)
-class Opened:
+class SessionStarted:
     """
     A program began; the first event of all.
 
@@ -58,7 +58,7 @@ class Opened:
 
 
 @dataclass(frozen=True)
-class Planned:
+class MotionPlanned:
     """
     A motion was planned; the robot is met next, if it has not been met yet.
 
@@ -75,7 +75,7 @@ class Planned:
 
 
 @dataclass(frozen=True)
-class Began:
+class MotionStarted:
     """
     The first velocity of the motion planned last was sent: t = 0.
 
@@ -86,7 +86,7 @@ class Began:
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
+class VelocitySent:
     """
     A velocity was published.
 
@@ -99,7 +99,7 @@ class Sent:
 
 
 @dataclass(frozen=True, slots=True)
-class Answered:
+class OdometryReceived:
     """
     Odometry told a pose.
 
@@ -114,7 +114,7 @@ class Answered:
 
 
 @dataclass(frozen=True)
-class Ended:
+class MotionEnded:
     """
     The motion planned last is over.
 
@@ -130,7 +130,7 @@ class Ended:
 
 
 @dataclass(frozen=True)
-class Closed:
+class SessionEnded:
     """
     The program stopped the robot and gave it back; the last event of all, unless it was killed.
 
@@ -147,13 +147,14 @@ class Closed:
     error: str | None = None
 
 
-Event = Opened | Planned | Began | Sent | Answered | Ended | Closed
+Event = (SessionStarted | MotionPlanned | MotionStarted | VelocitySent | OdometryReceived
+         | MotionEnded | SessionEnded)
 
 
-Hearer = Callable[[Event], None]
+EventHandler = Callable[[Event], None]
 
 
-class Audience:
+class EventBus:
     """
     Tells events to whoever wants to hear them, in the thread in which they happen.
 
@@ -163,7 +164,7 @@ class Audience:
 
     def __init__(self) -> None:
         """Have nobody to tell."""
-        self._hearers: tuple[Hearer, ...] = ()
+        self._hearers: tuple[EventHandler, ...] = ()
         #: why hearers were dropped
         self.failures: list[Exception] = []
 
@@ -171,7 +172,7 @@ class Audience:
         """Return whether anybody wants to hear."""
         return bool(self._hearers)
 
-    def join(self, hearer: Hearer) -> None:
+    def join(self, hearer: EventHandler) -> None:
         """
         Add a hearer.
 

@@ -25,17 +25,17 @@ import threading
 import time
 
 from kachaka_simple_control.control import processes
-from kachaka_simple_control.control.signals import WATCH
-from kachaka_simple_control.telemetry.event_stream import packets, wait_for_room
-from kachaka_simple_control.telemetry.events import Audience, Closed, Event, Planned
+from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.telemetry.event_stream import encode, wait_for_room
+from kachaka_simple_control.telemetry.events import Event, EventBus, MotionPlanned, SessionEnded
 
 #: Room for what a listener has not read yet [bytes]: about a minute of a drive at 50 Hz.
-ROOM = 1 << 20
+PIPE_SIZE = 1 << 20
 #: How long a plan may wait for room [s]; nothing else waits, for only a plan comes before motion.
 EXIT_TIMEOUT = 2.0
 
 
-class Teller:
+class SubscriberProcess:
     """
     One process's side of a listener: a fresh program that reads events from a pipe.
 
@@ -55,7 +55,7 @@ class Teller:
         os.set_blocking(self._pipe, False)
         # Linux alone can enlarge a pipe, and may refuse to; a smaller one does as well.
         with contextlib.suppress(AttributeError, OSError):
-            fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, ROOM)
+            fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         os.register_at_fork(after_in_child=self._close)
         self._process = subprocess.Popen(
             command, env=environment, stdin=reader, start_new_session=True)
@@ -73,10 +73,10 @@ class Teller:
         if self.deaf_because is not None:
             return
         try:
-            if isinstance(event, Planned):
+            if isinstance(event, MotionPlanned):
                 self._tell_patiently(event)
             else:
-                for packet in packets(event):
+                for packet in encode(event):
                     os.write(self._pipe, packet)
         except BlockingIOError:
             self.deaf_because = 'it did not keep up'
@@ -100,7 +100,7 @@ class Teller:
         # Parts of two plans must not be mixed; whatever else is told meanwhile may come between.
         end = time.monotonic() + EXIT_TIMEOUT
         with self._planning:
-            for packet in packets(event):
+            for packet in encode(event):
                 while True:
                     try:
                         os.write(self._pipe, packet)
@@ -122,17 +122,17 @@ FINISH_TIMEOUT_WHEN_STOPPED = 1.0
 REPORTER = 'kachaka_simple_control.report.report_process'
 
 
-class Listeners:
+class SubscriberProcesses:
     """
     The listeners of one program, and what it tells them in the end.
 
     :param audience: tells them what happens
     """
 
-    def __init__(self, audience: Audience) -> None:
+    def __init__(self, audience: EventBus) -> None:
         """Have none."""
         self._audience = audience
-        self._tellers: list[Teller] = []
+        self._tellers: list[SubscriberProcess] = []
         #: how long after the stop began odometry saw the robot still [s]; None if it did not
         self.still_after: float | None = None
 
@@ -143,9 +143,10 @@ class Listeners:
         :param module: its program
         :param arguments: what that is told
         """
-        self.join(Teller([*processes.command(module), *arguments], processes.environment()))
+        self.join(SubscriberProcess(
+            [*processes.python_command(module), *arguments], processes.child_environment()))
 
-    def join(self, teller: Teller) -> None:
+    def join(self, teller: SubscriberProcess) -> None:
         """
         Add one that was started.
 
@@ -160,10 +161,11 @@ class Listeners:
 
         :param error: why the program failed; None if it did not
         """
-        self._audience.tell(Closed(
-            time.monotonic(), self.still_after, WATCH.signum,
+        self._audience.tell(SessionEnded(
+            time.monotonic(), self.still_after, signal_dispatcher.signum,
             str(error) if isinstance(error, Exception) else None))
-        patience = FINISH_TIMEOUT if WATCH.signum is None else FINISH_TIMEOUT_WHEN_STOPPED
+        patience = (FINISH_TIMEOUT if signal_dispatcher.signum is None
+                    else FINISH_TIMEOUT_WHEN_STOPPED)
         for teller in self._tellers:
             teller.close(patience)
             if teller.deaf_because is not None:
@@ -177,14 +179,14 @@ def _say(text: str) -> None:
 
 
 @contextlib.contextmanager
-def listeners(audience: Audience) -> Iterator[Listeners]:
+def subscriber_processes(audience: EventBus) -> Iterator[SubscriberProcesses]:
     """
     Have listeners as long as a block lasts.
 
     :param audience: tells them what happens
     :returns: a context manager for them
     """
-    those = Listeners(audience)
+    those = SubscriberProcesses(audience)
     try:
         yield those
     except BaseException as error:

@@ -23,7 +23,7 @@ from kachaka_simple_control.escaping import quoted
 #: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).
 PORT = 26400
 #: The longest name of a host has 253 characters; brackets and a port may come with it.
-LONGEST = 261
+MAX_ADDRESS_LENGTH = 261
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,10 @@ class Address:
         :raises ValueError: if it is none, in one line
         """
         host, port = _split(text.strip())
-        if len(text) > LONGEST or not text.isprintable():
+        if len(text) > MAX_ADDRESS_LENGTH or not text.isprintable():
             raise ValueError(
-                f'{quoted(text, 60)} is no address of a robot; it has at most {LONGEST} '
+                f'{quoted(text, 60)} is no address of a robot; it has at most '
+                f'{MAX_ADDRESS_LENGTH} '
                 'characters, all of them visible')
         if not host or any(c.isspace() or c == '/' for c in text.strip()) or set('[]') & set(host):
             raise ValueError(
@@ -85,7 +86,7 @@ class UnreachableError(RuntimeError):
     """No robot answers; the text says what to do about it."""
 
 
-def require_listener(address: Address, timeout: float) -> None:
+def check_reachable(address: Address, timeout: float) -> None:
     """
     Make sure that somebody listens at an address.
 

@@ -23,14 +23,24 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.bridge_node import BridgeNode
-from kachaka_simple_control.kachaka.error_codes import Level, link_status, robot_status, Status
+from kachaka_simple_control.kachaka.error_codes import (
+    DiagnosticEntry,
+    Level,
+    link_status,
+    robot_status,
+)
 from kachaka_simple_control.kachaka.grpc_client.address import Address
-from kachaka_simple_control.kachaka.grpc_client.command_arbiter import command
-from kachaka_simple_control.kachaka.grpc_client.connection import Meeting
-from kachaka_simple_control.kachaka.grpc_client.polling import Fetch, OdometryFeed, Speaker, Watch
-from kachaka_simple_control.kachaka.grpc_client.robot_driver import RealRobot
+from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
+from kachaka_simple_control.kachaka.grpc_client.connection import ConnectedRobot
+from kachaka_simple_control.kachaka.grpc_client.polling import (
+    Fetch,
+    HealthPoller,
+    LogThread,
+    OdometryPoller,
+)
+from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
 from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.ros.executors import Ear, Spinner
+from kachaka_simple_control.ros.executors import ExecutorLoop, SubscriptionExecutor
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 
@@ -67,7 +77,8 @@ def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
 
 
 def diagnostics(
-        statuses: Sequence[Status], stamp: Time, robot: str, hardware: str) -> DiagnosticArray:
+        statuses: Sequence[DiagnosticEntry], stamp: Time, robot: str,
+        hardware: str) -> DiagnosticArray:
     """
     Return diagnostics.
 
@@ -102,7 +113,7 @@ class RealBridge(BridgeNode):
     """
 
     def __init__(
-            self, meeting: Meeting, namespace: str, frame_prefix: str = '',
+            self, meeting: ConnectedRobot, namespace: str, frame_prefix: str = '',
             give_up: Callable[[str], None] = lambda _: None,
             on_rival: Callable[[str], None] = lambda _: None) -> None:
         """
@@ -115,14 +126,15 @@ class RealBridge(BridgeNode):
         :param on_rival: called when another bridge shows a robot under the same names
         :raises RobotTakenError: if another bridge does already
         """
-        self._speaker = Speaker(self._log)
+        self._speaker = LogThread(self._log)
         super().__init__(namespace, on_rival)
         self._address: Address = meeting.address
         self._identity = meeting.identity
         self._frame_prefix = frame_prefix
         client = meeting.client
-        self._robot = RealRobot(client, KACHAKA.hold, meeting.texts, self._speaker.tell, give_up)
-        self._watch = Watch(client, self._robot, self._speaker.tell, self._publish_diagnostics)
+        self._robot = RobotDriver(client, KACHAKA.hold, meeting.texts, self._speaker.tell, give_up)
+        self._watch = HealthPoller(
+            client, self._robot, self._speaker.tell, self._publish_diagnostics)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._feeds = [
             self._feed(publisher, fetch)
@@ -132,9 +144,9 @@ class RealBridge(BridgeNode):
         for feed in self._feeds:
             feed.start()
 
-    def spinners(self) -> list[Spinner]:
+    def spinners(self) -> list[ExecutorLoop]:
         """Return what to run, each in a thread of its own."""
-        return [Ear(self, self._subscription, self.hear), *super().spinners()]
+        return [SubscriptionExecutor(self, self._subscription, self.hear), *super().spinners()]
 
     @property
     def summary(self) -> str:
@@ -149,7 +161,7 @@ class RealBridge(BridgeNode):
         :param now: when it came [s, steady clock]
         """
         try:
-            wanted = command(velocity, KACHAKA.limits, now)
+            wanted = velocity_command(velocity, KACHAKA.limits, now)
         except ValueError as error:
             self._speaker.tell(Level.WARN, f'the robot refused: {error}')
             return
@@ -178,12 +190,12 @@ class RealBridge(BridgeNode):
             feed.join()
         self._speaker.close()
 
-    def _feed(self, publisher: Publisher, fetch: Fetch) -> OdometryFeed:
+    def _feed(self, publisher: Publisher, fetch: Fetch) -> OdometryPoller:
         def publish(source: Any) -> None:
             now = self.get_clock().now().to_msg()
             publisher.publish(odometry(source, now, self._frame_prefix))
 
-        return OdometryFeed(
+        return OdometryPoller(
             publisher.topic_name, fetch, lambda: publisher.get_subscription_count() > 0, publish,
             self._robot.note)
 

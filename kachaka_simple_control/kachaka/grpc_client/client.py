@@ -23,7 +23,7 @@ from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiStub
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.kachaka.grpc_client.address import Address
-from kachaka_simple_control.kachaka.grpc_client.connection_state import Outcome, Trouble
+from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 
 OPTIONS = (
     # A velocity that went astray must not be sent again by itself.
@@ -38,10 +38,10 @@ OPTIONS = (
     ('grpc.min_reconnect_backoff_ms', 1000),
     ('grpc.max_reconnect_backoff_ms', 1000),
 )
-TROUBLES = {
-    grpc.StatusCode.DEADLINE_EXCEEDED: Trouble.LATE,
-    grpc.StatusCode.UNAVAILABLE: Trouble.GONE,
-    grpc.StatusCode.CANCELLED: Trouble.GONE,
+FAILURES = {
+    grpc.StatusCode.DEADLINE_EXCEEDED: RpcFailure.LATE,
+    grpc.StatusCode.UNAVAILABLE: RpcFailure.GONE,
+    grpc.StatusCode.CANCELLED: RpcFailure.GONE,
 }
 LATE = 'no answer within {deadline:.2g} s'
 
@@ -62,7 +62,7 @@ class RobotClient:
         """End the connection, and every call under way."""
         self._channel.close()
 
-    def set_velocity(self, linear: float, angular: float, deadline: float) -> Outcome:
+    def set_velocity(self, linear: float, angular: float, deadline: float) -> RpcResult:
         """
         Let the robot drive.
 
@@ -74,7 +74,7 @@ class RobotClient:
         request = pb2.SetRobotVelocityRequest(linear=linear, angular=angular)
         return _outcome(self._stub.SetRobotVelocity, request, deadline)[0]
 
-    def set_manual_control(self, enabled: bool, deadline: float) -> Outcome:
+    def set_manual_control(self, enabled: bool, deadline: float) -> RpcResult:
         """
         Let the robot take velocities, or none.
 
@@ -85,7 +85,7 @@ class RobotClient:
         request = pb2.SetManualControlEnabledRequest(enable=enabled)
         return _outcome(self._stub.SetManualControlEnabled, request, deadline)[0]
 
-    def errors(self, deadline: float) -> tuple[Outcome, list[int]]:
+    def errors(self, deadline: float) -> tuple[RpcResult, list[int]]:
         """
         Ask what is wrong with the robot now.
 
@@ -95,7 +95,7 @@ class RobotClient:
         outcome, answer = _outcome(self._stub.GetError, pb2.GetRequest(), deadline)
         return outcome, [] if answer is None else list(answer.error_codes)
 
-    def error_texts(self, deadline: float) -> tuple[Outcome, str]:
+    def error_texts(self, deadline: float) -> tuple[RpcResult, str]:
         """
         Ask what the codes mean.
 
@@ -106,7 +106,7 @@ class RobotClient:
             self._stub.GetRobotErrorCodeJson, pb2.EmptyRequest(), deadline)
         return outcome, '' if answer is None else str(answer.json)
 
-    def identity(self, deadline: float) -> tuple[Outcome, str]:
+    def identity(self, deadline: float) -> tuple[RpcResult, str]:
         """
         Ask who the robot is.
 
@@ -122,7 +122,7 @@ class RobotClient:
         return outcome, (
             f'{escaped(serial.serial_number, 60)}, software {escaped(version.version, 60)}')
 
-    def odometry(self, cursor: int, deadline: float) -> tuple[Outcome, Any]:
+    def odometry(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
         """
         Ask where the robot thinks it is, once that is newer than what is known.
 
@@ -132,7 +132,7 @@ class RobotClient:
         """
         return _newer(self._stub.GetRosOdometry, cursor, deadline)
 
-    def wheel_odometry(self, cursor: int, deadline: float) -> tuple[Outcome, Any]:
+    def wheel_odometry(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
         """
         Ask for the same as the wheels have it.
 
@@ -143,31 +143,31 @@ class RobotClient:
         return _newer(self._stub.GetRosWheelOdometry, cursor, deadline)
 
 
-def _newer(method: Callable[..., Any], cursor: int, deadline: float) -> tuple[Outcome, Any]:
+def _newer(method: Callable[..., Any], cursor: int, deadline: float) -> tuple[RpcResult, Any]:
     request = pb2.GetRequest(metadata=pb2.Metadata(cursor=cursor))
     return _outcome(method, request, deadline)
 
 
 def _outcome(
-        method: Callable[..., Any], request: Any, deadline: float) -> tuple[Outcome, Any]:
+        method: Callable[..., Any], request: Any, deadline: float) -> tuple[RpcResult, Any]:
     try:
         answer = method(request, timeout=deadline)
     except grpc.RpcError as error:
-        return _trouble(error, deadline), None
+        return _failure(error, deadline), None
     except ValueError as error:  # the channel was closed
-        return Outcome(trouble=Trouble.GONE, text=escaped(error)), None
+        return RpcResult(trouble=RpcFailure.GONE, text=escaped(error)), None
     result = getattr(answer, 'result', None)
     # Some robots leave the code of an error at 0: what was no success is not taken for one.
     code = 0 if result is None or result.success else result.error_code or -1
-    return Outcome(code=code), answer
+    return RpcResult(code=code), answer
 
 
-def _trouble(error: Any, deadline: float) -> Outcome:
-    trouble = TROUBLES.get(error.code(), Trouble.FAILED)
-    if trouble is Trouble.LATE:
-        return Outcome(trouble=trouble, text=LATE.format(deadline=deadline))
+def _failure(error: Any, deadline: float) -> RpcResult:
+    trouble = FAILURES.get(error.code(), RpcFailure.FAILED)
+    if trouble is RpcFailure.LATE:
+        return RpcResult(trouble=trouble, text=LATE.format(deadline=deadline))
     text = ' '.join(str(error.details() or error.code()).split())
     if text.startswith('failed to connect'):
         # What the system said comes last, after names of layers and the address.
         text = text.rpartition(': ')[2]
-    return Outcome(trouble=trouble, text=escaped(text))
+    return RpcResult(trouble=trouble, text=escaped(text))

@@ -20,13 +20,13 @@ from enum import Enum
 import math
 
 from kachaka_simple_control.kachaka.error_codes import ERROR_NO_MANUAL_CONTROL
-from kachaka_simple_control.kachaka.grpc_client.connection_state import Outcome, Trouble
+from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 
 
 @dataclass(frozen=True)
-class Command:
+class VelocityCommand:
     """
     A velocity as parts of the robot's largest, and when it came.
 
@@ -45,7 +45,7 @@ class Command:
         return self.linear == 0.0 and self.angular == 0.0
 
 
-def command(velocity: Velocity, limits: Limits, now: float) -> Command:
+def velocity_command(velocity: Velocity, limits: Limits, now: float) -> VelocityCommand:
     """
     Return a velocity as the robot takes it, cut off at its largest.
 
@@ -59,7 +59,7 @@ def command(velocity: Velocity, limits: Limits, now: float) -> Command:
         raise ValueError(
             f'linear.x {velocity.linear_x} m/s and angular.z {velocity.angular_z} rad/s must be '
             'finite numbers')
-    return Command(
+    return VelocityCommand(
         _part(velocity.linear_x, limits.max_linear_velocity),
         _part(velocity.angular_z, limits.max_angular_velocity),
         now)
@@ -72,14 +72,14 @@ def _part(value: float, largest: float) -> float:
 #: A robot whose velocities cease is stopped after this time without one [s].  It is below the
 #: hold of 0.3 s, and above the period of the slowest publisher that keeps such a robot moving
 #: (5 Hz, 0.2 s).
-LIMIT = 0.25
+STREAM_TIMEOUT = 0.25
 #: A publisher that ever let this time pass between two velocities of a motion [s] is left to the
 #: hold: a late message of it must not be taken for its end.  Our node gives its run up when it is
 #: more than 0.1 s late, so 0.15 + 0.1 = LIMIT never cuts a run of it short.
-LEISURELY = 0.15
+MAX_STREAM_PERIOD = 0.15
 
 
-class Silence:
+class CommandTimeout:
     """
     Hears the commands that come, and says when to stop waiting for the next.
 
@@ -108,9 +108,9 @@ class Silence:
     @property
     def end(self) -> float | None:
         """Return when to stop the robot unless a command comes before [s]; None for never."""
-        if self._last is None or self._longest is None or self._longest > LEISURELY:
+        if self._last is None or self._longest is None or self._longest > MAX_STREAM_PERIOD:
             return None
-        return self._last + LIMIT
+        return self._last + STREAM_TIMEOUT
 
     def is_over(self, now: float) -> bool:
         """
@@ -125,7 +125,7 @@ class Silence:
         return True
 
 
-class Mailbox:
+class LatestCommand:
     """
     Holds one motion that waits for the robot to be free, or the knowledge that a stop is owed.
 
@@ -140,14 +140,14 @@ class Mailbox:
         :param patience: how old a motion may be when it is taken [s]; older ones are dropped
         """
         self._patience = patience
-        self._newest: Command | None = None
-        self._motion: Command | None = None
+        self._newest: VelocityCommand | None = None
+        self._motion: VelocityCommand | None = None
         #: whether a stop has to be sent before any motion
         self.is_stop_owed = False
         #: how many motions were replaced, or dropped for their age or for a stop
         self.dropped = 0
 
-    def put(self, command: Command) -> None:
+    def put(self, command: VelocityCommand) -> None:
         """
         Take a command in, in place of what waits.
 
@@ -159,7 +159,7 @@ class Mailbox:
         self.clear()
         self._newest = self._motion = command
 
-    def put_back(self, command: Command) -> None:
+    def put_back(self, command: VelocityCommand) -> None:
         """
         Take in again a motion that the robot did not take, if it is still what is wanted.
 
@@ -198,7 +198,7 @@ class Mailbox:
             self.clear()
         return self._motion is not None and not self.is_stop_owed
 
-    def take_motion(self, now: float) -> Command | None:
+    def take_motion(self, now: float) -> VelocityCommand | None:
         """
         Take the motion that waits, if it may be sent.
 
@@ -212,14 +212,14 @@ class Mailbox:
 
 
 #: How long the robot may take to confirm a stop, or to switch manual control on [s].
-PATIENCE = 1.0
+STOP_RPC_TIMEOUT = 1.0
 #: After so many motions in a row without an answer within the hold, no more are sent.
-LATE_IN_A_ROW = 3
+MAX_CONSECUTIVE_TIMEOUTS = 3
 #: A publisher that was silent for so long [s] has come to rest, as one that sent a zero has.
-REST = 1.0
+REARM_IDLE_TIME = 1.0
 
 
-class Kind(Enum):
+class RpcKind(Enum):
     """What the robot is asked for."""
 
     MOTION = 'motion'
@@ -229,7 +229,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Order:
+class RpcRequest:
     """
     One call to make now.
 
@@ -238,12 +238,12 @@ class Order:
     :param deadline: how long the robot may take to answer [s]
     """
 
-    kind: Kind
-    command: Command | None
+    kind: RpcKind
+    command: VelocityCommand | None
     deadline: float
 
 
-class Helm:
+class CommandArbiter:
     """
     Turns commands that come into orders that go, one motion at a time.
 
@@ -260,10 +260,10 @@ class Helm:
         :param hold: how long the robot keeps a velocity [s]
         """
         self._hold = hold
-        self._mailbox = Mailbox(hold)
-        self._silence = Silence()
-        self._under_way: list[Order] = []
-        self._overtaken: Order | None = None
+        self._mailbox = LatestCommand(hold)
+        self._silence = CommandTimeout()
+        self._under_way: list[RpcRequest] = []
+        self._overtaken: RpcRequest | None = None
         self._wants_control = False
         self._is_linked = False
         self._late = 0
@@ -285,13 +285,13 @@ class Helm:
         """Return when to ask again what is due, if nothing happens before [s]."""
         return self._silence.end
 
-    def hear(self, command: Command) -> None:
+    def hear(self, command: VelocityCommand) -> None:
         """
         Take a command in.
 
         :param command: the newest command
         """
-        is_rest = command.is_stop or command.time - self._heard_last > REST
+        is_rest = command.is_stop or command.time - self._heard_last > REARM_IDLE_TIME
         self._heard_last = command.time
         if self._is_linked and is_rest:
             self.is_barred = False
@@ -299,7 +299,7 @@ class Helm:
             self._silence.hear(command.is_stop, command.time)
             self._mailbox.put(command)
 
-    def due(self, now: float) -> Order | None:
+    def due(self, now: float) -> RpcRequest | None:
         """
         Return what to send now; ask again until it is nothing.
 
@@ -315,7 +315,7 @@ class Helm:
             self._under_way.append(order)
         return order
 
-    def ended(self, order: Order, outcome: Outcome, now: float) -> None:
+    def ended(self, order: RpcRequest, outcome: RpcResult, now: float) -> None:
         """
         Take in how an order ended.
 
@@ -324,9 +324,9 @@ class Helm:
         :param now: the time [s, steady clock]
         """
         self._under_way.remove(order)
-        if order.kind is Kind.STOP:
+        if order.kind is RpcKind.STOP:
             self._stop_ended(outcome)
-        elif order.kind is Kind.TAKE:
+        elif order.kind is RpcKind.TAKE:
             self._take_ended(outcome)
         else:
             self._motion_ended(order, outcome, now)
@@ -357,49 +357,50 @@ class Helm:
     def rest(self) -> None:
         """Forget every motion that came, and stop the robot if it moves."""
         self._wants_control = False
-        self._silence = Silence()
+        self._silence = CommandTimeout()
         self._mailbox.clear()
         if self.may_move:
             self._mailbox.owe_stop()
 
-    def _stop(self, now: float) -> Order | None:
-        if any(order.kind is Kind.STOP for order in self._under_way):
+    def _stop(self, now: float) -> RpcRequest | None:
+        if any(order.kind is RpcKind.STOP for order in self._under_way):
             return None
         if not self._mailbox.take_stop():
             return None
         self._overtaken = next(
-            (order for order in self._under_way if order.kind is Kind.MOTION), None)
-        return Order(Kind.STOP, Command(0.0, 0.0, now), PATIENCE)
+            (order for order in self._under_way if order.kind is RpcKind.MOTION), None)
+        return RpcRequest(RpcKind.STOP, VelocityCommand(0.0, 0.0, now), STOP_RPC_TIMEOUT)
 
-    def _take(self, now: float) -> Order | None:
+    def _take(self, now: float) -> RpcRequest | None:
         if self._under_way or not self._wants_control:
             return None
         self._wants_control = False
-        return Order(Kind.TAKE, None, PATIENCE) if self._mailbox.has_motion(now) else None
+        return RpcRequest(RpcKind.TAKE, None, STOP_RPC_TIMEOUT) if self._mailbox.has_motion(
+            now) else None
 
-    def _motion(self, now: float) -> Order | None:
+    def _motion(self, now: float) -> RpcRequest | None:
         command = None if self._under_way else self._mailbox.take_motion(now)
         if command is None:
             return None
         self.may_move = True
-        return Order(Kind.MOTION, command, self._hold)
+        return RpcRequest(RpcKind.MOTION, command, self._hold)
 
-    def _stop_ended(self, outcome: Outcome) -> None:
+    def _stop_ended(self, outcome: RpcResult) -> None:
         if not outcome.is_heard:
             self._mailbox.owe_stop()
         elif not self._under_way and not self._mailbox.is_stop_owed:
             self.may_move = False
 
-    def _take_ended(self, outcome: Outcome) -> None:
+    def _take_ended(self, outcome: RpcResult) -> None:
         if outcome.is_success:
             self.has_taken = True
         elif outcome.is_heard:
             self.bar()
 
-    def _motion_ended(self, order: Order, outcome: Outcome, now: float) -> None:
+    def _motion_ended(self, order: RpcRequest, outcome: RpcResult, now: float) -> None:
         assert order.command is not None
         was_overtaken, self._overtaken = order is self._overtaken, None
-        is_late = outcome.trouble is Trouble.LATE
+        is_late = outcome.trouble is RpcFailure.LATE
         self._late = self._late + 1 if is_late else 0
         # Which of the two came last is not known; a newer motion would make up for it.
         if is_late or (was_overtaken and not self._mailbox.has_motion(now)):
@@ -407,6 +408,7 @@ class Helm:
         if outcome.code == ERROR_NO_MANUAL_CONTROL:
             self._wants_control = True
             self._mailbox.put_back(order.command)
-        elif self._late >= LATE_IN_A_ROW or (outcome.is_heard and not outcome.is_success):
+        elif self._late >= MAX_CONSECUTIVE_TIMEOUTS or (
+            outcome.is_heard and not outcome.is_success):
             self._late = 0
             self.bar()

@@ -20,20 +20,20 @@ from dataclasses import dataclass
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts
 from kachaka_simple_control.kachaka.grpc_client.address import (
     Address,
-    require_listener,
+    check_reachable,
     SWITCH_ON,
     UnreachableError,
 )
 from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
-from kachaka_simple_control.kachaka.grpc_client.connection_state import Outcome, Trouble
+from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 
 #: How long a robot may take to accept a connection, then to answer each of three questions [s].
-CONNECTING = 3.0
-ANSWERING = 2.0
+CONNECT_TIMEOUT = 3.0
+IDENTIFY_TIMEOUT = 2.0
 
 
 @dataclass(frozen=True)
-class Meeting:
+class ConnectedRobot:
     """
     A robot that has answered.
 
@@ -49,7 +49,7 @@ class Meeting:
     texts: ErrorTexts
 
 
-def meet(address: Address) -> Meeting:
+def connect(address: Address) -> ConnectedRobot:
     """
     Find a robot, and learn who it is.
 
@@ -57,21 +57,22 @@ def meet(address: Address) -> Meeting:
     :returns: what was learnt
     :raises UnreachableError: if no robot answers there, with what to do
     """
-    require_listener(address, CONNECTING)
+    check_reachable(address, CONNECT_TIMEOUT)
     client = RobotClient(address)
-    outcome, identity = client.identity(ANSWERING)
+    outcome, identity = client.identity(IDENTIFY_TIMEOUT)
     if not outcome.is_success:
         client.close()
         raise UnreachableError(_silent(address, outcome))
-    outcome, text = client.error_texts(ANSWERING)
-    return Meeting(address, client, identity, ErrorTexts(text))
+    outcome, text = client.error_texts(IDENTIFY_TIMEOUT)
+    return ConnectedRobot(address, client, identity, ErrorTexts(text))
 
 
-def _silent(address: Address, outcome: Outcome) -> str:
-    if outcome.trouble is Trouble.LATE:
-        return (f'{address} accepts connections, but does not answer within {ANSWERING:g} s: is '
+def _silent(address: Address, outcome: RpcResult) -> str:
+    if outcome.trouble is RpcFailure.LATE:
+        return (f'{address} accepts connections, but does not answer within {IDENTIFY_TIMEOUT:g} '
+                's: is '
                 'this the address of the robot? If it is, restart the robot')
-    if outcome.trouble is Trouble.GONE:
+    if outcome.trouble is RpcFailure.GONE:
         return (f'{address} accepts connections, but does not answer ({outcome.text}): if this is '
                 f'the address of the robot, {SWITCH_ON}')
     return f'{address} answers, but not as a Kachaka does ({outcome.text})'

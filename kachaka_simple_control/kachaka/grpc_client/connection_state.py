@@ -21,7 +21,7 @@ from enum import Enum
 SUCCESS = 0
 
 
-class Trouble(Enum):
+class RpcFailure(Enum):
     """Why there is no answer."""
 
     #: none came in time; the robot may still do what it was asked
@@ -33,7 +33,7 @@ class Trouble(Enum):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RpcResult:
     """
     The robot's answer to one call, or why there is none.
 
@@ -43,7 +43,7 @@ class Outcome:
     """
 
     code: int | None = None
-    trouble: Trouble | None = None
+    trouble: RpcFailure | None = None
     text: str = ''
 
     @property
@@ -54,14 +54,14 @@ class Outcome:
     @property
     def is_heard(self) -> bool:
         """Whether the robot was there to answer."""
-        return self.trouble in (None, Trouble.FAILED)
+        return self.trouble in (None, RpcFailure.FAILED)
 
 
 #: A robot that has answered nothing for so long [s], though it was asked, is out of reach.
-PATIENCE = 1.0
+CONNECTION_TIMEOUT = 1.0
 
 
-class Change(Enum):
+class ConnectionEvent(Enum):
     """What became of the link."""
 
     FOUND = 'found'
@@ -69,7 +69,7 @@ class Change(Enum):
     BACK = 'back'
 
 
-class Link:
+class ConnectionState:
     """The link to a robot; tells each change of it once."""
 
     def __init__(self) -> None:
@@ -84,7 +84,7 @@ class Link:
         self._heard_last = float('-inf')
         self._failing_since: float | None = None
 
-    def note(self, outcome: Outcome, begun: float, now: float) -> Change | None:
+    def note(self, outcome: RpcResult, begun: float, now: float) -> ConnectionEvent | None:
         """
         Take in how a call ended.
 
@@ -99,14 +99,14 @@ class Link:
         if self._failing_since is None:
             self._failing_since = begun
         silence = now - max(self._failing_since, self._heard_last)
-        is_lost = outcome.trouble is Trouble.GONE or silence >= PATIENCE
+        is_lost = outcome.trouble is RpcFailure.GONE or silence >= CONNECTION_TIMEOUT
         return self._lost(outcome.text, now) if is_lost and self.is_up else None
 
-    def _found(self, now: float) -> Change:
+    def _found(self, now: float) -> ConnectionEvent:
         self.is_up, self.since = True, now
-        return Change.BACK if self.losses else Change.FOUND
+        return ConnectionEvent.BACK if self.losses else ConnectionEvent.FOUND
 
-    def _lost(self, reason: str, now: float) -> Change:
+    def _lost(self, reason: str, now: float) -> ConnectionEvent:
         self.is_up, self.since, self.reason = False, now, reason
         self.losses += 1
-        return Change.LOST
+        return ConnectionEvent.LOST

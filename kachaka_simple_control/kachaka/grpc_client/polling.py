@@ -22,19 +22,19 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts, Level
-from kachaka_simple_control.kachaka.grpc_client.connection_state import Outcome, Trouble
-from kachaka_simple_control.kachaka.grpc_client.robot_driver import RealRobot
+from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
+from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
 
 if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
 
 #: The same text is said again only after so many seconds without it.
-QUIET = 1.0
+LOG_REPEAT_PERIOD = 1.0
 #: How long to wait at the end until everything is said [s].
-PATIENCE = 0.5
+LOG_EXIT_TIMEOUT = 0.5
 
 
-class Speaker:
+class LogThread:
     """Says what it is told in a thread of its own."""
 
     def __init__(self, say: Callable[[Level, str], None]) -> None:
@@ -58,7 +58,8 @@ class Speaker:
         """
         now = time.monotonic()
         # Texts have figures in them: what was not heard lately is forgotten.
-        self._heard = {known: at for known, at in self._heard.items() if now - at < QUIET}
+        self._heard = {
+            known: at for known, at in self._heard.items() if now - at < LOG_REPEAT_PERIOD}
         if text not in self._heard:
             self._texts.put((level, text))
         self._heard[text] = now
@@ -66,7 +67,7 @@ class Speaker:
     def close(self) -> None:
         """Say what is left."""
         self._texts.put(None)
-        self._thread.join(PATIENCE)
+        self._thread.join(LOG_EXIT_TIMEOUT)
 
     def _run(self) -> None:
         while (one := self._texts.get()) is not None:
@@ -80,15 +81,15 @@ SPACING = 0.01
 #: How often to look whether somebody wants odometry, or whether the robot is back [s].
 IDLE = 0.1
 
-Fetch = Callable[[int, float], tuple[Outcome, Any]]
+Fetch = Callable[[int, float], tuple[RpcResult, Any]]
 
 
-class OdometryFeed:
+class OdometryPoller:
     """Asks for what is newer than the last, again and again, in a thread of its own."""
 
     def __init__(
             self, name: str, fetch: Fetch, is_wanted: Callable[[], bool],
-            publish: Callable[[Any], None], note: Callable[[Outcome, float], None]) -> None:
+            publish: Callable[[Any], None], note: Callable[[RpcResult, float], None]) -> None:
         """
         Fetch from ``start`` on.
 
@@ -132,11 +133,11 @@ class OdometryFeed:
         outcome, answer = self._fetch(self._cursor, ODOMETRY_DEADLINE)
         if self._over.is_set():
             return 0.0
-        if outcome.trouble is not Trouble.LATE:
+        if outcome.trouble is not RpcFailure.LATE:
             self._note(outcome, begun)
         if answer is None:
             self._cursor = 0
-            return 0.0 if outcome.trouble is Trouble.LATE else IDLE
+            return 0.0 if outcome.trouble is RpcFailure.LATE else IDLE
         cursor = answer.metadata.cursor
         if cursor == 0 or cursor != self._cursor:
             self._publish(answer.odometry)
@@ -151,17 +152,17 @@ class OdometryFeed:
 
 
 #: How often to look [s], while the robot is there and while it is not.
-PERIOD = 1.0
-PERIOD_LOST = 0.3
+HEALTH_PERIOD = 1.0
+HEALTH_PERIOD_WHEN_LOST = 0.3
 #: How long it may take to answer [s].
 HEALTH_DEADLINE = 1.0
 
 
-class Watch:
+class HealthPoller:
     """Looks at the robot in a thread of its own; so a lost link is noticed, and its return."""
 
     def __init__(
-            self, client: RobotClient, robot: RealRobot, tell: Callable[[Level, str], None],
+            self, client: RobotClient, robot: RobotDriver, tell: Callable[[Level, str], None],
             on_look: Callable[[], None]) -> None:
         """
         Look from ``start`` on.
@@ -202,7 +203,7 @@ class Watch:
     def _run(self) -> None:
         while not self._over.is_set():
             self.look()
-            self._over.wait(PERIOD if self._robot.link.is_up else PERIOD_LOST)
+            self._over.wait(HEALTH_PERIOD if self._robot.link.is_up else HEALTH_PERIOD_WHEN_LOST)
 
     def _learn(self, codes: list[int]) -> None:
         """Ask what errors mean if a new one has no text yet: the robot may not have been ready."""

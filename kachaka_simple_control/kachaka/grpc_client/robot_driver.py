@@ -23,12 +23,17 @@ from typing import TYPE_CHECKING
 
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts, Level
-from kachaka_simple_control.kachaka.grpc_client.command_arbiter import Command, Helm, Kind, Order
+from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
+    CommandArbiter,
+    RpcKind,
+    RpcRequest,
+    VelocityCommand,
+)
 from kachaka_simple_control.kachaka.grpc_client.connection_state import (
-    Change,
-    Link,
-    Outcome,
-    Trouble,
+    ConnectionEvent,
+    ConnectionState,
+    RpcFailure,
+    RpcResult,
 )
 
 if TYPE_CHECKING:
@@ -37,17 +42,17 @@ if TYPE_CHECKING:
 #: A motion may be under way, and beside it a stop that overtakes it.
 WORKERS = 2
 #: How long the robot may take to answer when it is told of the end [s]; asked thrice at most.
-FAREWELL = 0.3
+SHUTDOWN_RPC_TIMEOUT = 0.3
 #: How long it may take to switch manual control on or off for somebody else [s].
 MANUAL_CONTROL_DEADLINE = 3.0
 #: How often a worker without work looks at the clock [s].
-BEAT = 0.1
+WORKER_PERIOD = 0.1
 GOES_ON = 'moves again after a zero, or after 1 s without velocities'
 
 
-class RealRobot:
+class RobotDriver:
     """
-    Puts a ``Helm`` between whoever commands and the robot, and threads that make its calls.
+    Threads that make the calls which a ``CommandArbiter`` decides on.
 
     May be used by many threads.  Nothing is sent before ``note`` has heard of an answer.
     """
@@ -67,7 +72,7 @@ class RealRobot:
         """
         self._client = client
         self._hold = hold
-        self._helm = Helm(hold)
+        self._helm = CommandArbiter(hold)
         self._tell = tell
         self._give_up = give_up
         self._changed = threading.Condition()
@@ -76,7 +81,7 @@ class RealRobot:
         self._workers = [
             threading.Thread(target=self._work, name=f'robot-{number}', daemon=True)
             for number in range(WORKERS)]
-        self.link = Link()
+        self.link = ConnectionState()
         self.texts = texts
         #: how long the robot took to answer a velocity last [s]
         self.round_trip = math.nan
@@ -88,7 +93,7 @@ class RealRobot:
         """Return how many motions were never sent, for newer ones or for their age."""
         return self._helm.dropped
 
-    def drive(self, command: Command) -> None:
+    def drive(self, command: VelocityCommand) -> None:
         """
         Let the robot have a command as soon as it can; returns at once.
 
@@ -98,7 +103,7 @@ class RealRobot:
             self._helm.hear(command)
             self._changed.notify()
 
-    def set_manual_control(self, enabled: bool) -> Outcome:
+    def set_manual_control(self, enabled: bool) -> RpcResult:
         """
         Let the robot take velocities, or none; returns when it has answered.
 
@@ -118,7 +123,7 @@ class RealRobot:
                 self._controls(enabled)
         return outcome
 
-    def note(self, outcome: Outcome, begun: float) -> None:
+    def note(self, outcome: RpcResult, begun: float) -> None:
         """
         Learn from a call that somebody else made whether the robot is in reach.
 
@@ -135,14 +140,14 @@ class RealRobot:
             self._changed.notify_all()
             may_move, has_control = self._helm.may_move, self._has_control
         if may_move:
-            self._client.set_velocity(0.0, 0.0, FAREWELL)
+            self._client.set_velocity(0.0, 0.0, SHUTDOWN_RPC_TIMEOUT)
         for worker in self._workers:
-            worker.join(FAREWELL)
+            worker.join(SHUTDOWN_RPC_TIMEOUT)
         if may_move:
             # Once more, for a motion was perhaps under way.
-            self._client.set_velocity(0.0, 0.0, FAREWELL)
+            self._client.set_velocity(0.0, 0.0, SHUTDOWN_RPC_TIMEOUT)
         if has_control:
-            self._client.set_manual_control(False, FAREWELL)
+            self._client.set_manual_control(False, SHUTDOWN_RPC_TIMEOUT)
         self._client.close()
 
     def _work(self) -> None:
@@ -158,7 +163,7 @@ class RealRobot:
     def _pause(self, now: float) -> None:
         """Wait for something to do; and notice when this program was frozen meanwhile."""
         look = self._helm.next_look
-        timeout = BEAT if look is None else max(0.0, min(look - now, BEAT))
+        timeout = WORKER_PERIOD if look is None else max(0.0, min(look - now, WORKER_PERIOD))
         self._changed.wait(timeout)
         self._look_back(now, timeout)
 
@@ -171,21 +176,21 @@ class RealRobot:
                 self._tell(Level.WARN, text)
             self._helm.held_up(woken)
 
-    def _carry_out(self, order: Order) -> None:
+    def _carry_out(self, order: RpcRequest) -> None:
         self._changed.release()
         begun = time.monotonic()
         try:
             outcome = self._perform(order)
         except Exception as error:  # whatever it is, the next zero must be able to leave
             text = escaped(f'{type(error).__name__}: {error}')
-            outcome = Outcome(trouble=Trouble.FAILED, text=text)
+            outcome = RpcResult(trouble=RpcFailure.FAILED, text=text)
         finally:
             self._changed.acquire()
         was_barred = self._helm.is_barred
         self._helm.ended(order, outcome, time.monotonic())
         if order.command is not None and outcome.is_heard:
             self.round_trip = time.monotonic() - begun
-        if order.kind is Kind.TAKE and outcome.is_success:
+        if order.kind is RpcKind.TAKE and outcome.is_success:
             self._controls(True)
         self._note(outcome, begun)
         if self._helm.is_barred and not was_barred and self.link.is_up:
@@ -194,17 +199,17 @@ class RealRobot:
         self._look_back(begun, order.deadline)
         self._changed.notify()
 
-    def _perform(self, order: Order) -> Outcome:
+    def _perform(self, order: RpcRequest) -> RpcResult:
         command = order.command
         if command is None:
             return self._client.set_manual_control(True, order.deadline)
         return self._client.set_velocity(command.linear, command.angular, order.deadline)
 
-    def _note(self, outcome: Outcome, begun: float) -> None:
+    def _note(self, outcome: RpcResult, begun: float) -> None:
         if self._is_over:
             return  # calls that the end cut short say nothing about the link
         change = self.link.note(outcome, begun, time.monotonic())
-        if change is Change.LOST:
+        if change is ConnectionEvent.LOST:
             moved = self._helm.may_move
             self._helm.lose()
             self._tell(Level.ERROR, f'the link to the robot is lost: {self.link.reason}')
@@ -212,15 +217,15 @@ class RealRobot:
                 self._give_up(f'the link to the robot was lost: {self.link.reason}')
         elif change is not None:
             self._helm.connect()
-            if change is Change.BACK:
+            if change is ConnectionEvent.BACK:
                 self._tell(Level.WARN, f'the link to the robot is back; it {GOES_ON}')
             self._changed.notify()
 
-    def _cut(self, order: Order, outcome: Outcome) -> None:
+    def _cut(self, order: RpcRequest, outcome: RpcResult) -> None:
         if outcome.trouble is not None:
             reason = f'the robot did not answer a velocity: {outcome.text}'
         else:
-            what = 'manual control' if order.kind is Kind.TAKE else 'a velocity'
+            what = 'manual control' if order.kind is RpcKind.TAKE else 'a velocity'
             reason = f'the robot refused {what}: {self.describe(outcome)}'
         self._tell(Level.ERROR, f'{reason}; it {GOES_ON}')
         self._give_up(reason)
@@ -229,7 +234,7 @@ class RealRobot:
         self._has_control = enabled
         self._tell(Level.OK, f"manual control {'enabled' if enabled else 'disabled'}")
 
-    def describe(self, outcome: Outcome) -> str:
+    def describe(self, outcome: RpcResult) -> str:
         """
         Say why the robot did not do something.
 

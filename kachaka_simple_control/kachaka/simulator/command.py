@@ -24,14 +24,14 @@ import sys
 import threading
 import time
 
-from kachaka_simple_control.control.signals import Ending
+from kachaka_simple_control.control.signals import ShutdownEvent
 from kachaka_simple_control.escaping import escaped, quoted
-from kachaka_simple_control.kachaka.simulator.drive_model import Fidelity
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.one_line_parser import OneLineParser
 
-#: Of each option that is a figure of ``Fidelity``: name, unit, help.
-FIGURES = (
+#: Of each option that is a figure of ``SimulationParameters``: name, unit, help.
+PARAMETER_OPTIONS = (
     ('lag', 'S', 'time constant of the drive'),
     ('linear_acceleration', 'M/S2', 'largest change of the forward velocity'),
     ('angular_acceleration', 'RAD/S2', 'largest change of the turning velocity'),
@@ -45,19 +45,19 @@ FIGURES = (
 )
 
 
-def add_figures(parser: argparse.ArgumentParser) -> None:
+def add_parameter_options(parser: argparse.ArgumentParser) -> None:
     """
     Let a program take the figures.
 
     :param parser: the parser of its command line
     """
-    for name, unit, text in FIGURES:
+    for name, unit, text in PARAMETER_OPTIONS:
         parser.add_argument(
-            f"--{name.replace('_', '-')}", type=float, default=getattr(Fidelity, name),
+            f"--{name.replace('_', '-')}", type=float, default=getattr(SimulationParameters, name),
             metavar=unit, help=f'{text} (default: %(default)s)')
 
 
-def fidelity(options: argparse.Namespace) -> Fidelity:
+def simulation_parameters(options: argparse.Namespace) -> SimulationParameters:
     """
     Return the figures that were given.
 
@@ -65,7 +65,8 @@ def fidelity(options: argparse.Namespace) -> Fidelity:
     :returns: the figures
     :raises ValueError: if no robot has one of them
     """
-    return Fidelity(**{name: getattr(options, name) for name, _, _ in FIGURES})
+    return SimulationParameters(
+        **{name: getattr(options, name) for name, _, _ in PARAMETER_OPTIONS})
 
 
 #: What presses it: ``kill -USR1`` and the number of the process.
@@ -76,7 +77,7 @@ def hold_back() -> None:
     """
     Keep the signal for whoever waits for it; call it before there are any other threads.
 
-    It is not handled but waited for, since ``Ending`` takes any handled signal for the end.
+    It is not handled but waited for, since ``ShutdownEvent`` takes any handled signal for the end.
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, {SIGNAL})
 
@@ -121,11 +122,11 @@ def main(args: Sequence[str] | None = None) -> int:
     :returns: the exit code
     """
     hold_back()
-    with Ending() as ending:
+    with ShutdownEvent() as ending:
         return _main(sys.argv[1:] if args is None else args, ending)
 
 
-def _main(args: Sequence[str], ending: Ending) -> int:
+def _main(args: Sequence[str], ending: ShutdownEvent) -> int:
     options, how = _parse(args)
     try:
         from kachaka_simple_control.kachaka.simulator.grpc_server import serving
@@ -149,11 +150,11 @@ def _failure(message: str, code: int) -> int:
     return code
 
 
-def _parse(args: Sequence[str]) -> tuple[argparse.Namespace, Fidelity]:
+def _parse(args: Sequence[str]) -> tuple[argparse.Namespace, SimulationParameters]:
     parser = _parser()
     options = parser.parse_args(args)
     try:
-        return options, fidelity(options)
+        return options, simulation_parameters(options)
     except ValueError as error:
         parser.error(str(error))
 
@@ -177,7 +178,7 @@ def _parser() -> OneLineParser:
         help='the address to listen at; 0.0.0.0: all of this machine (default: %(default)s)')
     add('--docked', action='store_true', help='the robot starts on its charging dock')
     add('--seed', type=int, default=0, help='of all noise (default: %(default)s)')
-    add_figures(parser)
+    add_parameter_options(parser)
     add('--with-parent', action='store_true', help='end when standard input does')
     return parser
 

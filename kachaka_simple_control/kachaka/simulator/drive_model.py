@@ -23,7 +23,7 @@ from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Veloci
 
 
 @dataclass(frozen=True)
-class Fidelity:
+class SimulationParameters:
     """
     What keeps a simulated robot from doing exactly as it is told.
 
@@ -86,7 +86,7 @@ def _check(name: str, value: float) -> None:
         raise ValueError(f'{name} is {value}; it must be {demand}')
 
 
-IDEAL = Fidelity()
+IDEAL = SimulationParameters()
 
 
 #: Where the velocity changes within a command, the path is put together from arcs this long [s].
@@ -96,7 +96,7 @@ GRID = 0.001
 STANDSTILL = 1e-6
 
 
-def approach(
+def first_order_response(
         velocity: float,
         target: float,
         duration: float,
@@ -142,7 +142,7 @@ class _State:
     velocity: Velocity
 
 
-class Drive:
+class DriveModel:
     """
     A unicycle that follows demanded velocities; told the time, never asking for it.
 
@@ -151,7 +151,7 @@ class Drive:
     what is answered never depends on how often it is asked.
     """
 
-    def __init__(self, fidelity: Fidelity, start: float, seed: int) -> None:
+    def __init__(self, fidelity: SimulationParameters, start: float, seed: int) -> None:
         """
         Stand still at the origin.
 
@@ -230,10 +230,10 @@ class Drive:
     def _after(self, now: float) -> _State:
         duration = now - self._state.time
         fidelity, velocity = self._fidelity, self._state.velocity
-        linear_x, distance = approach(
+        linear_x, distance = first_order_response(
             velocity.linear_x, self._target.linear_x, duration,
             fidelity.lag, fidelity.linear_acceleration)
-        angular_z, angle = approach(
+        angular_z, angle = first_order_response(
             velocity.angular_z, self._target.angular_z, duration,
             fidelity.lag, fidelity.angular_acceleration)
         pose = advance(
@@ -245,10 +245,10 @@ class Drive:
 ODOMETRY_PERIOD = 0.02
 
 
-class Odometer:
+class NoisyOdometry:
     """Adds noise to a pose; of the time alone, so that asking more often changes nothing."""
 
-    def __init__(self, fidelity: Fidelity, start: float, seed: int) -> None:
+    def __init__(self, fidelity: SimulationParameters, start: float, seed: int) -> None:
         """
         Begin.
 

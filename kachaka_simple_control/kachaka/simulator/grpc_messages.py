@@ -106,7 +106,7 @@ def transform(where: Pose, frame: str, child: str, stamp: int) -> pb2.RosTransfo
         translation=pb2.Vector3(x=where.x, y=where.y), rotation=rotation(where.theta))
 
 
-class Localisation:
+class MapToOdom:
     """
     The place of odometry on the map: the same, until somebody corrects it.
 

@@ -30,19 +30,19 @@ from kachaka_api.generated.kachaka_api_pb2_grpc import (
 from kachaka_simple_control.kachaka.simulator.grpc_services import (
     DrivingService,
     EquipmentService,
-    LayoutService,
+    MapService,
     SensingService,
     StateService,
     TransformService,
 )
-from kachaka_simple_control.kachaka.simulator.grpc_state import Clock, Station
+from kachaka_simple_control.kachaka.simulator.grpc_state import Clock, SimulatorState
 from kachaka_simple_control.kachaka.simulator.grpc_tasks import CommandService
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 
 #: Every call that the robot's service has.
 CALLS = tuple(name for name in vars(KachakaApiServicer) if name[0].isupper())
 PARTS = (
-    CommandService, DrivingService, EquipmentService, LayoutService, SensingService, StateService,
+    CommandService, DrivingService, EquipmentService, MapService, SensingService, StateService,
     TransformService)
 #: The calls that a simulated robot has no answer to.
 UNIMPLEMENTED = tuple(
@@ -52,7 +52,7 @@ UNIMPLEMENTED = tuple(
 class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
     """The service of a Kachaka, put together from its parts."""
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: SimulatorState) -> None:
         """
         Serve a robot.
 
@@ -91,7 +91,7 @@ class GrpcServer:
         :param robot: the robot; the server alone calls it from now on
         :param clock: the time
         """
-        self.station = Station(robot, clock)
+        self.station = SimulatorState(robot, clock)
         self._server = grpc.aio.server(options=OPTIONS)
         add_KachakaApiServicer_to_server(SimulatedKachakaServicer(self.station), self._server)
         self._keeping: asyncio.Task[None] | None = None

@@ -35,7 +35,11 @@ from kachaka_simple_control.kachaka.simulator.grpc_messages import (
     ODOMETRY_FRAME,
     ROBOT_FRAME,
 )
-from kachaka_simple_control.kachaka.simulator.grpc_state import constant, Station, Topic
+from kachaka_simple_control.kachaka.simulator.grpc_state import (
+    constant,
+    LongPollValue,
+    SimulatorState,
+)
 from kachaka_simple_control.kachaka.simulator.grpc_tasks import HOME
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 
@@ -43,14 +47,14 @@ from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 class DrivingService:
     """Manual control, velocities, and the emergency stop."""
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: SimulatorState) -> None:
         """
         Serve a robot.
 
         :param station: where it is
         """
         self._station = station
-        self._manual_control = Topic(station, station.robot.manual_control)
+        self._manual_control = LongPollValue(station, station.robot.manual_control)
 
     async def SetRobotVelocity(
             self, request: pb2.SetRobotVelocityRequest, context: Any
@@ -87,15 +91,15 @@ class DrivingService:
 class SensingService:
     """Odometry and its relatives, new every 20 ms (chosen: the official bridge asks as often)."""
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: SimulatorState) -> None:
         """
         Serve a robot.
 
         :param station: where it is
         """
         self._station = station
-        self._odometry = Topic(station, self._read_odometry, ODOMETRY_PERIOD)
-        self._pose = Topic(station, self._read_pose, ODOMETRY_PERIOD)
+        self._odometry = LongPollValue(station, self._read_odometry, ODOMETRY_PERIOD)
+        self._pose = LongPollValue(station, self._read_pose, ODOMETRY_PERIOD)
 
     async def GetRosOdometry(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRosOdometryResponse:
@@ -146,14 +150,14 @@ LASER, LASER_HEIGHT = Pose(0.156, 0.0, math.pi / 2.0), 0.1049
 class TransformService:
     """From the map to the robot, and from the robot to its parts."""
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: SimulatorState) -> None:
         """
         Serve a robot.
 
         :param station: where it is
         """
         self._station = station
-        self._moving = Topic(station, self._read, ODOMETRY_PERIOD)
+        self._moving = LongPollValue(station, self._read, ODOMETRY_PERIOD)
         self._constant = constant(station)
 
     async def GetStaticTransform(
@@ -199,13 +203,13 @@ ERRORS = json.dumps([
 class StateService:
     """Names, readiness, errors."""
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: SimulatorState) -> None:
         """
         Serve a robot.
 
         :param station: where it is
         """
-        self._errors = Topic(station, station.robot.errors)
+        self._errors = LongPollValue(station, station.robot.errors)
         self._constant = constant(station)
 
     async def GetRobotSerialNumber(
@@ -246,7 +250,7 @@ BRIGHTEST = 255
 class EquipmentService:
     """Speaker, torches, battery, and whether it drives home by itself (it never does)."""
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: SimulatorState) -> None:
         """
         Serve a robot.
 
@@ -255,9 +259,9 @@ class EquipmentService:
         self._station = station
         self._volume = LOUDEST // 2
         self._homes = False
-        self._volumes = Topic(station, lambda _: self._volume)
-        self._homing = Topic(station, lambda _: self._homes)
-        self._docked = Topic(station, station.robot.is_docked)
+        self._volumes = LongPollValue(station, lambda _: self._volume)
+        self._homing = LongPollValue(station, lambda _: self._homes)
+        self._docked = LongPollValue(station, station.robot.is_docked)
 
     async def GetBatteryInfo(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetBatteryInfoResponse:
@@ -319,10 +323,10 @@ def _check(value: int, most: int) -> int:
     return SUCCESS if 0 <= value <= most else ERROR_OUT_OF_RANGE
 
 
-class LayoutService:
+class MapService:
     """Places, furniture and maps; of all this there is the dock alone."""
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: SimulatorState) -> None:
         """
         Serve a robot.
 

@@ -22,7 +22,7 @@ import math
 import time
 from typing import Generic, TypeVar
 
-from kachaka_simple_control.kachaka.simulator.grpc_messages import Localisation
+from kachaka_simple_control.kachaka.simulator.grpc_messages import MapToOdom
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 
 
@@ -54,7 +54,7 @@ class Clock:
 T = TypeVar('T')
 
 
-class Topic(Generic[T]):
+class LongPollValue(Generic[T]):
     """
     A value and its cursor, as the maker describes them (docs/GRPC.md in pf-robotics/kachaka-api).
 
@@ -63,7 +63,8 @@ class Topic(Generic[T]):
     """
 
     def __init__(
-            self, station: Station, read: Callable[[float], T], period: float = 0.0) -> None:
+            self, station: SimulatorState, read: Callable[[float], T],
+            period: float = 0.0) -> None:
         """
         Show a value.
 
@@ -110,17 +111,17 @@ class Topic(Generic[T]):
         self._cursor = self._station.new_cursor()
 
 
-def constant(station: Station) -> Topic[None]:
+def constant(station: SimulatorState) -> LongPollValue[None]:
     """
     Return the topic of all that never changes, which has one cursor for good.
 
     :param station: where it does not change
     :returns: the topic
     """
-    return Topic(station, lambda _: None)
+    return LongPollValue(station, lambda _: None)
 
 
-class Station:
+class SimulatorState:
     """
     Where the robot stands; of one event loop, so that nobody has to lock anything.
 
@@ -137,7 +138,7 @@ class Station:
         """
         self.robot = robot
         self.clock = clock
-        self.localisation = Localisation()
+        self.localisation = MapToOdom()
         self._changed = asyncio.Event()
         self._cursor = 0
 

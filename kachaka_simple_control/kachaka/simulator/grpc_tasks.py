@@ -30,15 +30,19 @@ from kachaka_simple_control.kachaka.error_codes import (
     SUCCESS,
 )
 from kachaka_simple_control.kachaka.simulator import grpc_messages
-from kachaka_simple_control.kachaka.simulator.grpc_state import constant, Station, Topic
+from kachaka_simple_control.kachaka.simulator.grpc_state import (
+    constant,
+    LongPollValue,
+    SimulatorState,
+)
 from kachaka_simple_control.kachaka.simulator.tasks import (
-    Errand,
-    Leg,
-    Outcome,
-    reach,
-    Stay,
-    Straight,
-    Turn,
+    Action,
+    DriveStraight,
+    plan_to_pose,
+    StandStill,
+    Task,
+    TaskResult,
+    TurnInPlace,
 )
 from kachaka_simple_control.motion.geometry import Pose
 
@@ -49,7 +53,7 @@ HOME = 'home'
 
 
 @dataclass(frozen=True)
-class Order:
+class ReceivedCommand:
     """
     What a client sent.
 
@@ -62,7 +66,7 @@ class Order:
 
 
 def task_from_request(
-        request: pb2.StartCommandRequest, station: Station, identity: str) -> Errand | int:
+        request: pb2.StartCommandRequest, station: SimulatorState, identity: str) -> Task | int:
     """
     Return what the robot has to do for a request.
 
@@ -78,57 +82,59 @@ def task_from_request(
     if not all(math.isfinite(value) for _, value in command.ListFields()
                if isinstance(value, float)):
         return ERROR_NOT_A_VELOCITY
-    legs = LEGS[name](command, station) if name in LEGS else ERROR_UNKNOWN_NAME
+    legs = ACTIONS[name](command, station) if name in ACTIONS else ERROR_UNKNOWN_NAME
     if isinstance(legs, int):
         return legs
     if request.HasField('lock_on_end'):
-        legs = (*legs, Stay(request.lock_on_end.duration_sec, can_be_ended=True))
-    return Errand(
+        legs = (*legs, StandStill(request.lock_on_end.duration_sec, can_be_ended=True))
+    return Task(
         identity, legs,
         ends_docked=name in {'return_home_command', 'move_to_location_command'},
-        note=Order(request.command, station.clock.stamp() // 10**9))
+        note=ReceivedCommand(request.command, station.clock.stamp() // 10**9))
 
 
-def _home(command: Any, station: Station) -> tuple[Leg, ...]:
+def _home(command: Any, station: SimulatorState) -> tuple[Action, ...]:
     return station.robot.way_home(station.now())
 
 
-def _location(command: pb2.MoveToLocationCommand, station: Station) -> tuple[Leg, ...] | int:
+def _location(command: pb2.MoveToLocationCommand, station: SimulatorState) -> tuple[
+        Action, ...] | int:
     return _home(command, station) if command.target_location_id == HOME else ERROR_UNKNOWN_NAME
 
 
-def _pose(command: pb2.MoveToPoseCommand, station: Station) -> tuple[Leg, ...]:
+def _pose(command: pb2.MoveToPoseCommand, station: SimulatorState) -> tuple[Action, ...]:
     goal = Pose(command.x, command.y, command.yaw)
-    return reach(station.localisation.to_odometry(goal))
+    return plan_to_pose(station.localisation.to_odometry(goal))
 
 
-def _lock(command: pb2.LockCommand, station: Station) -> tuple[Leg, ...] | int:
+def _lock(command: pb2.LockCommand, station: SimulatorState) -> tuple[Action, ...] | int:
     if command.duration_sec < 0.0:
         return ERROR_OUT_OF_RANGE
-    return (Stay(command.duration_sec, can_be_ended=True),)
+    return (StandStill(command.duration_sec, can_be_ended=True),)
 
 
 def _muted(
-        command: pb2.MoveByVelocityWithMutedSensorsCommand, station: Station) -> tuple[Leg, ...]:
+        command: pb2.MoveByVelocityWithMutedSensorsCommand,
+        station: SimulatorState) -> tuple[Action, ...]:
     velocity = command.signed_velocity
-    return (Straight(velocity * command.move_duration_sec, abs(velocity)),)
+    return (DriveStraight(velocity * command.move_duration_sec, abs(velocity)),)
 
 
-def _return_shelf(command: pb2.ReturnShelfCommand, station: Station) -> int:
+def _return_shelf(command: pb2.ReturnShelfCommand, station: SimulatorState) -> int:
     return ERROR_UNKNOWN_NAME if command.target_shelf_id else ERROR_NO_FURNITURE
 
 
 #: How each command is done.  There is no furniture: what is about it fails as without any.
-LEGS: dict[str, Callable[[Any, Station], tuple[Leg, ...] | int]] = {
+ACTIONS: dict[str, Callable[[Any, SimulatorState], tuple[Action, ...] | int]] = {
     'move_forward_command': lambda command, station: (
-        Straight(command.distance_meter, command.speed),),
-    'rotate_in_place_command': lambda command, station: (Turn(command.angle_radian),),
+        DriveStraight(command.distance_meter, command.speed),),
+    'rotate_in_place_command': lambda command, station: (TurnInPlace(command.angle_radian),),
     'move_to_pose_command': _pose,
     'move_to_location_command': _location,
     'return_home_command': _home,
     'lock_command': _lock,
-    'speak_command': lambda command, station: (Stay(SPEAKING),),
-    'localize_command': lambda command, station: (Turn(math.tau),),
+    'speak_command': lambda command, station: (StandStill(SPEAKING),),
+    'localize_command': lambda command, station: (TurnInPlace(math.tau),),
     'move_by_velocity_with_muted_sensors_command': _muted,
     'undock_shelf_command': lambda command, station: ERROR_NO_FURNITURE,
     'return_shelf_command': _return_shelf,
@@ -138,15 +144,15 @@ LEGS: dict[str, Callable[[Any, Station], tuple[Leg, ...] | int]] = {
 class CommandService:
     """Commands, how they go, and how they went."""
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: SimulatorState) -> None:
         """
         Serve a robot.
 
         :param station: where it is
         """
         self._station = station
-        self._errand = Topic(station, station.robot.errand)
-        self._outcomes = Topic(station, station.robot.outcomes)
+        self._errand = LongPollValue(station, station.robot.errand)
+        self._outcomes = LongPollValue(station, station.robot.outcomes)
         self._constant = constant(station)
 
     async def StartCommand(
@@ -219,13 +225,13 @@ class CommandService:
         return pb2.StartShortcutCommandResponse(result=grpc_messages.result(ERROR_UNKNOWN_NAME))
 
 
-def _command(errand: Errand | None) -> pb2.Command | None:
-    return errand.note.command if errand and isinstance(errand.note, Order) else None
+def _command(errand: Task | None) -> pb2.Command | None:
+    return errand.note.command if errand and isinstance(errand.note, ReceivedCommand) else None
 
 
-def _history(outcome: Outcome) -> pb2.History:
+def _history(outcome: TaskResult) -> pb2.History:
     note = outcome.errand.note
     return pb2.History(
         id=outcome.errand.identity, command=_command(outcome.errand), success=outcome.is_success,
         error_code=outcome.code,
-        command_executed_time=note.time if isinstance(note, Order) else 0)
+        command_executed_time=note.time if isinstance(note, ReceivedCommand) else 0)

@@ -28,24 +28,24 @@ from kachaka_simple_control.kachaka.error_codes import (
     SUCCESS,
 )
 from kachaka_simple_control.kachaka.simulator.drive_model import (
-    Drive,
-    Fidelity,
+    DriveModel,
     IDEAL,
-    Odometer,
+    NoisyOdometry,
     ODOMETRY_PERIOD,
+    SimulationParameters,
 )
 from kachaka_simple_control.kachaka.simulator.tasks import (
-    Errand,
-    Errands,
-    Leg,
-    Outcome,
-    park,
-    Straight,
+    Action,
+    DriveStraight,
+    plan_docking,
+    Task,
+    TaskQueue,
+    TaskResult,
 )
 from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 
 
-class Phase(Enum):
+class TimedState(Enum):
     """What goes on for a time and then ends by itself."""
 
     #: manual control is on
@@ -73,7 +73,7 @@ class SimulatedKachaka:
     def __init__(
             self,
             start: float = 0.0,
-            fidelity: Fidelity = IDEAL,
+            fidelity: SimulationParameters = IDEAL,
             docked: bool = False,
             seed: int = 0,
             profile: RobotProfile = KACHAKA) -> None:
@@ -88,15 +88,15 @@ class SimulatedKachaka:
         """
         self._profile = profile
         self._fidelity = fidelity
-        self._drive = Drive(fidelity, start, seed)
-        self._odometer = Odometer(fidelity, start, seed)
+        self._drive = DriveModel(fidelity, start, seed)
+        self._odometer = NoisyOdometry(fidelity, start, seed)
         self._now = start
         self._is_docked = docked
         self._is_paused = False
-        self._errands = Errands(profile.limits, fidelity)
+        self._errands = TaskQueue(profile.limits, fidelity)
         # Off its dock, it stands where it would be after having left it.
         self.dock = Pose(0.0 if docked else -fidelity.undock_distance)
-        self._until: dict[Phase, float] = {}
+        self._until: dict[TimedState, float] = {}
 
     def set_manual_control(self, enabled: bool, now: float) -> int:
         """
@@ -113,10 +113,10 @@ class SimulatedKachaka:
             return ERROR_PAUSED
         if enabled:
             self._drop_errands(ERROR_CANCELLED, now)
-            self._until[Phase.MANUAL_CONTROL] = now + self._profile.manual_control_timeout
+            self._until[TimedState.MANUAL_CONTROL] = now + self._profile.manual_control_timeout
             self._leave_dock(now)
-        elif Phase.MANUAL_CONTROL in self._until:
-            self._end(Phase.MANUAL_CONTROL, now)
+        elif TimedState.MANUAL_CONTROL in self._until:
+            self._end(TimedState.MANUAL_CONTROL, now)
         return SUCCESS
 
     def set_robot_velocity(self, linear: float, angular: float, now: float) -> int:
@@ -137,14 +137,14 @@ class SimulatedKachaka:
             return ERROR_NOT_A_VELOCITY
         if self._is_paused:
             return ERROR_PAUSED
-        if Phase.MANUAL_CONTROL not in self._until:
+        if TimedState.MANUAL_CONTROL not in self._until:
             return ERROR_NO_MANUAL_CONTROL
-        if Phase.UNDOCKING not in self._until:
-            self._until[Phase.HOLD] = now + self._profile.hold
+        if TimedState.UNDOCKING not in self._until:
+            self._until[TimedState.HOLD] = now + self._profile.hold
             self._drive.aim(self._demanded(linear, angular), now)
         return SUCCESS
 
-    def start_errand(self, errand: Errand, now: float, drop_others: bool = True) -> int:
+    def start_errand(self, errand: Task, now: float, drop_others: bool = True) -> int:
         """
         Send the robot to do something by itself; that ends manual control (chosen).
 
@@ -160,17 +160,17 @@ class SimulatedKachaka:
             return ERROR_PAUSED
         if drop_others:
             self._drop_errands(ERROR_CANCELLED, now)
-        if Phase.MANUAL_CONTROL in self._until:
-            self._until.pop(Phase.HOLD, None)
-            self._end(Phase.MANUAL_CONTROL, now)
+        if TimedState.MANUAL_CONTROL in self._until:
+            self._until.pop(TimedState.HOLD, None)
+            self._end(TimedState.MANUAL_CONTROL, now)
         self._errands.add(errand)
-        if Phase.ERRAND not in self._until:
+        if TimedState.ERRAND not in self._until:
             # While it drives off its dock, it does nothing else.
-            self._until[Phase.ERRAND] = self._until.get(Phase.UNDOCKING, now)
+            self._until[TimedState.ERRAND] = self._until.get(TimedState.UNDOCKING, now)
         self._pass(now)
         return SUCCESS
 
-    def cancel_errands(self, now: float) -> Errand | None:
+    def cancel_errands(self, now: float) -> Task | None:
         """
         Stop, and drop all errands.
 
@@ -192,7 +192,7 @@ class SimulatedKachaka:
         now = self._pass(now)
         if not self._errands.end_stay(now):
             return ERROR_NOTHING_TO_DO
-        self._until[Phase.ERRAND] = now
+        self._until[TimedState.ERRAND] = now
         self._pass(now)
         return SUCCESS
 
@@ -224,7 +224,7 @@ class SimulatedKachaka:
         else:
             self.set_emergency_stop(now)
 
-    def errand(self, now: float) -> Errand | None:
+    def errand(self, now: float) -> Task | None:
         """
         Return what the robot does by itself.
 
@@ -234,7 +234,7 @@ class SimulatedKachaka:
         self._pass(now)
         return self._errands.current
 
-    def outcomes(self, now: float) -> tuple[Outcome, ...]:
+    def outcomes(self, now: float) -> tuple[TaskResult, ...]:
         """
         Return how the errands ended.
 
@@ -262,9 +262,9 @@ class SimulatedKachaka:
         :returns: whether manual control is on
         """
         self._pass(now)
-        return Phase.MANUAL_CONTROL in self._until
+        return TimedState.MANUAL_CONTROL in self._until
 
-    def way_home(self, now: float) -> tuple[Leg, ...]:
+    def way_home(self, now: float) -> tuple[Action, ...]:
         """
         Return how the robot drives onto its dock.
 
@@ -272,7 +272,7 @@ class SimulatedKachaka:
         :returns: the legs of an errand that ends docked; none if it stands there
         """
         fidelity = self._fidelity
-        return () if self.is_docked(now) else park(
+        return () if self.is_docked(now) else plan_docking(
             self.dock, fidelity.undock_distance, fidelity.undock_velocity)
 
     def is_docked(self, now: float) -> bool:
@@ -321,16 +321,16 @@ class SimulatedKachaka:
             phase, end = min(self._until.items(), key=lambda item: item[1])
             if end > self._now:
                 break
-            if phase is Phase.ERRAND:
+            if phase is TimedState.ERRAND:
                 self._attend(end)
             else:
                 self._end(phase, end)
         return self._now
 
-    def _end(self, phase: Phase, now: float) -> None:
+    def _end(self, phase: TimedState, now: float) -> None:
         # Whatever ends, the robot stops; but the way off the dock is driven to its end (chosen).
         del self._until[phase]
-        if Phase.UNDOCKING not in self._until:
+        if TimedState.UNDOCKING not in self._until:
             self._drive.aim(ZERO, now)
 
     def _attend(self, now: float) -> None:
@@ -338,26 +338,26 @@ class SimulatedKachaka:
         while (errand := self._errands.current) is not None:
             if self._is_docked and errand.moves:
                 self._is_docked = False
-                self._errands.put_first(Straight(
+                self._errands.put_first(DriveStraight(
                     self._fidelity.undock_distance, self._fidelity.undock_velocity))
             answer = self._errands.proceed(*self._drive.at(now), now)
-            if not isinstance(answer, Outcome):
-                velocity, self._until[Phase.ERRAND] = answer
+            if not isinstance(answer, TaskResult):
+                velocity, self._until[TimedState.ERRAND] = answer
                 self._drive.aim(velocity, now)
                 return
             self._is_docked = self._is_docked or (answer.is_success and errand.ends_docked)
-        self._end(Phase.ERRAND, now)
+        self._end(TimedState.ERRAND, now)
 
     def _drop_errands(self, code: int, now: float) -> None:
         self._errands.drop_all(code)
-        if Phase.ERRAND in self._until:
-            self._end(Phase.ERRAND, now)
+        if TimedState.ERRAND in self._until:
+            self._end(TimedState.ERRAND, now)
 
     def _leave_dock(self, now: float) -> None:
         if self._is_docked:
             self._is_docked = False
             velocity = self._fidelity.undock_velocity
-            self._until[Phase.UNDOCKING] = now + self._fidelity.undock_distance / velocity
+            self._until[TimedState.UNDOCKING] = now + self._fidelity.undock_distance / velocity
             self._drive.aim(Velocity(linear_x=velocity), now)
 
     def _demanded(self, linear: float, angular: float) -> Velocity:

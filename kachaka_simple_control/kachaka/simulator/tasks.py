@@ -20,27 +20,28 @@ from dataclasses import dataclass
 import math
 
 from kachaka_simple_control.kachaka.error_codes import ERROR_STUCK, SUCCESS
-from kachaka_simple_control.kachaka.simulator.drive_model import Fidelity
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.geometry import advance, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 
 #: How often the robot looks where it is while it drives by itself [s]; chosen.
-LOOK_PERIOD = 0.02
+CONTROL_PERIOD = 0.02
 #: It has arrived when it is as near as this [m, rad]; chosen.  A lag makes the last bit slow.
-NEAR, NEAR_WITH_LAG = 1e-6, 1e-4
+TOLERANCE, TOLERANCE_WITH_LAG = 1e-6, 1e-4
 #: And as slow as this [m/s, rad/s], unless it can stop at once; chosen.
 SLOW = 1e-3
 #: It has not arrived if it is farther away than this [m, rad] when it gives up; chosen.
-FAR = 1e-3
+FAILED_TOLERANCE = 1e-3
 #: It gives up after so many times what the way takes at its speed, and so much more [s]; chosen.
 TIMES, MORE = 3.0, 10.0
 
 
-class Way:
+class ActionController:
     """A leg under way; it ends where it should, whatever gains and noise do."""
 
     def __init__(
-            self, leg: Leg, start: Pose, now: float, limits: Limits, fidelity: Fidelity) -> None:
+            self, leg: Action, start: Pose, now: float, limits: Limits,
+            fidelity: SimulationParameters) -> None:
         """
         Begin a leg.
 
@@ -52,20 +53,21 @@ class Way:
         """
         self._start = start
         self._lag = fidelity.lag
-        self._near, self._slow = (NEAR, math.inf) if fidelity.is_prompt else (NEAR_WITH_LAG, SLOW)
-        self._is_turn = isinstance(leg, (Turn, Face, Align))
-        asked = abs(leg.speed) if isinstance(leg, Straight) else 0.0
+        self._near, self._slow = (TOLERANCE, math.inf) if fidelity.is_prompt else (
+            TOLERANCE_WITH_LAG, SLOW)
+        self._is_turn = isinstance(leg, (TurnInPlace, FacePoint, TurnToHeading))
+        asked = abs(leg.speed) if isinstance(leg, DriveStraight) else 0.0
         if self._is_turn:
             self._speed = limits.max_angular_velocity
             self._acceleration = fidelity.angular_acceleration
         else:
             self._speed = min(asked or math.inf, limits.max_linear_velocity)
             self._acceleration = fidelity.linear_acceleration
-        self._stays = isinstance(leg, Stay)
-        self._length = 0.0 if isinstance(leg, Stay) else leg.length(start)
+        self._stays = isinstance(leg, StandStill)
+        self._length = 0.0 if isinstance(leg, StandStill) else leg.length(start)
         #: When to give up, or to go on [s].
         self.end = now + (
-            leg.duration if isinstance(leg, Stay)
+            leg.duration if isinstance(leg, StandStill)
             else TIMES * abs(self._length) / self._speed + MORE)
 
     def look(
@@ -86,11 +88,11 @@ class Way:
         if abs(rest) <= self._near and abs(speed) <= self._slow:
             return True
         if now >= self.end:
-            return abs(rest) <= FAR
+            return abs(rest) <= FAILED_TOLERANCE
         wanted = self._speed_for(rest)
         return (
             Velocity(angular_z=wanted) if self._is_turn else Velocity(linear_x=wanted),
-            now + LOOK_PERIOD)
+            now + CONTROL_PERIOD)
 
     def _rest(self, pose: Pose) -> float:
         if self._is_turn:
@@ -103,10 +105,10 @@ class Way:
     def _speed_for(self, rest: float) -> float:
         # Without a lag: the rest within one look.  With one, a loop of gain 1 / (4 lag) is
         # critically damped: as fast as it can be without going too far.
-        duration = LOOK_PERIOD + 4.0 * self._lag
+        duration = CONTROL_PERIOD + 4.0 * self._lag
         most = self._speed
         if math.isfinite(self._acceleration):
-            duration += 3.0 * LOOK_PERIOD
+            duration += 3.0 * CONTROL_PERIOD
             # Braking with half of what it can leaves room for its gains and its lag.
             most = min(most, math.sqrt(self._acceleration * abs(rest)))
         return max(-most, min(rest / duration, most))
@@ -117,7 +119,7 @@ HERE = 1e-4
 
 
 @dataclass(frozen=True)
-class Straight:
+class DriveStraight:
     """
     Drive straight on.
 
@@ -139,7 +141,7 @@ class Straight:
 
 
 @dataclass(frozen=True)
-class Turn:
+class TurnInPlace:
     """
     Turn on the spot.
 
@@ -159,7 +161,7 @@ class Turn:
 
 
 @dataclass(frozen=True)
-class Face:
+class FacePoint:
     """
     Turn towards a point, the shorter way.
 
@@ -185,7 +187,7 @@ class Face:
 
 
 @dataclass(frozen=True)
-class Approach:
+class DriveToPoint:
     """
     Drive straight on as far as a point is away.
 
@@ -207,7 +209,7 @@ class Approach:
 
 
 @dataclass(frozen=True)
-class Align:
+class TurnToHeading:
     """
     Turn to a heading, the shorter way.
 
@@ -227,7 +229,7 @@ class Align:
 
 
 @dataclass(frozen=True)
-class Stay:
+class StandStill:
     """
     Stay for a time.
 
@@ -239,20 +241,20 @@ class Stay:
     can_be_ended: bool = False
 
 
-Leg = Straight | Turn | Face | Approach | Align | Stay
+Action = DriveStraight | TurnInPlace | FacePoint | DriveToPoint | TurnToHeading | StandStill
 
 
-def reach(pose: Pose) -> tuple[Leg, ...]:
+def plan_to_pose(pose: Pose) -> tuple[Action, ...]:
     """
     Return how the robot drives to a pose, with nothing in its way.
 
     :param pose: the pose in odometry
     :returns: a turn, a straight line and a turn
     """
-    return Face(pose.x, pose.y), Approach(pose.x, pose.y), Align(pose.theta)
+    return FacePoint(pose.x, pose.y), DriveToPoint(pose.x, pose.y), TurnToHeading(pose.theta)
 
 
-def park(dock: Pose, distance: float, speed: float) -> tuple[Leg, ...]:
+def plan_docking(dock: Pose, distance: float, speed: float) -> tuple[Action, ...]:
     """
     Return how the robot drives onto its dock: to the place before it, then backwards.
 
@@ -262,15 +264,15 @@ def park(dock: Pose, distance: float, speed: float) -> tuple[Leg, ...]:
     :returns: the legs
     """
     before = advance(dock, distance, 0.0)
-    return (*reach(before), Straight(-distance, speed))
+    return (*plan_to_pose(before), DriveStraight(-distance, speed))
 
 
 #: How many outcomes are kept; chosen.
-MOST_OUTCOMES = 100
+MAX_RESULTS = 100
 
 
 @dataclass(frozen=True)
-class Errand:
+class Task:
     """
     Something to do.
 
@@ -281,18 +283,18 @@ class Errand:
     """
 
     identity: str
-    legs: tuple[Leg, ...]
+    legs: tuple[Action, ...]
     ends_docked: bool = False
     note: object = None
 
     @property
     def moves(self) -> bool:
         """Whether the robot moves for it."""
-        return not all(isinstance(leg, Stay) for leg in self.legs)
+        return not all(isinstance(leg, StandStill) for leg in self.legs)
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TaskResult:
     """
     How an errand ended.
 
@@ -300,7 +302,7 @@ class Outcome:
     :param code: 0, or the code of the error
     """
 
-    errand: Errand
+    errand: Task
     code: int
 
     @property
@@ -309,10 +311,10 @@ class Outcome:
         return self.code == SUCCESS
 
 
-class Errands:
+class TaskQueue:
     """The errands of one robot, which does them one by one; told the time."""
 
-    def __init__(self, limits: Limits, fidelity: Fidelity) -> None:
+    def __init__(self, limits: Limits, fidelity: SimulationParameters) -> None:
         """
         Have nothing to do.
 
@@ -321,14 +323,14 @@ class Errands:
         """
         self._limits = limits
         self._fidelity = fidelity
-        self._waiting: deque[Errand] = deque()
-        self._legs: deque[Leg] = deque()
-        self._way: Way | None = None
-        self.current: Errand | None = None
+        self._waiting: deque[Task] = deque()
+        self._legs: deque[Action] = deque()
+        self._way: ActionController | None = None
+        self.current: Task | None = None
         #: Newest last.
-        self.outcomes: deque[Outcome] = deque(maxlen=MOST_OUTCOMES)
+        self.outcomes: deque[TaskResult] = deque(maxlen=MAX_RESULTS)
 
-    def add(self, errand: Errand) -> None:
+    def add(self, errand: Task) -> None:
         """
         Take an errand on, behind all others.
 
@@ -345,11 +347,11 @@ class Errands:
         :param code: why
         """
         dropped = [] if self.current is None else [self.current]
-        self.outcomes.extend(Outcome(errand, code) for errand in (*dropped, *self._waiting))
+        self.outcomes.extend(TaskResult(errand, code) for errand in (*dropped, *self._waiting))
         self._waiting.clear()
         self._begin_next()
 
-    def put_first(self, leg: Leg) -> None:
+    def put_first(self, leg: Action) -> None:
         """
         Do something before the next leg.
 
@@ -364,13 +366,15 @@ class Errands:
         :param now: the time [s]
         :returns: whether it did
         """
-        if self._way is None or not isinstance(leg := self._legs[0], Stay) or not leg.can_be_ended:
+        if self._way is None or not isinstance(
+                leg := self._legs[0], StandStill) or not leg.can_be_ended:
             return False
         self._way.end = now
         return True
 
     def proceed(
-            self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity, float] | Outcome:
+            self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity,
+            float] | TaskResult:
         """
         Do what is to be done for the current errand.
 
@@ -382,7 +386,8 @@ class Errands:
         """
         while self._legs:
             if self._way is None:
-                self._way = Way(self._legs[0], pose, now, self._limits, self._fidelity)
+                self._way = ActionController(
+                    self._legs[0], pose, now, self._limits, self._fidelity)
             answer = self._way.look(pose, velocity, now)
             if not isinstance(answer, bool):
                 return answer
@@ -392,9 +397,9 @@ class Errands:
             self._way = None
         return self._finish(SUCCESS)
 
-    def _finish(self, code: int) -> Outcome:
+    def _finish(self, code: int) -> TaskResult:
         assert self.current is not None, 'somebody proceeds with nothing'
-        outcome = Outcome(self.current, code)
+        outcome = TaskResult(self.current, code)
         self.outcomes.append(outcome)
         self._begin_next()
         return outcome
