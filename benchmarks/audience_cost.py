@@ -55,7 +55,7 @@ VELOCITY = 0.1
 SETTLING = 2
 #: How long a drive may take beyond its movements [s].
 PATIENCE = 60.0
-HELPERS = {'display': 'audience.display', 'reporter': 'audience.reporter',
+HELPERS = {'display': 'display.display_process', 'reporter': 'report.report_process',
            'guardian': 'guardian_process'}
 
 

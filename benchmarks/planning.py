@@ -63,7 +63,7 @@ def measure_planning(lengths: Sequence[int], tries: int = TRIES) -> list[dict[st
             planned = plan(motion, LIMITS, RATE)
             times.append(time.perf_counter() - begin)
         entries.append({
-            'length': length, 'steps': len(planned.stages), 'segments': len(planned.segments),
+            'length': length, 'steps': len(planned.steps), 'segments': len(planned.segments),
             'duration': planned.duration, 'time': min(times)})
         del planned
         # In a run of its own: what takes note of every allocation takes its time.

@@ -88,13 +88,13 @@ def drive(options: Options) -> None:
                 told.still_after = still_after = robot_control.stop_confirmed_after
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
-    if options.brings_robot and robot_control.record.movements:
+    if options.brings_robot and robot_control.record.steps:
         print(table(robot_control.record, still_after))
 
 
 def _start_listeners(told: SubscriberProcesses, options: Options, is_lesson: bool) -> None:
     if not options.quiet and should_display(is_lesson):
-        told.join(DisplayProcess())
+        told.add(DisplayProcess())
     if options.report is not None:
         if (missing := lacking()) is not None:
             print(f'report: {missing}', file=sys.stderr)

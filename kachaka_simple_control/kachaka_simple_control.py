@@ -120,10 +120,10 @@ class KachakaSimpleControl(Node):
         self.audience = EventBus()
         self.record = DriveLog()
         if self.settings.summary:
-            self.audience.join(self.record.hear)
-        self._showing.follow(self.audience, self._session.lookout)
-        self._session.edge.on_sent = self._on_sent
-        self._session.edge.on_began = self._on_began
+            self.audience.subscribe(self.record.on_event)
+        self._showing.attach(self.audience, self._session.status_reader)
+        self._session.gate.on_sent = self._on_sent
+        self._session.gate.on_began = self._on_began
         # In a group of its own: its callback waits for the stop, and others go on meanwhile.
         self.create_service(
             Trigger, '~/stop', self._on_stop, qos_profile=SERVICE_QOS,
@@ -188,7 +188,7 @@ class KachakaSimpleControl(Node):
         driven = self._drive(motion, limits, request)
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
-            f'Motion completed: {motion.name}, {len(driven.stages)} steps, '
+            f'Motion completed: {motion.name}, {len(driven.steps)} steps, '
             f'{driven.duration:.3f} seconds')
 
     def stop_robot(self) -> None:
@@ -217,7 +217,8 @@ class KachakaSimpleControl(Node):
 
         :param title: what people call what is driven
         """
-        self.audience.tell(session_started(self, title, self.profile, self.names, self.settings))
+        self.audience.publish(
+            session_started(self, title, self.profile, self.names, self.settings))
 
     def expect(self, brought: Callable[[], bytes | None]) -> None:
         """
@@ -225,12 +226,12 @@ class KachakaSimpleControl(Node):
 
         :param brought: returns its DDS participant; None as long as it is not known
         """
-        self._session.expect(brought)
+        self._session.require_robot(brought)
 
     @property
     def is_heard(self) -> bool:
         """Whether somebody subscribes to the velocities of this node and of its guardian."""
-        return self._session.is_heard
+        return self._session.has_subscriber
 
     @property
     def stop_confirmed_after(self) -> float | None:
@@ -245,7 +246,7 @@ class KachakaSimpleControl(Node):
         """Stop the robot, give it back, and destroy the node."""
         self._session.close()
         self._showing.close()
-        signal_dispatcher.forget(self)
+        signal_dispatcher.unregister(self)
         atexit.unregister(self._session.close)
         super().destroy_node()
 
@@ -255,7 +256,8 @@ class KachakaSimpleControl(Node):
 
         :param signum: the signal that asks the program to end
         """
-        self._session.halt(MotionRefusedError(f'stopped by {signal.Signals(signum).name}'))
+        self._session.stop_permanently(
+            MotionRefusedError(f'stopped by {signal.Signals(signum).name}'))
 
     def wake(self) -> None:
         """Make a main thread that spins return to Python, whose signal handlers run there."""
@@ -270,29 +272,29 @@ class KachakaSimpleControl(Node):
         """
         if isinstance(error, KeyboardInterrupt):
             self.get_logger().info('Program was interrupted')
-        self._session.halt(MotionRefusedError(f'the program ended by {error!r}'))
+        self._session.stop_permanently(MotionRefusedError(f'the program ended by {error!r}'))
 
     def _drive(self, motion: Motion, limits: Limits | None, request: DriveRequest) -> Plan:
         limits = limits or self.profile.limits
-        with self._session.serving(request):
+        with self._session.exclusive(request):
             planned = plan(motion, limits, self.settings.rate)
-            self._showing.expect(planned)
-            self.audience.tell(MotionPlanned(motion, limits, self.settings.rate))
+            self._showing.on_plan(planned)
+            self.audience.publish(MotionPlanned(motion, limits, self.settings.rate))
             try:
                 self._session.drive(planned, request)
             except BaseException as error:
                 is_fault = not isinstance(error, (MotionRefusedError, KeyboardInterrupt))
-                self.audience.tell(MotionEnded(time.monotonic(), _reason(error), is_fault))
+                self.audience.publish(MotionEnded(time.monotonic(), _reason(error), is_fault))
                 raise
-            self.audience.tell(MotionEnded(time.monotonic()))
+            self.audience.publish(MotionEnded(time.monotonic()))
         return planned
 
     def _on_sent(self, now: float, velocity: Velocity) -> None:
         if self.audience:
-            self.audience.tell(VelocitySent(now, velocity))
+            self.audience.publish(VelocitySent(now, velocity))
 
     def _on_began(self, now: float) -> None:
-        self.audience.tell(MotionStarted(now))
+        self.audience.publish(MotionStarted(now))
 
     async def _on_stop(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -317,14 +319,14 @@ class KachakaSimpleControl(Node):
         return response
 
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
-        self._session.odometry.hear(now, velocity)
+        self._session.odometry.on_odometry(now, velocity)
         if self.audience:
-            self.audience.tell(OdometryReceived(now, pose, velocity))
+            self.audience.publish(OdometryReceived(now, pose, velocity))
 
     def _leave_nothing_moving(self) -> None:
         # rclpy's own handlers would shut the context down before anything could be published.
         rclpy.signals.uninstall_signal_handlers()
-        if not signal_dispatcher.listen(self):
+        if not signal_dispatcher.register(self):
             self.get_logger().warning(
                 'Made outside the main thread, this node does not hear signals: make it in the '
                 'main thread, or call stop_robot() on the way out')

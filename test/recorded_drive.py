@@ -47,8 +47,8 @@ class RecordedDrive:
     def tell(self, *events):
         """Tell events."""
         for event in events:
-            self.record.hear(event)
-            self.bag.hear(event)
+            self.record.on_event(event)
+            self.bag.on_event(event)
 
     def send(self, first, count, velocity=0.1):
         """Tell velocities, one each 0.1 s."""

@@ -79,7 +79,7 @@ class Rehearsal:
     def tell(self, event: Event) -> None:
         """Let the record hear an event."""
         self.events.append(event)
-        self.record.hear(event)
+        self.record.on_event(event)
 
     def drive(self, motion: Motion, until: float = math.inf, reason: str | None = None,
               is_fault: bool = True, lost: tuple[float, float] | None = None) -> None:

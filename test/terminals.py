@@ -167,7 +167,7 @@ class TerminalProgram:
         """Return the process that draws."""
         for child in children_of(self.process.pid):
             with contextlib.suppress(FileNotFoundError):
-                if b'audience.display' in Path(f'/proc/{child}/cmdline').read_bytes():
+                if b'display.display_process' in Path(f'/proc/{child}/cmdline').read_bytes():
                     return child
         raise AssertionError(f'nobody draws:\n{self}')
 

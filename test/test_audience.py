@@ -66,24 +66,24 @@ def test_an_event_that_was_cut_off_is_left_away():
 def test_a_listener_hears_all_until_the_end():
     teller = teller_of(COUNT)
     for event in (LONG, MotionStarted(1.0), LONG):
-        teller.tell(event)
+        teller.send(event)
     assert teller.close(20.0) == 3
-    assert teller.deaf_because is None
+    assert teller.failure is None
 
 
 def test_a_listener_that_is_gone_holds_nobody_up():
     teller = teller_of('')
     assert teller._process.wait(20.0) == 0
     for _ in range(3):
-        teller.tell(MotionStarted(1.0))
-    assert teller.deaf_because == 'it is gone (Broken pipe)'
+        teller.send(MotionStarted(1.0))
+    assert teller.failure == 'it is gone (Broken pipe)'
 
 
 def test_a_listener_that_does_not_read_holds_nobody_up():
     teller = teller_of('import time; time.sleep(60)')
     for number in range(100_000):
-        teller.tell(MotionStarted(float(number)))
-    assert teller.deaf_because == 'it did not keep up'
+        teller.send(MotionStarted(float(number)))
+    assert teller.failure == 'it did not keep up'
     assert teller.close(0.0) is None
     teller._process.kill()
     teller._process.wait()
@@ -96,10 +96,10 @@ def test_a_hearer_that_fails_is_told_nothing_more():
         calls.append(event)
         raise ValueError('deaf')
 
-    audience.join(fail)
-    audience.join(heard.append)
+    audience.subscribe(fail)
+    audience.subscribe(heard.append)
     for number in range(3):
-        audience.tell(MotionStarted(float(number)))
+        audience.publish(MotionStarted(float(number)))
     assert len(heard) == 3
     assert len(calls) == 1
     assert [str(error) for error in audience.failures] == ['deaf']

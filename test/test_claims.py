@@ -32,50 +32,50 @@ NEWCOMER = Claim('aa', WANTED, 'a newcomer')
 
 def test_whoever_wants_the_robot_yields_to_the_one_that_holds_it():
     claims = Claims('cc')
-    claims.hear(HOLDER, 0.0)
+    claims.on_claim(HOLDER, 0.0)
     assert claims.rival(0.1) == claims.holder(0.1) == HOLDER
 
 
 def test_of_two_newcomers_the_lower_participant_wins():
     first, second = Claims('aa'), Claims('bb')
-    first.hear(Claim('bb', WANTED, 'second'), 0.0)
-    second.hear(Claim('aa', WANTED, 'first'), 0.0)
+    first.on_claim(Claim('bb', WANTED, 'second'), 0.0)
+    second.on_claim(Claim('aa', WANTED, 'first'), 0.0)
     assert first.rival(0.1) is None
     assert second.rival(0.1).who == 'first'
 
 
 def test_a_newcomer_does_not_hold_anything():
     claims = Claims('cc')
-    claims.hear(NEWCOMER, 0.0)
+    claims.on_claim(NEWCOMER, 0.0)
     assert claims.holder(0.1) is None
 
 
 def test_a_claim_that_is_not_heard_of_any_more_is_over():
     """Killed or frozen: whatever DDS still lists."""
     claims = Claims('cc')
-    claims.hear(HOLDER, 10.0)
+    claims.on_claim(HOLDER, 10.0)
     assert claims.holder(10.0 + CLAIM_TIMEOUT) is HOLDER
     assert claims.holder(10.01 + CLAIM_TIMEOUT) is None
 
 
 def test_a_claim_may_be_taken_back():
     claims = Claims('cc')
-    claims.hear(HOLDER, 0.0)
-    claims.hear(Claim('bb', NOTHING, 'somebody'), 0.1)
+    claims.on_claim(HOLDER, 0.0)
+    claims.on_claim(Claim('bb', NOTHING, 'somebody'), 0.1)
     assert claims.rival(0.2) is None
 
 
 def test_ones_own_claim_is_no_rival():
     claims = Claims('bb')
-    claims.hear(HOLDER, 0.0)
+    claims.on_claim(HOLDER, 0.0)
     assert claims.rival(0.1) is None
 
 
 def test_the_network_cannot_fill_the_memory():
     claims = Claims('cc')
     for number in range(10 * MAX_CLAIMS):
-        claims.hear(Claim(str(number), HELD, 'flood'), 0.0)
-    claims.hear(HOLDER, 0.0)
+        claims.on_claim(Claim(str(number), HELD, 'flood'), 0.0)
+    claims.on_claim(HOLDER, 0.0)
     assert len(claims._heard) <= MAX_CLAIMS
     assert claims.holder(0.1) is not None
 
@@ -85,7 +85,7 @@ def test_of_newcomers_that_hear_each_other_one_goes_on(order):
     programs = {participant: Claims(participant) for participant in order}
     for hearer in programs.values():
         for participant in order:
-            hearer.hear(Claim(participant, WANTED, participant), 0.0)
+            hearer.on_claim(Claim(participant, WANTED, participant), 0.0)
     assert [name for name, claims in sorted(programs.items()) if claims.rival(0.1) is None] == [
         'aa']
 

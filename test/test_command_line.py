@@ -132,7 +132,7 @@ def test_a_signal_decides_the_exit_code_whatever_followed_from_it(
     """A run that a signal stopped fails in one way or another; only the unexpected is told."""
     watch = SignalDispatcher()
     watch.signum = signal.SIGTERM
-    monkeypatch.setattr(cli, 'WATCH', watch)
+    monkeypatch.setattr(cli, 'signal_dispatcher', watch)
 
     def body():
         raise error

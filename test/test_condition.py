@@ -32,7 +32,7 @@ from kachaka_simple_control.ros.session_status import (  # noqa: I100
 from plans import ABRUPT  # noqa: I100
 
 WELL = SessionStatus(
-    listeners=1, others=(), guardian='matched', odometry_age=0.02,
+    subscriber_count=1, other_publishers=(), guardian='matched', odometry_age=0.02,
     manual_control='asked for 3 s ago', halted_by=None)
 
 
@@ -44,10 +44,11 @@ def told(tally=None, **changes):
 @pytest.mark.parametrize('changes, severity, text', [
     ({}, Severity.OK, 'nothing to drive yet'),
     ({'odometry_age': None}, Severity.OK, 'nothing to drive yet'),
-    ({'listeners': 0}, Severity.WARN, 'nobody takes our velocities'),
-    ({'others': ('joy', 'nav')}, Severity.WARN, 'others have publishers of velocities: joy, nav'),
+    ({'subscriber_count': 0}, Severity.WARN, 'nobody takes our velocities'),
+    ({'other_publishers': ('joy', 'nav')}, Severity.WARN,
+    'others have publishers of velocities: joy, nav'),
     ({'odometry_age': 1.5}, Severity.WARN, 'odometry is silent'),
-    ({'guardian': 'stopped the robot because the node fell silent', 'listeners': 0},
+    ({'guardian': 'stopped the robot because the node fell silent', 'subscriber_count': 0},
      Severity.ERROR, 'the guardian stopped the robot because the node fell silent'),
     ({'halted_by': 'stopped by SIGINT', 'odometry_age': 9.0},
      Severity.ERROR, 'halted for good: stopped by SIGINT'),
@@ -60,9 +61,9 @@ def test_skipped_velocities_and_an_early_end_are_worth_a_warning():
     tally = TickStatistics()
     tally.skipped = 2
     assert told(tally)[:2] == (Severity.WARN, 'velocities were skipped')
-    tally.hear(MotionPlanned(Motion('on', (Move(0.1, 0.0, 1.0),)), ABRUPT, 10.0))
-    tally.hear(MotionEnded(1.0, 'the robot left'))
-    tally.count()
+    tally.on_event(MotionPlanned(Motion('on', (Move(0.1, 0.0, 1.0),)), ABRUPT, 10.0))
+    tally.on_event(MotionEnded(1.0, 'the robot left'))
+    tally.process()
     diagnosis = told(tally)
     assert diagnosis[:2] == (
         Severity.WARN, 'the last motion was over before its end: the robot left')

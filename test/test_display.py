@@ -53,29 +53,29 @@ from kachaka_simple_control.display.display_launcher import DisplayProcess
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
-from kachaka_simple_control.telemetry.events import MotionStarted, MotionEnded, SessionStarted,
-MotionPlanned, VelocitySent
+from kachaka_simple_control.telemetry.events import MotionEnded, MotionPlanned, MotionStarted
+from kachaka_simple_control.telemetry.events import SessionStarted, VelocitySent
 
 limits = Limits(0.25, 1.0)
 audience, slowest = EventBus(), 0.0
 with subscriber_processes(audience) as told:
-    told.join(DisplayProcess())
-    audience.tell(SessionStarted(
+    told.add(DisplayProcess())
+    audience.publish(SessionStarted(
         'there', 'kachaka', limits, 0.3, 0.0, 'cmd_vel', None, settings={'guardian': True}))
-    audience.tell(MotionPlanned(Motion('there', (Forward(DISTANCE),)), limits, 50.0))
+    audience.publish(MotionPlanned(Motion('there', (Forward(DISTANCE),)), limits, 50.0))
     sys.stdin.readline()  # until there is somebody to see it
-    audience.tell(MotionStarted(time.monotonic()))
+    audience.publish(MotionStarted(time.monotonic()))
     for tick in range(round(200 * DISTANCE)):
         before = time.monotonic()
-        audience.tell(VelocitySent(before, Velocity(0.25)))
+        audience.publish(VelocitySent(before, Velocity(0.25)))
         if tick % 10 == 0:
             os.write(2, b'[INFO] line %d ' % tick)
             time.sleep(0.001)
             os.write(2, b'is whole\\n')
         slowest = max(slowest, time.monotonic() - before)
         time.sleep(0.02)
-    audience.tell(VelocitySent(time.monotonic(), ZERO))
-    audience.tell(MotionEnded(time.monotonic()))
+    audience.publish(VelocitySent(time.monotonic(), ZERO))
+    audience.publish(MotionEnded(time.monotonic()))
     ended = time.monotonic()
 print(f'slowest {slowest:.3f} closed {time.monotonic() - ended:.3f}')
 """
@@ -196,7 +196,7 @@ def test_frames_are_drawn_while_the_robot_s_thread_sleeps(monkeypatch):
     reader, writer = os.pipe()
     sent, drawn = [0.0], []
     screen = types.SimpleNamespace(
-        period=0.03, hide=lambda: None, follow=lambda *_: None,
+        period=0.03, close=lambda: None, on_event=lambda *_: None,
         show=lambda *_: drawn.append(time.monotonic() - sent[-1]))
     with os.fdopen(reader) as stdin:
         monkeypatch.setattr(sys, 'stdin', stdin)

@@ -43,11 +43,11 @@ def drive_and_ask(fidelity, commands, questions, start=0.0):
     for pause, velocity in commands:
         time += pause
         while asked and asked[0] <= time:
-            drive.at(asked.pop(0))
-        drive.aim(velocity, time)
+            drive.state_at(asked.pop(0))
+        drive.set_target(velocity, time)
     for question in asked:
-        drive.at(question)
-    return drive.at(start + 2.5)
+        drive.state_at(question)
+    return drive.state_at(start + 2.5)
 
 
 @pytest.mark.parametrize('fidelity', [IDEAL, REAL], ids=['ideal', 'real'])
@@ -83,8 +83,8 @@ def test_other_seed_other_drive():
     noisy = SimulationParameters(velocity_noise=0.2)
     first, second = (DriveModel(noisy, 0.0, seed) for seed in (1, 2))
     for drive in (first, second):
-        drive.aim(Velocity(0.1), 0.0)
-    assert first.at(1.0) != second.at(1.0)
+        drive.set_target(Velocity(0.1), 0.0)
+    assert first.state_at(1.0) != second.state_at(1.0)
 
 
 def test_velocity_noise_has_the_deviation_it_was_given():
@@ -92,8 +92,8 @@ def test_velocity_noise_has_the_deviation_it_was_given():
     ways = []
     for seed in range(200):
         drive = DriveModel(SimulationParameters(velocity_noise=0.5), 0.0, seed)
-        drive.aim(Velocity(0.1), 0.0)
-        ways.append(drive.at(1.0)[0].x)
+        drive.set_target(Velocity(0.1), 0.0)
+        ways.append(drive.state_at(1.0)[0].x)
     mean = sum(ways) / len(ways)
     deviation = math.sqrt(sum((way - mean) ** 2 for way in ways) / (len(ways) - 1))
     # 200 seeds: the deviation of a deviation is 5 %, of the mean 7 % of a deviation.
@@ -104,30 +104,30 @@ def test_velocity_noise_has_the_deviation_it_was_given():
 def test_lag_delays_and_catches_up():
     """First order: behind by velocity * lag while it drives, and none of it is lost at the end."""
     drive = DriveModel(SimulationParameters(lag=0.1), 0.0, 0)
-    drive.aim(Velocity(0.2), 0.0)
-    assert drive.at(0.1)[1].linear_x == pytest.approx(0.2 * (1.0 - math.exp(-1.0)))
-    assert drive.at(2.0)[0].x == pytest.approx(0.2 * (2.0 - 0.1))
-    drive.aim(ZERO, 2.0)
+    drive.set_target(Velocity(0.2), 0.0)
+    assert drive.state_at(0.1)[1].linear_x == pytest.approx(0.2 * (1.0 - math.exp(-1.0)))
+    assert drive.state_at(2.0)[0].x == pytest.approx(0.2 * (2.0 - 0.1))
+    drive.set_target(ZERO, 2.0)
     # What is left when it is told to stand still and slower than 1e-6 m/s is not driven.
-    assert drive.at(10.0)[0].x == pytest.approx(0.2 * 2.0, abs=1.1e-7)
-    assert drive.at(10.0)[1] == ZERO
+    assert drive.state_at(10.0)[0].x == pytest.approx(0.2 * 2.0, abs=1.1e-7)
+    assert drive.state_at(10.0)[1] == ZERO
 
 
 def test_acceleration_is_limited():
     """0.2 m/s at 0.4 m/s^2: a ramp of 0.5 s, which costs 0.05 m."""
     drive = DriveModel(SimulationParameters(linear_acceleration=0.4), 0.0, 0)
-    drive.aim(Velocity(0.2), 0.0)
-    assert drive.at(0.25)[1].linear_x == pytest.approx(0.1)
-    assert drive.at(2.0)[1].linear_x == 0.2
-    assert drive.at(2.0)[0].x == pytest.approx(0.35)
+    drive.set_target(Velocity(0.2), 0.0)
+    assert drive.state_at(0.25)[1].linear_x == pytest.approx(0.1)
+    assert drive.state_at(2.0)[1].linear_x == 0.2
+    assert drive.state_at(2.0)[0].x == pytest.approx(0.35)
 
 
 def test_gain_errors_change_the_way():
     """A demanded metre is another metre."""
     drive = DriveModel(SimulationParameters(linear_gain=0.9, angular_gain=1.1), 0.0, 0)
-    drive.aim(Velocity(0.1, 0.0), 0.0)
-    drive.aim(Velocity(0.0, 0.5), 1.0)
-    pose, velocity = drive.at(2.0)
+    drive.set_target(Velocity(0.1, 0.0), 0.0)
+    drive.set_target(Velocity(0.0, 0.5), 1.0)
+    pose, velocity = drive.state_at(2.0)
     assert (pose.x, pose.theta) == pytest.approx((0.09, 0.55))
     assert velocity.angular_z == pytest.approx(0.55)
 
@@ -135,25 +135,25 @@ def test_gain_errors_change_the_way():
 def test_spiral_is_close_to_a_fine_integration():
     """While both velocities change, the path is put together from circles; this says how well."""
     drive = DriveModel(SimulationParameters(lag=0.3), 0.0, 0)
-    drive.aim(Velocity(0.3, 1.5), 0.0)
+    drive.set_target(Velocity(0.3, 1.5), 0.0)
     pose, step = ORIGIN, 1e-5
     for index in range(100_000):
         share = 1.0 - math.exp(-(index + 0.5) * step / 0.3)
         pose = integrate(pose, Velocity(0.3 * share, 1.5 * share), step)
-    driven, _ = drive.at(1.0)
+    driven, _ = drive.state_at(1.0)
     assert (driven.x, driven.y) == pytest.approx((pose.x, pose.y), abs=1e-7)
 
 
 def test_a_long_rest_costs_nothing():
     """A robot with a lag that nobody told anything for a day answers at once."""
     drive = DriveModel(REAL, 0.0, 0)
-    drive.aim(Velocity(0.1), 0.0)
-    drive.aim(ZERO, 0.2)
+    drive.set_target(Velocity(0.1), 0.0)
+    drive.set_target(ZERO, 0.2)
     # 86 million grid points would take minutes.
-    pose, velocity = drive.at(86400.0)
+    pose, velocity = drive.state_at(86400.0)
     assert velocity == ZERO
-    drive.aim(Velocity(0.1), 86400.0)
-    assert drive.at(86401.0)[0].x > pose.x + 0.05
+    drive.set_target(Velocity(0.1), 86400.0)
+    assert drive.state_at(86401.0)[0].x > pose.x + 0.05
 
 
 @given(

@@ -36,7 +36,7 @@ class Bench:
         self.edge = VelocityGate(
             Wire(self.time).transmit, Limits(0.3, 1.57), Latch(), None, self.time.clock,
             self.time.clock)
-        self.edge.admit()
+        self.edge.open()
         self.requests = DriveRequests(self.edge, PERIOD, self.time.clock)
 
     def stop(self):

@@ -109,7 +109,7 @@ def run(text, **options):
 def test_text_for_nobody_is_dropped_after_one_wait():
     begun = time.monotonic()
     with piped(code("""
-never_wait(1, 2)
+make_nonblocking(1, 2)
 for line in range(2000):
     print('x' * 99)
     print('y' * 99, file=sys.stderr)
@@ -121,7 +121,7 @@ sys.exit(7)
 
 def test_a_reader_who_is_slow_gets_all():
     with piped(code("""
-never_wait(1, 2)
+make_nonblocking(1, 2)
 for line in range(5000):
     print(f'{line:09}')
     print(f'{line:09}', file=sys.stderr, flush=True)
@@ -137,7 +137,7 @@ def test_the_terminal_or_pipe_of_a_shell_goes_on_waiting():
     reader, writer = os.pipe()
     for shared in (follower, writer):
         run("""
-never_wait(1, 2)
+make_nonblocking(1, 2)
 assert not os.get_blocking(1) and not os.get_blocking(2)
 assert os.get_blocking(0)
 """, stdin=shared, stdout=shared, stderr=shared)
@@ -151,7 +151,7 @@ def test_a_socket_waits_again_in_the_end():
     ours, theirs = socket.socketpair()
     with ours, theirs:
         run("""
-never_wait(2)
+make_nonblocking(2)
 assert not os.get_blocking(2)
 print('x' * 10 ** 6)
 print('y' * 10 ** 6, file=sys.stderr)
@@ -166,7 +166,7 @@ def test_files_are_left_as_they_are(tmp_path):
         log.write('before\n')
         log.flush()
         run("""
-never_wait(1, 2)
+make_nonblocking(1, 2)
 assert os.get_blocking(1) and os.get_blocking(2)
 print('after')
 """, stdout=log, stderr=log)
@@ -175,14 +175,14 @@ print('after')
 
 @pytest.mark.parametrize('how', ['os.close(1); os.close(2)', 'sys.stdout = sys.stderr = None'])
 def test_a_program_without_output_has_nothing_to_wait_for(how):
-    run(f'{how}\nnever_wait(1, 2)\n')
+    run(f'{how}\nmake_nonblocking(1, 2)\n')
 
 
 def test_a_reader_who_is_gone_is_no_error():
     reader, writer = os.pipe()
     os.close(reader)
     run("""
-never_wait(1, 2)
+make_nonblocking(1, 2)
 print('nobody reads this', flush=True)
 print('nor this', file=sys.stderr)
 """, stdout=writer, stderr=writer)
@@ -208,7 +208,7 @@ def test_a_stream_that_somebody_put_in_place_stays():
     run("""
 import io
 mine = sys.stderr = io.StringIO()
-never_wait(2)
+make_nonblocking(2)
 assert sys.stderr is mine
 print('x', file=sys.stderr)
 assert mine.getvalue() == 'x\\n'
@@ -219,7 +219,7 @@ def test_a_display_draws_whole_frames_all_the_same():
     """It has a process of its own, which may wait."""
     run("""
 from kachaka_simple_control.control.output import make_blocking
-never_wait(2)
+make_nonblocking(2)
 make_blocking(2)
 assert os.get_blocking(2)
 """, stderr=subprocess.PIPE)

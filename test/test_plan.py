@@ -71,9 +71,9 @@ def test_a_plan_ends_where_geometry_says(motion, limits, rate):
 def test_every_stage_ends_where_geometry_says(motion, limits, rate):
     planned = plan(motion, limits, rate)
     leaves = written_out(motion.steps)
-    assert [stage.step for stage in planned.stages] == leaves
+    assert [stage.step for stage in planned.steps] == leaves
     pose = Pose()
-    for leaf, stage in zip(leaves, planned.stages):
+    for leaf, stage in zip(leaves, planned.steps):
         pose = closed_form([leaf], pose)
         assert close(pose, stage.pose, size(planned))
 
@@ -82,7 +82,7 @@ def test_every_stage_ends_where_geometry_says(motion, limits, rate):
 @given(MOTIONS, LIMITS, RATES)
 def test_stages_and_segments_tell_the_same(motion, limits, rate):
     planned = plan(motion, limits, rate)
-    for stage in planned.stages:
+    for stage in planned.steps:
         own = [segment for segment in planned.segments
                if stage.start <= segment.start and segment.end <= stage.end]
         lengths = [abs(s.velocity.linear_x) * (s.end - s.start) for s in own]
@@ -91,15 +91,15 @@ def test_stages_and_segments_tell_the_same(motion, limits, rate):
             (abs(s.velocity.linear_x) for s in own), default=0.0)
         assert stage.max_angular_velocity == max(
             (abs(s.velocity.angular_z) for s in own), default=0.0)
-    assert planned.length == math.fsum(stage.length for stage in planned.stages) or (
-        planned.length == pytest.approx(math.fsum(stage.length for stage in planned.stages)))
+    assert planned.length == math.fsum(stage.length for stage in planned.steps) or (
+        planned.length == pytest.approx(math.fsum(stage.length for stage in planned.steps)))
 
 
 @UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_segments_and_stages_follow_each_other_without_a_gap(motion, limits, rate):
     planned = plan(motion, limits, rate)
-    for row in (planned.segments, planned.stages):
+    for row in (planned.segments, planned.steps):
         assert all(one.end == two.start for one, two in pairwise(row))
         assert not row or row[0].start == 0.0
         assert not row or row[-1].end == planned.duration
@@ -110,7 +110,7 @@ def test_segments_and_stages_follow_each_other_without_a_gap(motion, limits, rat
 @given(motions(GOALS), LIMITS, RATES)
 def test_no_tick_of_a_goal_is_longer_than_a_period_and_none_is_a_sliver(motion, limits, rate):
     planned = plan(motion, limits, rate)
-    for stage in planned.stages:
+    for stage in planned.steps:
         own = [segment.end - segment.start for segment in planned.segments
                if stage.start <= segment.start and segment.end <= stage.end]
         assert all(tick <= planned.period * (1.0 + 1e-6) for tick in own)
@@ -150,7 +150,7 @@ def test_another_rate_is_no_other_motion(motion, limits, rate, other):
     one, two = plan(motion, limits, rate), plan(motion, limits, other)
     assert close(one.path()[-1], two.path()[-1], size(one))
     assert one.duration == two.duration
-    assert [stage.end for stage in one.stages] == [stage.end for stage in two.stages]
+    assert [stage.end for stage in one.steps] == [stage.end for stage in two.steps]
 
 
 @UNHURRIED
@@ -167,7 +167,7 @@ def test_a_repeat_is_the_same_over_and_over(motion, limits, rate, times):
     repeated = plan(Motion('many', (Repeat(times, motion.steps),)), limits, rate)
     by_hand = plan(Motion('many', motion.steps * times), limits, rate)
     assert repeated.segments == by_hand.segments
-    assert [stage.pose for stage in repeated.stages] == [stage.pose for stage in by_hand.stages]
+    assert [stage.pose for stage in repeated.steps] == [stage.pose for stage in by_hand.steps]
 
 
 def mirrored(step):
@@ -236,7 +236,7 @@ def test_a_plan_is_a_value_that_nothing_changes():
     assert planned == plan(Motion('y', (Forward(0.5), Wait(1.0))), KACHAKA, 10.0)
     segment = planned.segments[0]
     for thing, name in (
-            (planned, 'period'), (segment, 'end'), (planned.stages[0], 'end'),
+            (planned, 'period'), (segment, 'end'), (planned.steps[0], 'end'),
             (segment.velocity, 'linear_x')):
         with pytest.raises(AttributeError):
             setattr(thing, name, 1.0)

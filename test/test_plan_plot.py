@@ -119,7 +119,7 @@ def test_every_step_is_drawn(matplotlib, motion):
         data_of(figure, 'path'), marked(figure, 'headings'), marked(figure, 'robots'))
     ticks = [segment.tolist() for segment in headings.get_segments()]
     assert len(ticks) == len(robots.get_paths())
-    for stage in one.plan.stages:
+    for stage in one.plan.steps:
         end = (stage.pose.x, stage.pose.y)
         assert any(point == pytest.approx(end, abs=1e-3) for point in path)
         nose = (end[0] + 0.25 * math.cos(stage.pose.theta),

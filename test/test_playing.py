@@ -38,10 +38,10 @@ class Alone:
         """Count nothing yet."""
         self.beats = 0
 
-    def tick(self, rest):
+    def on_sent(self, rest):
         """Do nothing."""
 
-    def beat(self):
+    def check(self):
         """Count."""
         self.beats += 1
 
@@ -57,7 +57,7 @@ class Bench:
         self.edge = VelocityGate(
             self.wire.transmit, LIMITS, self.latch, None,
             self.time.clock, self.time.clock)
-        self.edge.admit()
+        self.edge.open()
         self.plan = plan(Motion('test', moves), LIMITS, rate)
         self.companion = Alone()
 
@@ -102,7 +102,7 @@ def test_a_motion_that_is_always_late_shows_signs_of_life_all_the_same():
         bench.time.now += late
 
     bench.edge._transmit = held_up
-    bench.companion.beat = lambda: beats.append(bench.time.now)
+    bench.companion.check = lambda: beats.append(bench.time.now)
     bench.play()
     gaps = [after - before for before, after in pairwise(beats)]
     assert max(gaps) <= late + POLL_PERIOD + 1e-6
@@ -116,7 +116,7 @@ def test_a_graph_that_answers_slowly_ends_no_healthy_run():
         flags.append(bench.edge._sending.is_set)
         bench.time.now += 0.25 if len(flags) % 10 == 5 else 0.0
 
-    bench.companion.beat = ask
+    bench.companion.check = ask
     bench.play()
     assert bench.wire.sent[-1][1] == ZERO
     assert all(flags)
@@ -129,7 +129,7 @@ def test_a_graph_that_does_not_answer_for_as_long_as_the_robot_keeps_a_velocity_
     def ask():
         bench.time.now += 0.31 if len(bench.wire.sent) == 3 else 0.0
 
-    bench.companion.beat = ask
+    bench.companion.check = ask
     with pytest.raises(RunFaultError, match='nothing was sent for .* ms, more than the 300 ms'):
         bench.play()
     assert len(bench.wire.sent) == 3

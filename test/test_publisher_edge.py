@@ -53,20 +53,20 @@ def edge(time, wire, latch):
 
 def test_before_the_robot_is_ours_not_even_a_zero_leaves(edge, wire):
     """A zero switches a Kachaka's manual control on, and drives it off its dock."""
-    assert not edge.zero(after=None)
+    assert not edge.send_zero(after=None)
     with pytest.raises(MotionRefusedError, match='not ours'):
         edge.begin(0.2)
     assert wire.sent == []
 
 
 def test_after_the_robot_was_given_back_nothing_leaves(edge, wire):
-    edge.admit()
+    edge.open()
     run = edge.begin(0.2)
     edge.close()
-    assert not edge.zero(after=run)
+    assert not edge.send_zero(after=run)
     with pytest.raises(MotionRefusedError, match='not ours'):
         edge.send(run, FORWARD)
-    edge.admit()
+    edge.open()
     with pytest.raises(MotionRefusedError, match='not ours'):
         edge.begin(0.2)
     assert wire.sent == []
@@ -76,26 +76,26 @@ def test_after_the_robot_was_given_back_nothing_leaves(edge, wire):
     Velocity(0.31, 0.0), Velocity(0.0, -1.6), Velocity(float('nan'), 0.0),
     Velocity(0.0, float('inf'))])
 def test_limits_hold_whoever_planned_the_velocity(edge, wire, velocity):
-    edge.admit()
+    edge.open()
     with pytest.raises(RunFaultError, match='not sent: .* outside the robot'):
         edge.send(edge.begin(0.2), velocity)
     assert wire.sent == []
 
 
 def test_a_set_latch_lets_zeros_out_and_nothing_else(edge, wire, latch):
-    edge.admit()
+    edge.open()
     run = edge.begin(0.2)
     latch.trip()
     with pytest.raises(MotionRefusedError, match='for good'):
         edge.send(run, FORWARD)
     with pytest.raises(MotionRefusedError, match='for good'):
         edge.begin(0.2)
-    assert edge.zero(after=run)
+    assert edge.send_zero(after=run)
     assert [v for _, v in wire.sent] == [ZERO]
 
 
 def test_a_cancelled_run_hears_the_reason_and_sends_no_more(edge, wire):
-    edge.admit()
+    edge.open()
     run = edge.begin(0.2)
     edge.send(run, FORWARD)
     edge.cancel(RunFaultError('because'))
@@ -107,18 +107,18 @@ def test_a_cancelled_run_hears_the_reason_and_sends_no_more(edge, wire):
 
 
 def test_only_the_newest_run_sends(edge, wire):
-    edge.admit()
+    edge.open()
     old = edge.begin(0.2)
     new = edge.begin(0.2)
     with pytest.raises(MotionRefusedError, match='another one has begun'):
         edge.send(old, FORWARD)
-    assert not edge.zero(after=old)
+    assert not edge.send_zero(after=old)
     edge.send(new, FORWARD)
     assert [v for _, v in wire.sent] == [FORWARD]
 
 
 def test_the_gap_is_checked_directly_before_publishing(edge, time, wire):
-    edge.admit()
+    edge.open()
     run = edge.begin(0.2)
     edge.send(run, FORWARD)
     time.now += 0.2001
@@ -130,7 +130,7 @@ def test_the_gap_is_checked_directly_before_publishing(edge, time, wire):
 def test_a_machine_that_slept_is_a_gap_although_the_steady_clock_stood_still(wire, latch):
     steady, awake = FakeTime(), FakeTime()
     edge = VelocityGate(wire.transmit, Limits(0.3, 1.57), latch, None, steady.clock, awake.clock)
-    edge.admit()
+    edge.open()
     run = edge.begin(0.2)
     edge.send(run, FORWARD)
     awake.now += 3600.0
@@ -140,7 +140,7 @@ def test_a_machine_that_slept_is_a_gap_although_the_steady_clock_stood_still(wir
 
 
 def test_the_first_message_of_a_run_has_no_gap_before_it(edge, time, wire):
-    edge.admit()
+    edge.open()
     time.now += 3600.0
     edge.send(edge.begin(0.2), FORWARD)
     assert len(wire.sent) == 1
@@ -149,10 +149,10 @@ def test_the_first_message_of_a_run_has_no_gap_before_it(edge, time, wire):
 def test_what_leaves_is_recorded_with_its_time(edge, time):
     noted = []
     edge.on_sent = lambda at, velocity: noted.append((at, velocity))
-    edge.admit()
+    edge.open()
     run = edge.begin(0.2)
     edge.send(run, FORWARD)
-    edge.zero(after=run)
+    edge.send_zero(after=run)
     assert noted == [(time.now, FORWARD), (time.now, ZERO)]
 
 
@@ -161,7 +161,7 @@ def test_no_motion_follows_the_first_zero_of_a_stop_in_another_thread():
     for _ in range(200):
         sent = []
         edge = VelocityGate(sent.append, Limits(0.3, 1.57), Latch())
-        edge.admit()
+        edge.open()
         run = edge.begin(10.0)
         begun = threading.Event()
 
@@ -175,7 +175,7 @@ def test_no_motion_follows_the_first_zero_of_a_stop_in_another_thread():
         thread.start()
         begun.wait()
         edge.cancel(MotionRefusedError('enough'))
-        edge.zero(after=run)
+        edge.send_zero(after=run)
         thread.join()
         assert sent[-1] == ZERO
 
@@ -183,7 +183,7 @@ def test_no_motion_follows_the_first_zero_of_a_stop_in_another_thread():
 def test_the_flag_is_up_while_dds_has_the_message():
     flag, seen = SharedFlag(), []
     edge = VelocityGate(lambda _: seen.append(flag.is_set), Limits(0.3, 1.57), Latch(), flag)
-    edge.admit()
+    edge.open()
     edge.send(edge.begin(0.2), FORWARD)
     assert seen == [True]
     assert not flag.is_set
@@ -192,7 +192,7 @@ def test_the_flag_is_up_while_dds_has_the_message():
 def test_the_flag_is_up_while_dds_is_asked_something_and_down_again_when_that_fails(edge):
     flag, seen = SharedFlag(), []
     edge = VelocityGate(lambda _: None, Limits(0.3, 1.57), Latch(), flag)
-    edge.admit()
+    edge.open()
     run = edge.begin(0.2)
 
     def ask():
@@ -209,7 +209,7 @@ def test_the_flag_is_up_while_dds_is_asked_something_and_down_again_when_that_fa
                                          ([0.3] * 3, True)])
 def test_what_dds_takes_to_answer_is_no_gap_within_a_bound(edge, time, wire, waits, ends):
     """The bound is for all questions between two messages together."""
-    edge.admit()
+    edge.open()
     run = edge.begin(0.12)
     edge.send(run, FORWARD)
     for wait in waits:
@@ -223,7 +223,7 @@ def test_what_dds_takes_to_answer_is_no_gap_within_a_bound(edge, time, wire, wai
 
 
 def test_a_wait_for_dds_before_a_message_excuses_no_gap_after_it(edge, time):
-    edge.admit()
+    edge.open()
     run = edge.begin(0.12)
     edge.send(run, FORWARD)
     edge.wait_for_dds(run, lambda: time.sleep(0.3))
@@ -240,7 +240,7 @@ def test_what_dds_takes_is_no_gap(time):
 
     edge = VelocityGate(
         transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
-    edge.admit()
+    edge.open()
     run = edge.begin(0.2)
     edge.send(run, FORWARD)
     edge.send(run, FORWARD)
@@ -250,14 +250,14 @@ def test_a_run_that_was_cancelled_before_it_began_never_begins(edge, wire):
     """It may wait for its robot: a stop ends it all the same."""
     run = edge.prepare()
     edge.cancel(MotionRefusedError('enough'))
-    edge.admit()
+    edge.open()
     with pytest.raises(MotionRefusedError, match='enough'):
         edge.begin(0.2, run)
     assert wire.sent == []
 
 
 def test_a_cancel_ends_the_run_under_way_and_the_one_that_waits(edge):
-    edge.admit()
+    edge.open()
     under_way, waiting = edge.begin(0.2), edge.prepare()
     assert edge.cancel(MotionRefusedError('enough')) is under_way
     for run in (under_way, waiting):
@@ -266,10 +266,10 @@ def test_a_cancel_ends_the_run_under_way_and_the_one_that_waits(edge):
 
 def test_a_run_that_waits_takes_nothing_from_the_one_before(edge, wire):
     """Its whole stop goes on until the next run really begins."""
-    edge.admit()
+    edge.open()
     first = edge.begin(0.2)
     second = edge.prepare()
-    assert edge.zero(after=first)
+    assert edge.send_zero(after=first)
     edge.begin(0.2, second)
-    assert not edge.zero(after=first)
+    assert not edge.send_zero(after=first)
     assert len(wire.sent) == 1

@@ -36,8 +36,8 @@ HOLD = KACHAKA.hold
 OK = RpcResult(code=0)
 NO_CONTROL = RpcResult(code=13151)
 REFUSED = RpcResult(code=21051)
-LATE = RpcResult(trouble=RpcFailure.LATE)
-GONE = RpcResult(trouble=RpcFailure.GONE)
+LATE = RpcResult(failure=RpcFailure.LATE)
+GONE = RpcResult(failure=RpcFailure.GONE)
 
 
 def motion(time, linear=0.5):
@@ -52,14 +52,14 @@ def stop(time):
 def helm():
     """Return a helm whose robot answers."""
     helm = CommandArbiter(HOLD)
-    helm.connect()
+    helm.on_connected()
     return helm
 
 
 def sent(helm, now):
     """Return what is due now, and nothing after it."""
-    order = helm.due(now)
-    assert helm.due(now) is None
+    order = helm.next_request(now)
+    assert helm.next_request(now) is None
     return order
 
 
@@ -90,7 +90,7 @@ def test_mailbox_holds_the_newest_and_never_what_came_before_a_stop(steps):
             assert mailbox.take_stop() == is_owed
             is_owed = False
         elif taken:
-            mailbox.put_back(taken[-1])
+            mailbox.requeue(taken[-1])
             assert not mailbox.has_motion(now) or mailbox.take_motion(now).time >= last_stop
 
 
@@ -99,11 +99,11 @@ def test_mailbox_holds_the_newest_and_never_what_came_before_a_stop(steps):
 def test_ceased_velocities_are_noticed_before_the_hold_ends():
     silence = CommandTimeout()
     for time in (0.0, 0.1, 0.2):
-        silence.hear(False, time)
+        silence.on_command(False, time)
     assert silence.end == pytest.approx(0.2 + STREAM_TIMEOUT)
-    assert not silence.is_over(0.2 + STREAM_TIMEOUT - 1e-6)
-    assert silence.is_over(0.2 + STREAM_TIMEOUT)
-    assert not silence.is_over(9.0), 'told once'
+    assert not silence.has_expired(0.2 + STREAM_TIMEOUT - 1e-6)
+    assert silence.has_expired(0.2 + STREAM_TIMEOUT)
+    assert not silence.has_expired(9.0), 'told once'
     assert STREAM_TIMEOUT < HOLD
 
 
@@ -112,7 +112,7 @@ def test_a_5_hz_publisher_is_left_to_the_hold(period, count):
     """However late its messages are."""
     silence = CommandTimeout()
     for tick in range(count):
-        silence.hear(False, tick * period)
+        silence.on_command(False, tick * period)
     assert silence.end is None
 
 
@@ -120,11 +120,11 @@ def test_a_5_hz_publisher_is_left_to_the_hold(period, count):
 def test_no_gap_below_the_limit_is_an_end(gaps):
     """At any rate, mixed in any way."""
     silence, now = CommandTimeout(), 0.0
-    silence.hear(False, now)
+    silence.on_command(False, now)
     for gap in gaps:
         now += gap
-        assert not silence.is_over(now)
-        silence.hear(False, now)
+        assert not silence.has_expired(now)
+        silence.on_command(False, now)
 
 
 @given(st.floats(0.01, MAX_STREAM_PERIOD), st.integers(2, 20))
@@ -132,15 +132,15 @@ def test_a_run_of_ours_that_is_not_given_up_is_never_cut_short(period, count):
     """Our node gives up when a velocity is more than 0.1 s late."""
     silence = CommandTimeout()
     for tick in range(count):
-        silence.hear(False, tick * period)
+        silence.on_command(False, tick * period)
     last = (count - 1) * period
-    assert not silence.is_over(last + period + 0.1 - 1e-6)
+    assert not silence.has_expired(last + period + 0.1 - 1e-6)
 
 
 def test_a_zero_ends_the_waiting_and_what_was_learnt():
     silence = CommandTimeout()
     for is_stop, time in ((False, 0.0), (False, 0.05), (True, 0.1), (False, 0.2)):
-        silence.hear(is_stop, time)
+        silence.on_command(is_stop, time)
     assert silence.end is None
 
 
@@ -148,163 +148,163 @@ def test_a_zero_ends_the_waiting_and_what_was_learnt():
 
 def test_nothing_is_sent_before_the_robot_answers():
     helm = CommandArbiter(HOLD)
-    helm.hear(stop(0.0))
-    helm.hear(motion(0.1))
-    assert helm.due(0.1) is None
+    helm.on_command(stop(0.0))
+    helm.on_command(motion(0.1))
+    assert helm.next_request(0.1) is None
 
 
 def test_one_motion_at_a_time_and_the_newest_next(helm):
-    helm.hear(motion(0.0, 0.1))
+    helm.on_command(motion(0.0, 0.1))
     first = sent(helm, 0.0)
     for time in (0.01, 0.02, 0.03):
-        helm.hear(motion(time, time))
-        assert helm.due(time) is None
-    helm.ended(first, OK, 0.04)
+        helm.on_command(motion(time, time))
+        assert helm.next_request(time) is None
+    helm.on_response(first, OK, 0.04)
     assert sent(helm, 0.04).command == motion(0.03, 0.03)
     assert helm.dropped == 2
 
 
 def test_a_stop_overtakes_a_motion_and_is_sent_again_after_it(helm):
     """For the robot may have heard them in either order."""
-    helm.hear(motion(0.0))
+    helm.on_command(motion(0.0))
     slow = sent(helm, 0.0)
-    helm.hear(stop(0.1))
+    helm.on_command(stop(0.1))
     overtaking = sent(helm, 0.1)
     assert overtaking.kind is RpcKind.STOP
-    helm.ended(overtaking, OK, 0.12)
-    assert helm.due(0.12) is None
+    helm.on_response(overtaking, OK, 0.12)
+    assert helm.next_request(0.12) is None
     assert helm.may_move
-    helm.ended(slow, OK, 0.2)
+    helm.on_response(slow, OK, 0.2)
     again = sent(helm, 0.2)
     assert again.kind is RpcKind.STOP
-    helm.ended(again, OK, 0.21)
+    helm.on_response(again, OK, 0.21)
     assert not helm.may_move
-    assert helm.due(9.0) is None
+    assert helm.next_request(9.0) is None
 
 
 def test_a_motion_that_waited_longer_than_the_hold_is_dropped(helm):
-    helm.hear(motion(0.0))
+    helm.on_command(motion(0.0))
     slow = sent(helm, 0.0)
-    helm.hear(motion(0.2))  # so slow a publisher is left to the hold
-    helm.ended(slow, OK, 0.2 + HOLD + 0.001)
-    assert helm.due(0.2 + HOLD + 0.001) is None
+    helm.on_command(motion(0.2))  # so slow a publisher is left to the hold
+    helm.on_response(slow, OK, 0.2 + HOLD + 0.001)
+    assert helm.next_request(0.2 + HOLD + 0.001) is None
     assert helm.dropped == 1
 
 
 def test_manual_control_is_switched_on_for_a_motion_which_is_then_sent(helm):
-    helm.hear(motion(0.0))
-    helm.ended(sent(helm, 0.0), NO_CONTROL, 0.01)
+    helm.on_command(motion(0.0))
+    helm.on_response(sent(helm, 0.0), NO_CONTROL, 0.01)
     take = sent(helm, 0.01)
-    assert take.kind is RpcKind.TAKE
-    helm.ended(take, OK, 0.02)
+    assert take.kind is RpcKind.ENABLE
+    helm.on_response(take, OK, 0.02)
     assert helm.has_taken
     assert sent(helm, 0.02).command == motion(0.0)
 
 
 def test_manual_control_is_never_switched_on_for_a_zero(helm):
-    helm.hear(stop(0.0))
-    helm.ended(sent(helm, 0.0), NO_CONTROL, 0.01)
-    assert helm.due(0.01) is None
+    helm.on_command(stop(0.0))
+    helm.on_response(sent(helm, 0.0), NO_CONTROL, 0.01)
+    assert helm.next_request(0.01) is None
 
 
 def test_a_zero_while_manual_control_comes_on_leaves_no_motion(helm):
-    helm.hear(motion(0.0))
-    helm.ended(sent(helm, 0.0), NO_CONTROL, 0.01)
+    helm.on_command(motion(0.0))
+    helm.on_response(sent(helm, 0.0), NO_CONTROL, 0.01)
     take = sent(helm, 0.01)
-    helm.hear(stop(0.02))
+    helm.on_command(stop(0.02))
     zero = sent(helm, 0.02)
     assert zero.kind is RpcKind.STOP
-    helm.ended(zero, NO_CONTROL, 0.03)
-    helm.ended(take, OK, 0.04)
-    assert helm.due(0.04) is None
+    helm.on_response(zero, NO_CONTROL, 0.03)
+    helm.on_response(take, OK, 0.04)
+    assert helm.next_request(0.04) is None
 
 
 def test_a_motion_from_before_the_release_does_not_take_the_robot_again(helm):
-    helm.hear(motion(0.0))
+    helm.on_command(motion(0.0))
     under_way = sent(helm, 0.0)
-    helm.rest()
+    helm.cancel_motion()
     assert sent(helm, 0.01).kind is RpcKind.STOP
-    helm.ended(under_way, NO_CONTROL, 0.02)
-    assert helm.due(0.02) is None
+    helm.on_response(under_way, NO_CONTROL, 0.02)
+    assert helm.next_request(0.02) is None
 
 
-@pytest.mark.parametrize('refused', [RpcKind.MOTION, RpcKind.TAKE])
+@pytest.mark.parametrize('refused', [RpcKind.MOTION, RpcKind.ENABLE])
 def test_after_a_refusal_nothing_moves_until_the_commander_has_rested(helm, refused):
     """An emergency stop that is released must not set the robot in motion again."""
-    helm.hear(motion(0.0))
+    helm.on_command(motion(0.0))
     order = sent(helm, 0.0)
-    if refused is RpcKind.TAKE:
-        helm.ended(order, NO_CONTROL, 0.01)
+    if refused is RpcKind.ENABLE:
+        helm.on_response(order, NO_CONTROL, 0.01)
         order = sent(helm, 0.01)
-    helm.ended(order, REFUSED, 0.02)
-    helm.ended(sent(helm, 0.02), REFUSED, 0.03)
+    helm.on_response(order, REFUSED, 0.02)
+    helm.on_response(sent(helm, 0.02), REFUSED, 0.03)
     for tick in range(1, 50):
-        helm.hear(motion(0.03 + tick * 0.1))
-        assert helm.due(0.03 + tick * 0.1) is None
-    helm.hear(stop(6.0))
-    helm.ended(sent(helm, 6.0), OK, 6.0)
-    helm.hear(motion(6.1))
+        helm.on_command(motion(0.03 + tick * 0.1))
+        assert helm.next_request(0.03 + tick * 0.1) is None
+    helm.on_command(stop(6.0))
+    helm.on_response(sent(helm, 6.0), OK, 6.0)
+    helm.on_command(motion(6.1))
     assert sent(helm, 6.1).kind is RpcKind.MOTION
 
 
 def test_silence_is_a_rest_too(helm):
-    helm.hear(motion(0.0))
-    helm.bar()
-    helm.hear(motion(REARM_IDLE_TIME))
-    assert helm.due(REARM_IDLE_TIME) is None
-    helm.hear(motion(REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1))
+    helm.on_command(motion(0.0))
+    helm.block_motion()
+    helm.on_command(motion(REARM_IDLE_TIME))
+    assert helm.next_request(REARM_IDLE_TIME) is None
+    helm.on_command(motion(REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1))
     assert sent(helm, REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1).kind is RpcKind.MOTION
 
 
 def test_what_waited_while_the_bridge_was_frozen_is_not_sent(helm):
     """Whether it is heard before the bridge notices, or after."""
-    helm.hear(motion(0.0))
-    helm.ended(sent(helm, 0.0), OK, 0.01)
-    helm.hear(motion(5.0))
-    helm.held_up(5.0)
-    helm.hear(motion(5.001))
+    helm.on_command(motion(0.0))
+    helm.on_response(sent(helm, 0.0), OK, 0.01)
+    helm.on_command(motion(5.0))
+    helm.on_stall(5.0)
+    helm.on_command(motion(5.001))
     assert sent(helm, 5.001).kind is RpcKind.STOP
 
 
 def test_a_link_that_is_back_brings_a_stop_and_no_motion(helm):
-    helm.hear(motion(0.0))
-    helm.ended(sent(helm, 0.0), GONE, 0.1)
-    helm.lose()
+    helm.on_command(motion(0.0))
+    helm.on_response(sent(helm, 0.0), GONE, 0.1)
+    helm.on_connection_lost()
     for tick in range(2, 20):
-        helm.hear(motion(tick * 0.1))
-        assert helm.due(tick * 0.1) is None
+        helm.on_command(motion(tick * 0.1))
+        assert helm.next_request(tick * 0.1) is None
     # A zero that was heard meanwhile is no rest after the link's return.
-    helm.hear(stop(2.0))
-    helm.hear(motion(2.05))
-    helm.connect()
+    helm.on_command(stop(2.0))
+    helm.on_command(motion(2.05))
+    helm.on_connected()
     zero = sent(helm, 2.1)
     assert zero.kind is RpcKind.STOP
-    helm.ended(zero, OK, 2.1)
-    helm.hear(motion(2.2))
-    assert helm.due(2.2) is None
+    helm.on_response(zero, OK, 2.1)
+    helm.on_command(motion(2.2))
+    assert helm.next_request(2.2) is None
 
 
 def test_a_stop_without_an_answer_is_sent_again(helm):
-    helm.hear(stop(0.0))
-    helm.ended(sent(helm, 0.0), LATE, 1.0)
+    helm.on_command(stop(0.0))
+    helm.on_response(sent(helm, 0.0), LATE, 1.0)
     assert sent(helm, 1.0).kind is RpcKind.STOP
 
 
 def test_a_robot_too_slow_for_its_own_hold_is_stopped_between_and_then_for_good(helm):
     for tick in range(MAX_CONSECUTIVE_TIMEOUTS):
-        helm.hear(motion(float(tick)))
-        helm.ended(sent(helm, float(tick)), LATE, tick + HOLD)
-        helm.hear(motion(tick + HOLD))
+        helm.on_command(motion(float(tick)))
+        helm.on_response(sent(helm, float(tick)), LATE, tick + HOLD)
+        helm.on_command(motion(tick + HOLD))
         zero = sent(helm, tick + HOLD)
         assert zero.kind is RpcKind.STOP, 'nothing piles up in a slow robot'
-        helm.ended(zero, OK, tick + 0.5)
-        helm.due(tick + 0.8)
-    assert helm.is_barred
+        helm.on_response(zero, OK, tick + 0.5)
+        helm.next_request(tick + 0.8)
+    assert helm.is_blocked
 
 
 def test_ceased_velocities_stop_the_robot_before_its_hold_does(helm):
     for time in (0.0, 0.1):
-        helm.hear(motion(time))
-        helm.ended(sent(helm, time), OK, time + 0.01)
-    assert helm.next_look == pytest.approx(0.1 + STREAM_TIMEOUT)
+        helm.on_command(motion(time))
+        helm.on_response(sent(helm, time), OK, time + 0.01)
+    assert helm.next_check == pytest.approx(0.1 + STREAM_TIMEOUT)
     assert sent(helm, 0.1 + STREAM_TIMEOUT).kind is RpcKind.STOP

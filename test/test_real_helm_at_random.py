@@ -28,7 +28,7 @@ from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailu
 HOLD = KACHAKA.hold
 OUTCOMES = st.sampled_from([
     RpcResult(code=0), RpcResult(code=0), RpcResult(code=13151), RpcResult(code=21051),
-    RpcResult(trouble=RpcFailure.LATE), RpcResult(trouble=RpcFailure.FAILED)])
+    RpcResult(failure=RpcFailure.LATE), RpcResult(failure=RpcFailure.FAILED)])
 PAUSES = st.sampled_from([0.001, 0.02, 0.1, 0.2, 0.4])
 
 
@@ -39,12 +39,12 @@ class HelmAtRandom(RuleBasedStateMachine):
         """Begin with a link."""
         super().__init__()
         self.helm = CommandArbiter(HOLD)
-        self.helm.connect()
+        self.helm.on_connected()
         self.is_linked = True
         self.now = 0.0
         self.last_stop = -1.0
         self.under_way = []
-        self.ended = {}
+        self.on_response = {}
 
     @rule(pause=PAUSES)
     def time_passes(self, pause):
@@ -55,16 +55,16 @@ class HelmAtRandom(RuleBasedStateMachine):
     def motion_comes(self, linear):
         """Hear the newest command."""
         self.now += 0.001
-        self.helm.hear(VelocityCommand(linear, 0.0, self.now))
+        self.helm.on_command(VelocityCommand(linear, 0.0, self.now))
 
     @rule()
     def stop_comes(self):
         """Hear a zero; it has to leave at once, unless one is under way."""
         self.now += 0.001
         self.last_stop = self.now
-        self.helm.hear(VelocityCommand(0.0, 0.0, self.now))
+        self.helm.on_command(VelocityCommand(0.0, 0.0, self.now))
         if self.is_linked and not any(order.kind is RpcKind.STOP for order in self.under_way):
-            order = self.helm.due(self.now)
+            order = self.helm.next_request(self.now)
             assert order is not None
             assert order.kind is RpcKind.STOP
             self.under_way.append(order)
@@ -75,19 +75,19 @@ class HelmAtRandom(RuleBasedStateMachine):
         """In any order."""
         order = self.under_way.pop(data.draw(st.integers(0, len(self.under_way) - 1)))
         self.now += pause
-        self.helm.ended(order, outcome, self.now)
-        self.ended[order.kind] = self.now
+        self.helm.on_response(order, outcome, self.now)
+        self.on_response[order.kind] = self.now
 
     @rule()
     def link_is_lost(self):
         """Go on; calls under way end later."""
-        self.helm.lose()
+        self.helm.on_connection_lost()
         self.is_linked = False
 
     @rule()
     def link_is_back(self):
         """Or was never lost."""
-        self.helm.connect()
+        self.helm.on_connected()
         self.is_linked = True
 
     @rule()
@@ -95,12 +95,12 @@ class HelmAtRandom(RuleBasedStateMachine):
         """Manual control is switched off by the service."""
         self.now += 0.001
         self.last_stop = self.now
-        self.helm.rest()
+        self.helm.cancel_motion()
 
     @invariant()
     def only_what_may_be_sent_is_sent(self):
         """At each moment."""
-        while (order := self.helm.due(self.now)) is not None:
+        while (order := self.helm.next_request(self.now)) is not None:
             assert self.is_linked
             kinds = [other.kind for other in self.under_way]
             if order.kind is RpcKind.STOP:
@@ -110,18 +110,18 @@ class HelmAtRandom(RuleBasedStateMachine):
             if order.kind is RpcKind.MOTION:
                 assert order.command.time > self.last_stop, 'older than a stop'
                 assert self.now - order.command.time <= HOLD
-            if order.kind is RpcKind.TAKE:
-                assert RpcKind.MOTION in self.ended, 'only for a motion that was refused'
+            if order.kind is RpcKind.ENABLE:
+                assert RpcKind.MOTION in self.on_response, 'only for a motion that was refused'
             self.under_way.append(order)
 
     def teardown(self):
         """At last the commander stops, and the robot behaves: it must be left at rest."""
         self.now += 0.001
-        self.helm.connect()
-        self.helm.hear(VelocityCommand(0.0, 0.0, self.now))
+        self.helm.on_connected()
+        self.helm.on_command(VelocityCommand(0.0, 0.0, self.now))
         last, motion_ended = None, -1.0
         for _ in range(20):
-            while (order := self.helm.due(self.now)) is not None:
+            while (order := self.helm.next_request(self.now)) is not None:
                 assert order.kind is RpcKind.STOP
                 self.under_way.append(order)
                 last = (order, self.now)
@@ -129,7 +129,7 @@ class HelmAtRandom(RuleBasedStateMachine):
                 break
             order = self.under_way.pop(0)
             self.now += 0.01
-            self.helm.ended(order, RpcResult(code=0), self.now)
+            self.helm.on_response(order, RpcResult(code=0), self.now)
             if order.kind is RpcKind.MOTION:
                 motion_ended = self.now
         assert not self.under_way

@@ -33,8 +33,8 @@ from kachaka_simple_control.kachaka.grpc_client.polling import LogThread, Odomet
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
 import pytest
 
-OK, LATE = RpcResult(code=0), RpcResult(trouble=RpcFailure.LATE, text='no answer within 0.3 s')
-GONE = RpcResult(trouble=RpcFailure.GONE, text='Connection refused')
+OK, LATE = RpcResult(code=0), RpcResult(failure=RpcFailure.LATE, text='no answer within 0.3 s')
+GONE = RpcResult(failure=RpcFailure.GONE, text='Connection refused')
 TEXTS = ErrorTexts('[{"code": 5, "title_en": "Paused", "error_type": "Warn"}]')
 
 
@@ -189,34 +189,34 @@ def test_calls_that_the_end_cuts_short_are_no_lost_link(robot, told):
 
 def test_one_late_answer_is_no_lost_link():
     link = ConnectionState()
-    assert link.note(OK, 0.0, 0.1) is ConnectionEvent.FOUND
-    assert link.note(LATE, 10.0, 10.3) is None
-    assert link.note(OK, 10.3, 10.4) is None
-    assert link.note(LATE, 11.0, 11.3) is None
+    assert link.on_result(OK, 0.0, 0.1) is ConnectionEvent.FOUND
+    assert link.on_result(LATE, 10.0, 10.3) is None
+    assert link.on_result(OK, 10.3, 10.4) is None
+    assert link.on_result(LATE, 11.0, 11.3) is None
 
 
 def test_silence_is_a_lost_link_however_many_calls_it_takes():
     link = ConnectionState()
-    link.note(OK, 0.0, 0.1)
-    assert link.note(LATE, 10.0, 10.3) is None
-    assert link.note(LATE, 10.3, 10.6) is None
-    assert link.note(LATE, 10.6, 10.0 + CONNECTION_TIMEOUT) is ConnectionEvent.LOST
-    assert link.note(LATE, 11.0, 12.0) is None
-    assert link.note(RpcResult(trouble=RpcFailure.FAILED), 12.0, 12.1) is ConnectionEvent.BACK
+    link.on_result(OK, 0.0, 0.1)
+    assert link.on_result(LATE, 10.0, 10.3) is None
+    assert link.on_result(LATE, 10.3, 10.6) is None
+    assert link.on_result(LATE, 10.6, 10.0 + CONNECTION_TIMEOUT) is ConnectionEvent.LOST
+    assert link.on_result(LATE, 11.0, 12.0) is None
+    assert link.on_result(RpcResult(failure=RpcFailure.FAILED), 12.0, 12.1) is ConnectionEvent.BACK
 
 
 def test_other_answers_outweigh_one_that_takes_long():
     link = ConnectionState()
-    link.note(OK, 0.0, 0.1)
-    link.note(OK, 1.0, 1.1)
-    assert link.note(LATE, 0.2, 1.2) is None
+    link.on_result(OK, 0.0, 0.1)
+    link.on_result(OK, 1.0, 1.1)
+    assert link.on_result(LATE, 0.2, 1.2) is None
 
 
 # Diagnostics.
 
 def test_diagnostics_say_how_link_and_robot_are():
     link = ConnectionState()
-    link.note(OK, 0.0, 0.1)
+    link.on_result(OK, 0.0, 0.1)
     status = link_status(link, 'robot:1', math.nan, 7, 1.0)
     assert (status.level, status.message) == (Level.OK, 'up')
     assert status.values['velocities dropped'] == '7'
@@ -227,7 +227,7 @@ def test_diagnostics_say_how_link_and_robot_are():
     status = robot_status(link, [5, 9], TEXTS)
     assert (status.level, status.message) == (Level.ERROR, 'error 5 (Paused); error 9')
     assert robot_status(link, [5], TEXTS).level is Level.WARN
-    link.note(GONE, 2.0, 2.0)
+    link.on_result(GONE, 2.0, 2.0)
     assert link_status(link, 'robot:1', 0.2, 0, 5.0).message == 'lost for 3 s: Connection refused'
     assert robot_status(link, [], TEXTS).level is Level.ERROR
 
@@ -253,10 +253,10 @@ def test_odometry_is_fetched_while_wanted_and_each_published_once():
 
     feed = OdometryPoller(
         'feed', fetch, lambda: wanted[0], published.append, lambda *how: noted.append(how[0]))
-    assert feed.step() > 0.0
+    assert feed.poll() > 0.0
     assert asked == []
     wanted[0] = True
-    pauses = [feed.step() for _ in range(5)]
+    pauses = [feed.poll() for _ in range(5)]
     assert asked == [0, 3, 3, 0, 4]
     assert published == [3, 4]
     assert noted == [OK, OK, OK, GONE], 'nothing new is nothing wrong'
@@ -273,7 +273,7 @@ def test_speaker_does_not_make_anybody_wait_and_does_not_repeat_itself():
     speaker = LogThread(say)
     begun = time.monotonic()
     for text in ('a', 'a', 'b', 'a'):
-        speaker.tell(Level.WARN, text)
+        speaker.log(Level.WARN, text)
     assert time.monotonic() - begun < 0.5
     held.set()
     speaker.close()

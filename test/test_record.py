@@ -33,17 +33,17 @@ MOTION = Motion('two', (Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5,
 def stopped(after, reason='stopped by SIGINT'):
     """Return the record of a motion at 10 Hz that was stopped some time after t = 0."""
     record, ticks = DriveLog(), round(after * 10)
-    record.hear(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0))
+    record.on_event(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0))
     for zero in range(3):
-        record.hear(VelocitySent(99.5 + zero / 10, ZERO))
-    record.hear(MotionStarted(100.0))
+        record.on_event(VelocitySent(99.5 + zero / 10, ZERO))
+    record.on_event(MotionStarted(100.0))
     for tick in range(ticks):
         step = MOTION.steps[min(tick // 10, 2)]
-        record.hear(VelocitySent(100.0 + tick / 10, step.velocity))
+        record.on_event(VelocitySent(100.0 + tick / 10, step.velocity))
     for zero in range(5):
-        record.hear(VelocitySent(100.0 + after - 0.03 + zero / 20, ZERO))
+        record.on_event(VelocitySent(100.0 + after - 0.03 + zero / 20, ZERO))
     if reason:
-        record.hear(MotionEnded(100.5 + after, reason))
+        record.on_event(MotionEnded(100.5 + after, reason))
     return record
 
 
@@ -53,15 +53,15 @@ def stopped(after, reason='stopped by SIGINT'):
 def test_of_a_stopped_motion_the_steps_that_were_begun_are_told(after, wholes, reason):
     """Whether it was stopped or killed."""
     (motion,) = stopped(after, reason).motions
-    assert [movement.is_whole for movement in motion.movements] == wholes
-    assert not motion.is_whole
+    assert [movement.is_complete for movement in motion.steps] == wholes
+    assert not motion.is_complete
     assert motion.own_messages[0].time == 100.0
     assert all(not sent.velocity.is_zero or sent.time >= 101.0
                for sent in motion.own_messages[:-1])
 
 
 def test_the_zero_of_the_stop_ends_the_step_it_fell_into():
-    movement = stopped(0.5).movements[-1]
+    movement = stopped(0.5).steps[-1]
     assert movement.sent[-1] == VelocitySent(pytest.approx(100.47), ZERO)
     assert {sent.velocity for sent in movement.sent[:-1]} == {Velocity(0.1, 0.0)}
 
@@ -69,15 +69,15 @@ def test_the_zero_of_the_stop_ends_the_step_it_fell_into():
 def test_a_motion_that_never_began_has_no_steps():
     """No robot listened, say."""
     record = DriveLog()
-    record.hear(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0))
-    record.hear(MotionEnded(3.0, 'no robot listens'))
-    assert record.movements == []
+    record.on_event(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0))
+    record.on_event(MotionEnded(3.0, 'no robot listens'))
+    assert record.steps == []
     assert not record.motions[0].own_messages
     assert table(record, None).splitlines()[-1] == 'Final pose: unknown, no odometry arrived'
 
 
 def test_the_end_of_the_program_is_noted():
     record = stopped(1.5)
-    record.hear(SessionEnded(103.0, 0.2, 2))
+    record.on_event(SessionEnded(103.0, 0.2, 2))
     assert record.closed == SessionEnded(103.0, 0.2, 2)
     assert len(record.sent) == len(record.motions[0].sent)

@@ -63,8 +63,8 @@ def drive(robot, duration, rest_at=lambda _: 0.0, period=0.1):
     renewal.granted(0.0)
     for tick in range(round(duration / period)):
         robot.now = tick * period
-        renewal.beat(robot.now)
-        renewal.tick(robot.now, rest_at(robot.now))
+        renewal.poll(robot.now)
+        renewal.on_sent(robot.now, rest_at(robot.now))
 
 
 def test_ten_minutes_without_a_rest_are_renewed_every_40_seconds():

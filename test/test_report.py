@@ -54,13 +54,13 @@ def record_of(steps, delay=0.004, period=0.02, start=100.0):
     record, now, pose, told = DriveLog(), start, ORIGIN, []
     for step in steps:
         told.append((now, step.velocity))
-        record.hear(planned(step))
-        record.hear(MotionStarted(now))
+        record.on_event(planned(step))
+        record.on_event(MotionStarted(now))
         for tick in range(round(step.duration * 10)):
-            record.hear(VelocitySent(now + tick / 10, step.velocity))
+            record.on_event(VelocitySent(now + tick / 10, step.velocity))
         now += step.duration
-        record.hear(VelocitySent(now, ZERO))
-        record.hear(MotionEnded(now))
+        record.on_event(VelocitySent(now, ZERO))
+        record.on_event(MotionEnded(now))
     told.append((now, ZERO))
     for sample in range(round((now - start + 0.5) / period)):
         time = start - 0.1 + sample * period
@@ -68,15 +68,15 @@ def record_of(steps, delay=0.004, period=0.02, start=100.0):
         for (begin, velocity), (end, _) in zip(told, [*told[1:], (math.inf, ZERO)]):
             pose = integrate(pose, velocity, min(max(time - delay - begin, 0.0), end - begin))
         wrapped = Pose(pose.x, pose.y, math.remainder(pose.theta, math.tau))
-        record.hear(OdometryReceived(time, wrapped))
+        record.on_event(OdometryReceived(time, wrapped))
     return record
 
 
 def test_each_movement_gets_what_it_moved():
     """Whatever odometry is late by, and wherever its samples fall."""
     record = record_of(STEPS)
-    cuts = segment_odometry(record.movements, record.odometry)
-    for movement, begin, end in zip(record.movements, cuts, cuts[1:]):
+    cuts = segment_odometry(record.steps, record.odometry)
+    for movement, begin, end in zip(record.steps, cuts, cuts[1:]):
         seen, wanted = driven(record.odometry, begin, end), requested(movement.step)
         assert seen is not None
         # Where two movements meet without a rest, the cut is blurred by odometry's delay.
@@ -88,7 +88,7 @@ def test_odometry_that_comes_during_the_first_rest_is_early_enough():
     """The graph may bring it later than the subscription to our velocities."""
     record = record_of(STEPS)
     del record.odometry[:30]
-    cuts = segment_odometry(record.movements, record.odometry)
+    cuts = segment_odometry(record.steps, record.odometry)
     assert cuts[0] == record.odometry[0].time
     assert driven(record.odometry, cuts[0], cuts[1]) == Displacement(0.0, 0.0)
 
@@ -99,18 +99,18 @@ def test_the_steps_of_one_run_share_its_messages():
     event = planned(*steps, limits=Limits(0.3, 1.5, 0.5, 2.0, 2.0, 8.0), rate=20.0)
     whole = plan(event.motion, event.limits, event.rate)
     record, began = DriveLog(), 1000.0
-    record.hear(event)
+    record.on_event(event)
     for zero in range(10):
-        record.hear(VelocitySent(began - 0.5 + zero / 25, ZERO))
-    record.hear(MotionStarted(began))
+        record.on_event(VelocitySent(began - 0.5 + zero / 25, ZERO))
+    record.on_event(MotionStarted(began))
     for segment in whole.segments:
-        record.hear(VelocitySent(began + segment.start, segment.velocity))
+        record.on_event(VelocitySent(began + segment.start, segment.velocity))
     for zero in range(5):
-        record.hear(VelocitySent(began + whole.duration + zero / 20, ZERO))
-    record.hear(MotionEnded(began + whole.duration + 0.1))
-    assert [movement.step for movement in record.movements] == steps
+        record.on_event(VelocitySent(began + whole.duration + zero / 20, ZERO))
+    record.on_event(MotionEnded(began + whole.duration + 0.1))
+    assert [movement.step for movement in record.steps] == steps
     assert len(record.motions[0].own_messages) == len(whole.segments) + 1
-    for movement in record.movements:
+    for movement in record.steps:
         told, wanted = sent(movement.sent), requested(movement.step)
         assert told.distance == pytest.approx(wanted.distance, abs=1e-9)
         assert told.angle == pytest.approx(wanted.angle, abs=1e-9)
@@ -118,7 +118,7 @@ def test_the_steps_of_one_run_share_its_messages():
 
 def test_the_cuts_never_go_back():
     record = record_of([Move(0.0, 0.0, 0.1), Move(0.1, 0.0, 0.1), Move(0.0, 0.0, 0.1)])
-    cuts = segment_odometry(record.movements, record.odometry)
+    cuts = segment_odometry(record.steps, record.odometry)
     assert cuts == sorted(cuts)
     assert len(cuts) == 4
 

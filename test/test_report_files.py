@@ -70,7 +70,7 @@ def test_run_json_has_the_figures_of_the_record(tmp_path):
     assert [step['step'] for step in told['steps']] == ['forward 0.5 m', 'turn 90 deg'] * 4
     assert [step['requested']['distance_m'] for step in told['steps']] == [0.5, 0.0] * 4
     assert all(step['messages'] == len(movement.sent) - 1
-               for step, movement in zip(told['steps'], record.movements))
+               for step, movement in zip(told['steps'], record.steps))
     # The robot's gains are 0.985 and 1.012.
     for step in told['steps'][::2]:
         assert step['odometry']['distance_m'] == pytest.approx(0.5 * 0.985, abs=0.003)
@@ -244,9 +244,9 @@ def test_whatever_happened_there_is_a_report(events):
     for event in events:
         # Before the first plan nothing but odometry comes.
         if record.motions or isinstance(event, (MotionPlanned, OdometryReceived, SessionEnded)):
-            record.hear(event)
+            record.on_event(event)
     summary = Summary(record)
-    assert json.loads(run_json(summary, None))['verdict']['headline'] == summary.verdict.headline
+    assert json.loads(run_json(summary, None))['verdict']['headline'] == summary.outcome.headline
     assert '</html>' in page(summary, {}, 'not now', None)
 
 
@@ -256,7 +256,7 @@ def test_whatever_happened_there_are_pictures(events):
     drawn()
     from kachaka_simple_control.report.drive_plots import draw_pictures
     record = DriveLog()
-    record.hear(MotionPlanned(SECOND, LIMITS, 10.0))
+    record.on_event(MotionPlanned(SECOND, LIMITS, 10.0))
     for event in events:
-        record.hear(event)
+        record.on_event(event)
     assert 'velocities' in draw_pictures(Summary(record)).svg

@@ -147,9 +147,9 @@ def test_the_verdict_comes_first(browser, reports, name):
     show(browser, reports / name / 'report.html', 400)
     summary = Summary(DRIVES[name]())
     (headline,) = browser.find_elements('css selector', 'h1')
-    assert headline.text == summary.verdict.headline
+    assert headline.text == summary.outcome.headline
     assert headline.rect['y'] + headline.rect['height'] < 200
-    assert texts(browser, '.why') == [' '.join(summary.verdict.why.split())]
+    assert texts(browser, '.why') == [' '.join(summary.outcome.why.split())]
     # Told by a sign and a word as well as by colour.
     assert headline.find_elements('css selector', 'svg path')
 

@@ -89,9 +89,9 @@ def test_all_that_was_told_is_recorded(tmp_path, capfd):
         *BEGINNING, *drive(1000, 10.1), MotionEnded(30.0), SessionEnded(31.0, still_after=0.1)]
     teller = reporter_of(tmp_path)
     for event in events:
-        teller.tell(event)
+        teller.send(event)
     code = teller.close(PATIENCE)
-    assert teller.deaf_because is None
+    assert teller.failure is None
     assert_recorded(tmp_path, events)
     assert code == 0
     assert capfd.readouterr().err == f'report: {tmp_path}/report.html\n'
@@ -105,7 +105,7 @@ from kachaka_simple_control.control import processes
 from test_reporter import BEGINNING, drive, reporter_of
 teller = reporter_of(sys.argv[1])
 for event in [*BEGINNING, *drive(200, 10.1)]:
-    teller.tell(event)
+    teller.send(event)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -126,13 +126,13 @@ def test_killed_itself_it_leaves_all_but_the_last_second(tmp_path):
     """So does a machine that kills both at once."""
     teller = reporter_of(tmp_path)
     for event in (OPENED, PLANNED):
-        teller.tell(event)
+        teller.send(event)
     wait_for_file(tmp_path / 'run.mcap', 0)
     sent = []
     end = time.monotonic() + 2.5
     while time.monotonic() < end:
         sent.append(VelocitySent(time.monotonic(), Velocity(0.1, len(sent) / 1000.0)))
-        teller.tell(sent[-1])
+        teller.send(sent[-1])
         time.sleep(0.01)
     killed = time.monotonic()
     teller._process.kill()
@@ -149,10 +149,10 @@ def test_killed_itself_it_leaves_all_but_the_last_second(tmp_path):
 def test_what_is_told_reaches_the_disk_while_nothing_more_comes(tmp_path):
     teller = reporter_of(tmp_path)
     for event in (OPENED, PLANNED):
-        teller.tell(event)
+        teller.send(event)
     wait_for_file(tmp_path / 'run.mcap', 0)
     size = (tmp_path / 'run.mcap').stat().st_size
-    teller.tell(VelocitySent(time.monotonic(), Velocity(0.1)))
+    teller.send(VelocitySent(time.monotonic(), Velocity(0.1)))
     wait_for_file(tmp_path / 'run.mcap', size)
     assert len(READERS[0](tmp_path / 'run.mcap')) == 1
     teller.close(PATIENCE)
@@ -163,18 +163,18 @@ def test_a_signal_to_all_programs_does_not_end_it(signum, tmp_path):
     events = [*BEGINNING, *drive(100, 10.1)]
     teller = reporter_of(tmp_path)
     for event in events[:50]:
-        teller.tell(event)
+        teller.send(event)
     wait_for_file(tmp_path / 'run.mcap', 0)
     teller._process.send_signal(signum)
     for event in events[50:]:
-        teller.tell(event)
+        teller.send(event)
     assert teller.close(PATIENCE) in (0, 1)
     assert_recorded(tmp_path, events)
 
 
 def test_it_stands_behind_the_program_that_drives(tmp_path):
     teller = reporter_of(tmp_path)
-    teller.tell(OPENED)
+    teller.send(OPENED)
     wait_for_file(tmp_path / 'run.mcap', 0)
     own = os.getpriority(os.PRIO_PROCESS, 0)
     assert os.getpriority(os.PRIO_PROCESS, teller._process.pid) == min(19, own + 10)
@@ -186,17 +186,17 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
     folder = tmp_path / 'report'
     folder.mkdir()
     teller = reporter_of(folder, 'bash', '-c', 'ulimit -f 20; exec "$@"', 'bash')
-    teller.tell(OPENED)
+    teller.send(OPENED)
     wait_for_file(folder / 'run.mcap', 0)
     size = (folder / 'run.mcap').stat().st_size
     for event in BEGINNING[1:]:
-        teller.tell(event)
+        teller.send(event)
     wait_for_file(folder / 'run.mcap', size)
     for number in range(40):
         for event in drive(100, 11.0 + 2.0 * number):
-            teller.tell(event)
+            teller.send(event)
         time.sleep(0.05)
-    assert teller.deaf_because is None, 'it goes on hearing'
+    assert teller.failure is None, 'it goes on hearing'
     assert teller.close(PATIENCE) == 1
     assert 'report: run.mcap ends early: File too large\n' in capfd.readouterr().err
     assert 0 < (folder / 'run.mcap').stat().st_size <= 20 * 1024
@@ -211,14 +211,14 @@ def test_one_that_does_not_keep_up_is_told_no_more_and_says_what_it_heard(tmp_pa
         told.start(REPORTER, str(tmp_path))
         (teller,) = told._tellers
         for event in BEGINNING:
-            audience.tell(event)
+            audience.publish(event)
         wait_for_file(tmp_path / 'run.mcap', 0)
         teller._process.send_signal(signal.SIGSTOP)
         start = time.monotonic()
         for event in drive(20_000, 11.0):
-            audience.tell(event)
+            audience.publish(event)
         assert time.monotonic() - start < 10.0
-        assert teller.deaf_because == 'it did not keep up'
+        assert teller.failure == 'it did not keep up'
         teller._process.send_signal(signal.SIGCONT)
     printed = capfd.readouterr().err
     assert ('kachaka_simple_control: what was shown or reported ends early: it did not keep up\n'
@@ -245,7 +245,7 @@ def test_a_report_that_fails_is_said_in_a_line(error, text, monkeypatch, tmp_pat
 
     monkeypatch.setattr(report_process, 'write_report', write_report)
     record = DriveLog()
-    record.hear(OPENED)
+    record.on_event(OPENED)
     assert report_process.report(record, tmp_path, None) == text
 
 
@@ -253,7 +253,7 @@ def test_the_report_is_told_what_became_of_the_recording(monkeypatch, tmp_path):
     calls = []
     monkeypatch.setattr(report_process, 'write_report', lambda *arguments: calls.append(arguments))
     record = DriveLog()
-    record.hear(OPENED)
+    record.on_event(OPENED)
     assert report_process.report(record, tmp_path, 'run.mcap ends early') is None
     assert calls == [(record, tmp_path, 'run.mcap ends early')]
 

@@ -183,7 +183,7 @@ def test_a_stop_between_two_movements_of_a_sequence_ends_the_sequence(listener, 
 def test_two_movements_at_once_are_refused(listener, make):
     node = make()
     record = DriveLog()
-    node.audience.join(record.hear)
+    node.audience.subscribe(record.on_event)
     thread = threading.Thread(target=node.move_robot, args=(0.1, 0.0, 1.0))
     thread.start()
     listener.wait_for(lambda heard: heard.moves)
@@ -191,7 +191,7 @@ def test_two_movements_at_once_are_refused(listener, make):
         node.move_robot(0.2, 0.0, 1.0)
     thread.join()
     # What was refused never happened.
-    assert [motion.is_whole for motion in record.motions] == [True]
+    assert [motion.is_complete for motion in record.motions] == [True]
     assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 10)]
 
 
@@ -232,8 +232,8 @@ def test_callbacks_are_served_while_it_moves(listener, make):
 
 def test_manual_control_is_renewed_while_it_moves(listener, make, monkeypatch):
     """In simulated minutes: what takes 40 s on a robot takes 0.4 s here."""
-    monkeypatch.setattr(manual_control_lease, 'AT_REST', 0.2)
-    monkeypatch.setattr(manual_control_lease, 'AT_LATEST', 0.4)
+    monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_AT_REST', 0.2)
+    monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_LATEST', 0.4)
     make().move_robot(0.1, 0.0, 2.0)
     assert 4 <= len(listener.enabled) <= 7
     assert [move.count for move in listener.moves()] == [20]
@@ -243,7 +243,7 @@ def test_manual_control_that_grew_old_between_movements_is_renewed_first(
         listener, make, monkeypatch):
     node = make()
     node.move_robot(0.1, 0.0, 0.2)
-    monkeypatch.setattr(manual_control_lease, 'AT_REST', 0.5)
+    monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_AT_REST', 0.5)
     time.sleep(1.0)
     node.move_robot(0.2, 0.0, 0.2)
     assert len(listener.enabled) == 2
@@ -279,8 +279,8 @@ def test_between_two_movements_that_follow_at_once_one_zero_is_sent(listener, ma
 
 def test_a_renewal_slower_than_the_hold_is_a_fault(make, monkeypatch):
     from listener import Listener
-    monkeypatch.setattr(manual_control_lease, 'AT_REST', 0.5)
-    monkeypatch.setattr(manual_control_lease, 'AT_LATEST', 1.0)
+    monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_AT_REST', 0.5)
+    monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_LATEST', 1.0)
     with Listener(delay=0.4) as listener:
         with pytest.raises(RunFaultError, match='not renewed within 200 ms'):
             make().move_robot(0.1, 0.0, 5.0)

@@ -137,7 +137,7 @@ def test_a_diagnosis_tells_of_the_end_of_a_motion(listener, watcher, make):
     assert wait_until(lambda: seen and figures(seen[-1])['state'] == 'stopped early')
     assert seen[-1].status[0].level == b'\x01'
     assert 'ended by stop_robot()' in seen[-1].status[0].message
-    node._session.halt(MotionRefusedError('enough'))
+    node._session.stop_permanently(MotionRefusedError('enough'))
     assert wait_until(lambda: figures(seen[-1])['state'] == 'halted')
     assert seen[-1].status[0].level == b'\x02'
     assert 'enough' in seen[-1].status[0].message
@@ -157,9 +157,9 @@ def test_what_fails_to_show_is_told_once_and_ends_nothing(listener, watcher, mak
     def fail(*what):
         raise RuntimeError('cannot show')
 
-    monkeypatch.setattr(debug_topics.CommandedVelocityPublisher, 'hear', fail)
-    monkeypatch.setattr(path_topics.PathBytes, 'pose', fail)
-    monkeypatch.setattr(session_status.StatusReader, 'look', fail)
+    monkeypatch.setattr(debug_topics.CommandedVelocityPublisher, 'on_sent', fail)
+    monkeypatch.setattr(path_topics.PathSerializer, 'pose', fail)
+    monkeypatch.setattr(session_status.StatusReader, 'read', fail)
     watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make()
     told = []

@@ -43,7 +43,7 @@ def test_where_no_thread_can_start_listeners_are_told_all_the_same(monkeypatch):
     watch, first, second = SignalDispatcher(), Noting(), Noting()
     watch._listeners += [first, second]
     monkeypatch.setattr('threading.Thread.start', refuse)
-    watch._tell(signal.SIGTERM)
+    watch._dispatch(signal.SIGTERM)
     assert first.heard == second.heard == [signal.SIGTERM]
     assert first.woken == second.woken == 1
     assert watch.signum == signal.SIGTERM

@@ -50,12 +50,12 @@ ROUGH = st.builds(
 
 def send(robot, *legs, now=0.0, name='errand', drop_others=True, ends_docked=False):
     """Send a robot on an errand."""
-    return robot.start_errand(Task(name, legs, ends_docked), now, drop_others)
+    return robot.start_task(Task(name, legs, ends_docked), now, drop_others)
 
 
 def endings(robot, now):
     """Return how the errands of a robot ended, by name."""
-    return [(outcome.errand.identity, outcome.code) for outcome in robot.outcomes(now)]
+    return [(outcome.task.identity, outcome.code) for outcome in robot.task_results(now)]
 
 
 def test_a_straight_line_is_exact_and_takes_its_time():
@@ -63,8 +63,8 @@ def test_a_straight_line_is_exact_and_takes_its_time():
     robot = SimulatedKachaka()
     assert send(robot, DriveStraight(0.3, 0.1), now=1.0) == SUCCESS
     assert robot.state(2.5)[0].x == pytest.approx(0.15, abs=1e-12)
-    assert robot.errand(3.98).identity == 'errand'
-    assert robot.errand(4.05) is None
+    assert robot.task(3.98).identity == 'errand'
+    assert robot.task(4.05) is None
     assert robot.state(9.0) == (Pose(pytest.approx(0.3, abs=1e-12)), ZERO)
     assert endings(robot, 9.0) == [('errand', SUCCESS)]
 
@@ -109,8 +109,8 @@ def test_whoever_drives_past_a_place_is_not_there():
     for fidelity, is_there in (
             (SimulationParameters(lag=0.1), False), (SimulationParameters(), True)):
         way = ActionController(DriveStraight(1.0), ORIGIN, 0.0, KACHAKA.limits, fidelity)
-        assert (way.look(Pose(1.0), Velocity(0.2), 1.0) is True) == is_there
-        assert way.look(Pose(1.0), ZERO, 1.0) is True
+        assert (way.step(Pose(1.0), Velocity(0.2), 1.0) is True) == is_there
+        assert way.step(Pose(1.0), ZERO, 1.0) is True
 
 
 @settings(max_examples=25, deadline=None)
@@ -143,7 +143,7 @@ def test_a_robot_that_cannot_come_there_says_so_and_stops():
     """Its wheels turn and it does not move."""
     robot = SimulatedKachaka(fidelity=SimulationParameters(linear_gain=0.0))
     send(robot, DriveStraight(0.3), TurnInPlace(1.0))
-    assert robot.errand(12.0) is not None
+    assert robot.task(12.0) is not None
     assert endings(robot, 14.0) == [('errand', ERROR_STUCK)]
     assert robot.state(20.0) == (ORIGIN, ZERO)
 
@@ -154,8 +154,8 @@ def test_the_next_errand_ends_the_one_before_unless_it_waits():
     send(robot, DriveStraight(1.0, 0.1), name='a')
     send(robot, DriveStraight(1.0, 0.1), now=1.0, name='b')
     send(robot, DriveStraight(-0.3, 0.1), now=2.0, name='c', drop_others=False)
-    assert robot.errand(10.9).identity == 'b'
-    assert robot.errand(11.1).identity == 'c'
+    assert robot.task(10.9).identity == 'b'
+    assert robot.task(11.1).identity == 'c'
     assert endings(robot, 20.0) == [('a', ERROR_CANCELLED), ('b', SUCCESS), ('c', SUCCESS)]
     assert robot.state(20.0)[0].x == pytest.approx(0.1 + 1.0 - 0.3, abs=1e-9)
 
@@ -165,8 +165,8 @@ def test_a_cancelled_robot_stops_at_once_and_forgets_the_rest():
     robot = SimulatedKachaka()
     send(robot, DriveStraight(1.0, 0.1), name='a')
     send(robot, DriveStraight(1.0, 0.1), name='b', drop_others=False)
-    assert robot.cancel_errands(1.0).identity == 'a'
-    assert robot.cancel_errands(1.0) is None
+    assert robot.cancel_tasks(1.0).identity == 'a'
+    assert robot.cancel_tasks(1.0) is None
     assert robot.state(9.0) == (Pose(pytest.approx(0.1, abs=1e-12)), ZERO)
     assert endings(robot, 9.0) == [('a', ERROR_CANCELLED), ('b', ERROR_CANCELLED)]
 
@@ -188,8 +188,8 @@ def test_a_stay_ends_by_itself():
     robot = SimulatedKachaka()
     send(robot, StandStill(30.0, can_be_ended=True))
     assert robot.next_change(1.0) == 30.0
-    assert robot.errand(29.9) is not None
-    assert robot.errand(30.0) is None
+    assert robot.task(29.9) is not None
+    assert robot.task(30.0) is None
 
 
 def test_errands_end_manual_control_and_it_ends_them():
@@ -247,7 +247,7 @@ def test_a_way_home_that_is_cut_short_does_not_end_docked():
     robot = SimulatedKachaka()
     send(robot, DriveStraight(0.5))
     send(robot, *robot.way_home(9.0), now=9.0, ends_docked=True)
-    robot.cancel_errands(10.0)
+    robot.cancel_tasks(10.0)
     assert robot.is_docked(60.0) is False
 
 

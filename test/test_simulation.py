@@ -49,7 +49,7 @@ with simulated_bridge('/orphan') as process:
 @pytest.fixture
 def stand_in(monkeypatch):
     """Return a function that puts another program in the bridge's place."""
-    return lambda program: monkeypatch.setattr(processes, 'START', program)
+    return lambda program: monkeypatch.setattr(processes, 'MAIN_CODE', program)
 
 
 def test_robot_is_there_for_the_block_and_gone_after_it(stand_in):
@@ -73,7 +73,7 @@ def test_robot_is_gone_after_any_exception(stand_in, error):
 def test_robot_that_does_not_listen_is_killed(stand_in, monkeypatch):
     """After a patience."""
     stand_in(DEAF)
-    monkeypatch.setattr(module, 'PATIENCE', 0.3)
+    monkeypatch.setattr(module, 'EXIT_TIMEOUT', 0.3)
     with simulated_bridge() as process:
         assert wait_until(lambda: process._last_line == 'deaf')
         asked = time.monotonic()

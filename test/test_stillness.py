@@ -21,33 +21,33 @@ FORWARD = Velocity(0.1, 0.0)
 
 def test_nothing_heard_is_nothing_known():
     stillness = StandstillDetector()
-    assert stillness.silence(1.0) is None
+    assert stillness.age(1.0) is None
     assert stillness.still_since(1.0) is None
-    assert not stillness.moves(1.0)
+    assert not stillness.is_moving(1.0)
 
 
 def test_still_since_the_first_of_the_still_samples():
     stillness = StandstillDetector()
     for now, velocity in ((1.0, FORWARD), (1.1, ZERO), (1.2, Velocity(0.001, -0.001))):
-        stillness.hear(now, velocity)
+        stillness.on_odometry(now, velocity)
     assert stillness.still_since(1.25) == 1.1
-    assert not stillness.moves(1.25)
+    assert not stillness.is_moving(1.25)
 
 
 def test_moving_forward_or_turning_is_moving():
     for velocity in (FORWARD, Velocity(-0.1, 0.0), Velocity(0.0, 0.1), Velocity(0.0, -0.1)):
         stillness = StandstillDetector()
-        stillness.hear(1.0, ZERO)
-        stillness.hear(1.1, velocity)
-        assert stillness.moves(1.2)
+        stillness.on_odometry(1.0, ZERO)
+        stillness.on_odometry(1.1, velocity)
+        assert stillness.is_moving(1.2)
         assert stillness.still_since(1.2) is None
 
 
 def test_old_odometry_says_nothing_of_now():
     """Or a robot whose link is lost would be taken for one that moves, or for one that stands."""
     moving, standing = StandstillDetector(), StandstillDetector()
-    moving.hear(1.0, FORWARD)
-    standing.hear(1.0, ZERO)
-    assert not moving.moves(1.0 + ODOMETRY_MAX_AGE + 0.01)
+    moving.on_odometry(1.0, FORWARD)
+    standing.on_odometry(1.0, ZERO)
+    assert not moving.is_moving(1.0 + ODOMETRY_MAX_AGE + 0.01)
     assert standing.still_since(1.0 + ODOMETRY_MAX_AGE + 0.01) is None
-    assert moving.silence(2.0) == 1.0
+    assert moving.age(2.0) == 1.0

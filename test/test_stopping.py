@@ -35,11 +35,11 @@ class Guard:
         """Hear nothing yet."""
         self.heard = []
 
-    def rest(self):
+    def report_stopping(self):
         """Note it."""
         self.heard.append('rest')
 
-    def stopped(self):
+    def report_stopped(self):
         """Note it."""
         self.heard.append('stopped')
 
@@ -58,7 +58,7 @@ class Bench:
         self.moves = lambda: False
         self.stopper = StopController(
             self.edge, HOLD, self.guard, self.still_moves, self.time.clock, self.time.sleep)
-        self.edge.admit()
+        self.edge.open()
         self.run = self.edge.begin(0.2)
         self.edge.send(self.run, Velocity(0.1, 0.0))
 
@@ -118,7 +118,7 @@ def test_nothing_is_sent_when_nothing_ever_moved():
     edge = VelocityGate(wire.transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
     stopper = StopController(edge, HOLD, Guard(), clock=time.clock, sleep=time.sleep)
     stopper.stop(REASON)
-    edge.admit()
+    edge.open()
     stopper.stop(REASON)
     assert wire.sent == []
 
@@ -145,7 +145,7 @@ def test_a_new_run_ends_the_stop_of_the_one_before():
 
 def test_with_nothing_following_the_stop_comes_by_itself():
     bench = Bench()
-    bench.stopper.stop_unless_more(bench.run, within=0.0)
+    bench.stopper.stop_after_idle(bench.run, within=0.0)
     bench.stopper._later.join(5.0)
     assert len(bench.zeros) >= 10
 
@@ -157,14 +157,14 @@ def test_the_stop_does_not_wait_where_no_thread_can_start(monkeypatch):
 
     bench = Bench()
     monkeypatch.setattr('threading.Thread.start', refuse)
-    bench.stopper.stop_unless_more(bench.run, within=60.0)
+    bench.stopper.stop_after_idle(bench.run, within=60.0)
     assert len(bench.zeros) >= 10
 
 
 def test_with_another_run_following_it_does_not():
     bench = Bench()
     bench.edge.begin(0.2)
-    bench.stopper.stop_unless_more(bench.run, within=0.0)
+    bench.stopper.stop_after_idle(bench.run, within=0.0)
     bench.stopper._later.join(5.0)
     assert bench.zeros == []
 

@@ -177,4 +177,4 @@ def test_nothing_found_means_that_it_can_be_planned(motion, limits, rate, speed)
             plan(motion, limits, rate)
         assert str(errors[0]) == str(caught.value)
     else:
-        assert plan(motion, limits, rate).stages
+        assert plan(motion, limits, rate).steps

@@ -39,20 +39,20 @@ START = 0.0
 def begun():
     """Return a tally of a motion that has just begun."""
     tally = TickStatistics()
-    tally.expect(plan(MOTION, LIMITS, 10.0))
-    tally.hear(MotionPlanned(MOTION, LIMITS, 10.0))
-    tally.hear(VelocitySent(START - 0.1, ZERO))  # to a robot just met
-    tally.hear(VelocitySent(START, ZERO))
-    tally.hear(MotionStarted(START))
-    tally.count()
+    tally.on_plan(plan(MOTION, LIMITS, 10.0))
+    tally.on_event(MotionPlanned(MOTION, LIMITS, 10.0))
+    tally.on_event(VelocitySent(START - 0.1, ZERO))  # to a robot just met
+    tally.on_event(VelocitySent(START, ZERO))
+    tally.on_event(MotionStarted(START))
+    tally.process()
     return tally
 
 
 def send(tally, *times):
     """Send velocities at these times after t = 0."""
     for time in times:
-        tally.hear(VelocitySent(START + time, ZERO))
-    tally.count()
+        tally.on_event(VelocitySent(START + time, ZERO))
+    tally.process()
     return tally.late, tally.skipped
 
 
@@ -80,7 +80,7 @@ def test_the_last_zero_may_be_late_and_the_stop_after_it_may_not():
     tally = begun()
     assert send(tally, *TICKS[1:-1], 0.78) == (1, 0)
     assert send(tally, 0.79, 0.8, 1.3) == (1, 0)
-    tally.hear(MotionEnded(START + 1.4))
+    tally.on_event(MotionEnded(START + 1.4))
     assert send(tally, 1.5) == (1, 0)
 
 
@@ -94,9 +94,9 @@ def test_steps_are_told_by_number():
 
 def test_a_motion_that_has_not_begun_is_in_no_step():
     tally = TickStatistics()
-    tally.expect(plan(MOTION, LIMITS, 10.0))
-    tally.hear(MotionPlanned(MOTION, LIMITS, 10.0))
-    tally.count()
+    tally.on_plan(plan(MOTION, LIMITS, 10.0))
+    tally.on_event(MotionPlanned(MOTION, LIMITS, 10.0))
+    tally.process()
     assert tally.is_on
     assert not tally.has_begun
     assert tally.step(START) == (0, 3)
@@ -104,11 +104,11 @@ def test_a_motion_that_has_not_begun_is_in_no_step():
 
 def test_an_end_is_told_with_its_reason():
     tally = begun()
-    tally.hear(MotionEnded(START + 0.2, 'the robot left'))
-    tally.count()
+    tally.on_event(MotionEnded(START + 0.2, 'the robot left'))
+    tally.process()
     assert (tally.is_on, tally.failure) == (False, 'the robot left')
-    tally.hear(MotionPlanned(MOTION, LIMITS, 10.0))
-    tally.count()
+    tally.on_event(MotionPlanned(MOTION, LIMITS, 10.0))
+    tally.process()
     assert (tally.is_on, tally.failure) == (True, None)
 
 
@@ -122,8 +122,8 @@ def test_lateness_is_counted_tick_by_tick(delays):
         skipped += reached - place - 1
         late += now - TICKS[reached] >= 0.025
         place = reached
-        tally.hear(VelocitySent(now, ZERO))
+        tally.on_event(VelocitySent(now, ZERO))
         if place == len(TICKS) - 1:
             break
-    tally.count()
+    tally.process()
     assert (tally.late, tally.skipped) == (late, skipped)

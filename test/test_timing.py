@@ -48,12 +48,12 @@ SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
 def sent_at(*times, motion=SECOND, reason=None):
     """Return a motion at 10 Hz of which messages were sent at these times, and its end."""
     record = DriveLog()
-    record.hear(MotionPlanned(motion, LIMITS, 10.0))
-    record.hear(MotionStarted(100.0))
+    record.on_event(MotionPlanned(motion, LIMITS, 10.0))
+    record.on_event(MotionStarted(100.0))
     for moment in times:
-        record.hear(VelocitySent(100.0 + moment, Velocity(0.1, 0.0)))
-    record.hear(VelocitySent(101.0 if reason is None else 100.0 + max(times) + 0.5, ZERO))
-    record.hear(MotionEnded(101.1, reason))
+        record.on_event(VelocitySent(100.0 + moment, Velocity(0.1, 0.0)))
+    record.on_event(VelocitySent(101.0 if reason is None else 100.0 + max(times) + 0.5, ZERO))
+    record.on_event(MotionEnded(101.1, reason))
     return record.motions
 
 

@@ -94,7 +94,7 @@ def test_a_line_without_end_keeps_its_extent():
 
 
 def test_the_same_pose_is_shown_once():
-    poses = [stage.pose for stage in preview(HOUR).plan.stages]
+    poses = [stage.pose for stage in preview(HOUR).plan.steps]
     assert len(distinct([ORIGIN, *poses], 0.001, 16)) == 8
     many = [Pose(float(number)) for number in range(1000)]
     assert [pose.x for pose in distinct(many, 0.001, 4)] == [0.0, 333.0, 666.0, 999.0]

@@ -35,13 +35,13 @@ def hear(*signs, pause=0.02):
     watchdog, now = Watchdog(), 0.0
     for sign in signs:
         now += pause
-        watchdog.hear(sign, now)
+        watchdog.on_message(sign, now)
     return watchdog, now
 
 
 def test_a_node_that_goes_in_the_middle_of_a_run_leaves_a_robot_to_stop():
     watchdog, _ = hear(GuardianMessage.PRIME, GuardianMessage.BEAT)
-    assert watchdog.lost()
+    assert watchdog.on_disconnect()
     assert watchdog.is_over
 
 
@@ -51,20 +51,20 @@ def test_a_node_that_goes_in_the_middle_of_a_run_leaves_a_robot_to_stop():
     (GuardianMessage.BEAT, GuardianMessage.STOPPED, GuardianMessage.REST)])
 def test_a_node_that_moved_nothing_or_stopped_it_leaves_none(signs):
     watchdog, _ = hear(*signs)
-    assert not watchdog.lost()
+    assert not watchdog.on_disconnect()
 
 
 def test_one_zero_at_the_end_of_a_run_is_not_a_stop():
     watchdog, _ = hear(GuardianMessage.BEAT, GuardianMessage.REST)
-    assert watchdog.lost()
+    assert watchdog.on_disconnect()
 
 
 def wait(watchdog, now, duration):
     """Wait without a sign, as a guardian does; return when silence counted, or None."""
     end = now + duration
-    while (patience := watchdog.patience()) is not None and now < end:
+    while (patience := watchdog.timeout()) is not None and now < end:
         now += patience
-        if watchdog.is_silent(now):
+        if watchdog.has_timed_out(now):
             return now
     return None
 
@@ -73,34 +73,35 @@ def test_silence_in_a_run_counts_once():
     watchdog, now = hear(GuardianMessage.BEAT)
     assert wait(watchdog, now, 60.0) == pytest.approx(now + HEARTBEAT_TIMEOUT)
     assert wait(watchdog, now, 60.0) is None
-    assert not watchdog.lost()
+    assert not watchdog.on_disconnect()
 
 
 def test_time_that_the_guardian_slept_is_not_silence():
     """The whole machine stood still for a moment, node and guardian alike."""
     watchdog, now = hear(GuardianMessage.BEAT)
-    assert not watchdog.is_silent(now + 0.5)
-    watchdog.hear(GuardianMessage.BEAT, now + 0.51)
-    assert not watchdog.is_silent(now + 1.0)
+    assert not watchdog.has_timed_out(now + 0.5)
+    watchdog.on_message(GuardianMessage.BEAT, now + 0.51)
+    assert not watchdog.has_timed_out(now + 1.0)
 
 
 def test_a_node_that_waits_for_dds_is_given_more_time():
     watchdog, now = hear(GuardianMessage.BEAT)
     looks = round(0.4 / 0.02)
-    assert not any(watchdog.is_silent(now + 0.02 * (k + 1), sending=True) for k in range(looks))
+    assert not any(
+        watchdog.has_timed_out(now + 0.02 * (k + 1), sending=True) for k in range(looks))
     # Back from there, it has the usual time for its next sign.
     assert wait(watchdog, now + 0.4, 1.0) == pytest.approx(now + 0.4 + HEARTBEAT_TIMEOUT)
 
 
 def test_a_node_that_never_comes_back_from_dds_is_found_out():
     watchdog, now = hear(GuardianMessage.BEAT)
-    told = [k for k in range(100) if watchdog.is_silent(now + 0.02 * (k + 1), sending=True)]
+    told = [k for k in range(100) if watchdog.has_timed_out(now + 0.02 * (k + 1), sending=True)]
     assert told == [pytest.approx(PUBLISH_TIMEOUT / 0.02 - 1, abs=1)]
 
 
 def test_a_node_that_stays_silent_after_a_stall_is_found_out():
     watchdog, now = hear(GuardianMessage.BEAT)
-    assert not watchdog.is_silent(now + 0.5)
+    assert not watchdog.has_timed_out(now + 0.5)
     assert wait(watchdog, now + 0.5, 1.0) <= now + 0.5 + HEARTBEAT_TIMEOUT
 
 
@@ -111,8 +112,8 @@ def test_a_node_that_stays_silent_after_a_stall_is_found_out():
     (GuardianMessage.BEAT, GuardianMessage.STOPPED, GuardianMessage.REST)])
 def test_silence_outside_a_run_and_its_stop_is_peace(signs):
     watchdog, now = hear(*signs)
-    assert not watchdog.is_silent(now + 3600.0)
-    assert watchdog.patience() is None
+    assert not watchdog.has_timed_out(now + 3600.0)
+    assert watchdog.timeout() is None
 
 
 def test_a_node_that_falls_silent_before_its_whole_stop_is_found_out():
@@ -120,17 +121,17 @@ def test_a_node_that_falls_silent_before_its_whole_stop_is_found_out():
     watchdog, now = hear(GuardianMessage.BEAT, GuardianMessage.REST)
     assert wait(watchdog, now, 60.0) == pytest.approx(now + REST_TIMEOUT)
     assert wait(watchdog, now, 60.0) is None
-    assert not watchdog.lost()
+    assert not watchdog.on_disconnect()
 
 
 def test_a_stop_under_way_is_no_silence():
     """Nor one that goes on for longer than silence may, while the robot is seen to move."""
     watchdog, now = hear(GuardianMessage.BEAT)
     for _ in range(100):
-        watchdog.hear(GuardianMessage.REST, now)
+        watchdog.on_message(GuardianMessage.REST, now)
         assert wait(watchdog, now, 0.04) is None
         now += 0.04
-    assert watchdog.lost()
+    assert watchdog.on_disconnect()
 
 
 def test_a_next_movement_is_watched_as_the_first():
@@ -140,7 +141,7 @@ def test_a_next_movement_is_watched_as_the_first():
 
 def test_after_a_run_too_what_the_guardian_slept_is_not_silence():
     watchdog, now = hear(GuardianMessage.BEAT, GuardianMessage.REST)
-    assert not watchdog.is_silent(now + 3600.0)
+    assert not watchdog.has_timed_out(now + 3600.0)
     assert wait(watchdog, now + 3600.0, 60.0) == pytest.approx(
         now + 3600.0 + REST_TIMEOUT, abs=0.03)
 
@@ -158,9 +159,9 @@ def test_a_healthy_node_is_never_stopped(movements):
         for silence, sign in signs:
             assert wait(watchdog, now, silence) is None
             now += silence
-            watchdog.hear(sign, now)
+            watchdog.on_message(sign, now)
         if zeros:
-            watchdog.hear(GuardianMessage.STOPPED, now)
+            watchdog.on_message(GuardianMessage.STOPPED, now)
             assert wait(watchdog, now, 3600.0) is None
 
 
@@ -170,14 +171,14 @@ def test_the_robot_is_stopped_at_most_once_unless_it_moved_again(signs):
     watchdog, now, moved = Watchdog(), 0.0, False
     for pause, sign in signs:
         now += pause
-        if watchdog.is_silent(now):
+        if watchdog.has_timed_out(now):
             assert moved
             moved = False
-        watchdog.hear(sign, now)
+        watchdog.on_message(sign, now)
         moved = (moved or sign is GuardianMessage.BEAT) and sign is not GuardianMessage.STOPPED
-    if watchdog.lost():
+    if watchdog.on_disconnect():
         assert moved
-    assert not watchdog.lost()
+    assert not watchdog.on_disconnect()
 
 
 @given(SIGNS)
@@ -186,7 +187,7 @@ def test_its_patience_ends_in_time(signs):
     watchdog, now = Watchdog(), 0.0
     for pause, sign in signs:
         now += pause
-        watchdog.hear(sign, now)
+        watchdog.on_message(sign, now)
     told = wait(watchdog, now, 10.0)
     left = [sign for sign in since_stop(signs) if sign is not GuardianMessage.PRIME]
     if GuardianMessage.BEAT not in left:

@@ -109,11 +109,11 @@ class Driver:
         begin = time.monotonic()
         if repeatedly:
             try:
-                self._service.take(ANSWER)
+                self._service.enable(ANSWER)
             except ControlError:
                 return None
             return time.monotonic() - begin
-        answer = self._service.ask(True)
+        answer = self._service.request(True)
         return time.monotonic() - begin if wait_until(lambda: answer.done, ANSWER) else None
 
     def renew(self) -> None:

@@ -86,11 +86,11 @@ time.sleep(2.0)
 ODOMETRY = """
 from kachaka_simple_control.control.stop import StandstillDetector
 from kachaka_simple_control.motion.geometry import Velocity
-hear, begun = StandstillDetector.hear, []
+hear, begun = StandstillDetector.on_odometry, []
 """
 
 LATE_ODOMETRY = ODOMETRY + """
-Stillness.hear = lambda self, now, velocity: begun and hear(self, now, velocity)
+StandstillDetector.on_odometry = lambda self, now, velocity: begun and hear(self, now, velocity)
 """ + USER + """
 gate()
 threading.Timer(0.1, begun.append, [True]).start()
@@ -98,7 +98,7 @@ node.move_robot(0.1, 0.0, DURATION)
 """
 
 RESTLESS = ODOMETRY + """
-Stillness.hear = lambda self, now, velocity: hear(
+StandstillDetector.on_odometry = lambda self, now, velocity: hear(
     self, now, Velocity(0.1, 0.0) if begun else velocity)
 """ + COMMAND.replace('gate()\n    robot', 'gate()\n    begun.append(True)\n    robot')
 
@@ -116,8 +116,8 @@ HEARD = Path(os.environ.get('HEARD', 'heard')).resolve()
 MachineClaim.take = lambda self, name, who: None
 ForeignMessages.update = lambda self: False
 robot_claim.is_kept_to_this_machine = lambda: False
-hear = Claims.hear
-Claims.hear = lambda self, claim, now: HEARD.exists() and hear(self, claim, now)
+hear = Claims.on_claim
+Claims.on_claim = lambda self, claim, now: HEARD.exists() and hear(self, claim, now)
 """ + USER.replace('node.move_robot(0.0, 0.0, 0.2)', '') + """
 gate()
 node.move_robot(float(os.environ.get('SPEED', '0.08')), 0.0, DURATION)

@@ -202,7 +202,7 @@ class Claims:
         self._participant = participant
         self._heard: dict[str, tuple[float, Claim]] = {}
 
-    def hear(self, claim: Claim, now: float) -> None:
+    def on_claim(self, claim: Claim, now: float) -> None:
         """
         Take note of a claim.
 

@@ -44,22 +44,22 @@ class NullGuardian:
     def __init__(self) -> None:
         """Have a latch that only this process can set."""
         self.latch, self.sending = Latch(), SharedFlag()
-        self.primed = 0
+        self.prime_count = 0
 
     def prime(self) -> None:
         """Publish nothing, and be done at once."""
-        self.primed += 1
+        self.prime_count += 1
 
-    def beat(self) -> None:
+    def heartbeat(self) -> None:
         """Tell nobody."""
 
-    def rest(self) -> None:
+    def report_stopping(self) -> None:
         """Tell nobody."""
 
-    def stopped(self) -> None:
+    def report_stopped(self) -> None:
         """Tell nobody."""
 
-    def dismiss(self) -> None:
+    def shutdown(self) -> None:
         """Dismiss nobody."""
 
 
@@ -96,7 +96,7 @@ class Guardian:
                 stdout=subprocess.PIPE, start_new_session=True, text=True)
             os.close(signs)
         self._writing = threading.Lock()
-        self._last_beat = float('-inf')
+        self._last_heartbeat = float('-inf')
         self._primed = 0
         #: what tells its publishers from others on the ROS graph: it may leave and come anew
         self.participants: set[bytes] = set()
@@ -112,33 +112,33 @@ class Guardian:
 
         :raises RunFaultError: if it is gone
         """
-        self._tell(GuardianMessage.PRIME)
+        self._send(GuardianMessage.PRIME)
 
     @property
-    def primed(self) -> int:
+    def prime_count(self) -> int:
         """Return how many zeros it has published on request."""
         return self._primed
 
-    def beat(self) -> None:
+    def heartbeat(self) -> None:
         """
         Show a sign of life: a run is on.
 
         :raises RunFaultError: if it is gone
         """
         now = time.monotonic()
-        if now - self._last_beat >= HEARTBEAT_PERIOD:
-            self._last_beat = now
-            self._tell(GuardianMessage.BEAT)
+        if now - self._last_heartbeat >= HEARTBEAT_PERIOD:
+            self._last_heartbeat = now
+            self._send(GuardianMessage.BEAT)
 
-    def rest(self) -> None:
+    def report_stopping(self) -> None:
         """Say that the run is over, and that its stop goes on."""
-        self._tell_if_there(GuardianMessage.REST)
+        self._send_if_alive(GuardianMessage.REST)
 
-    def stopped(self) -> None:
+    def report_stopped(self) -> None:
         """Say that the whole stop was sent."""
-        self._tell_if_there(GuardianMessage.STOPPED)
+        self._send_if_alive(GuardianMessage.STOPPED)
 
-    def dismiss(self) -> None:
+    def shutdown(self) -> None:
         """Close the pipe, and return when its publisher is gone; first it stops what moves yet."""
         self._close()
         try:
@@ -147,12 +147,12 @@ class Guardian:
             self._process.kill()
             self._process.wait()
 
-    def _tell_if_there(self, sign: GuardianMessage) -> None:
-        self._last_beat = float('-inf')
+    def _send_if_alive(self, sign: GuardianMessage) -> None:
+        self._last_heartbeat = float('-inf')
         with contextlib.suppress(RunFaultError):
-            self._tell(sign)
+            self._send(sign)
 
-    def _tell(self, sign: GuardianMessage) -> None:
+    def _send(self, sign: GuardianMessage) -> None:
         try:
             with self._writing:
                 os.write(self._pipe, sign.value)

@@ -48,10 +48,10 @@ class Latch(SharedByte):
 class SharedFlag(SharedByte):
     """Says whether something is going on."""
 
-    def raise_up(self) -> None:
+    def set(self) -> None:
         """Say that it begins."""
         self._memory[0] = 1
 
-    def lower(self) -> None:
+    def clear(self) -> None:
         """Say that it is over."""
         self._memory[0] = 0

@@ -76,7 +76,7 @@ class LeaseRenewer:
         """
         return now - self._asked >= LEASE_RENEW_AT_REST
 
-    def tick(self, now: float, rest: float) -> None:
+    def on_sent(self, now: float, rest: float) -> None:
         """
         Ask again if it is time to.
 
@@ -88,7 +88,7 @@ class LeaseRenewer:
             self._asked = now
             self._pending = self._request()
 
-    def beat(self, now: float) -> None:
+    def poll(self, now: float) -> None:
         """
         Look at the answer that is on its way, if one is.
 
@@ -98,13 +98,13 @@ class LeaseRenewer:
         if self._pending is None:
             return
         if not self._pending.done:
-            self._require_patience(now - self._asked)
+            self._require_response(now - self._asked)
             return
         refusal, self._pending = self._pending.refusal, None
         if refusal is not None:
             raise RunFaultError(f'the robot took manual control away: {refusal}')
 
-    def _require_patience(self, waited: float) -> None:
+    def _require_response(self, waited: float) -> None:
         if waited > self._patience:
             raise RunFaultError(
                 f'manual control was not renewed within {self._patience * 1e3:.0f} ms; the robot '

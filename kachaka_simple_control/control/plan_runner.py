@@ -118,14 +118,14 @@ MAX_RATE = 1000.0
 class RunMonitor(Protocol):
     """What goes along with a run, in its thread; each call returns as soon as DDS lets it."""
 
-    def tick(self, rest: float) -> None:
+    def on_sent(self, rest: float) -> None:
         """
         Do what is due after a message was sent.
 
         :param rest: how long the plan stays at rest from here [s]; 0 while moving
         """
 
-    def beat(self) -> None:
+    def check(self) -> None:
         """Raise what ends the run, if anything does."""
 
 
@@ -175,14 +175,14 @@ def run_plan(
 
     def beat() -> None:
         edge.check(run)
-        edge.wait_for_dds(run, companion.beat)
+        edge.wait_for_dds(run, companion.check)
 
     beat()
     player = TickScheduler(plan)
     due = player.due(0.0)
     while due is not None:
         edge.send(run, due.velocity)
-        edge.wait_for_dds(run, partial(companion.tick, due.rest))
+        edge.wait_for_dds(run, partial(companion.on_sent, due.rest))
         sleep_until(run.began + due.deadline, beat, clock, sleep)
         # The deadline has passed, even if the difference of two clock readings rounds below it.
         due = player.due(max(clock() - run.began, due.deadline))

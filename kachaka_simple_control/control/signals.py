@@ -75,7 +75,7 @@ class SignalDispatcher:
         #: the first signal that was heard; None before it
         self.signum: int | None = None
 
-    def listen(self, listener: SignalHandler) -> bool:
+    def register(self, listener: SignalHandler) -> bool:
         """
         Tell somebody of each ending signal from now on.
 
@@ -88,17 +88,17 @@ class SignalDispatcher:
         self._listeners.append(listener)
         return True
 
-    def forget(self, listener: SignalHandler) -> None:
+    def unregister(self, listener: SignalHandler) -> None:
         """
         Tell somebody no more.
 
-        :param listener: as given to ``listen``
+        :param listener: as given to ``register``
         """
         with contextlib.suppress(ValueError):
             self._listeners.remove(listener)
 
     def reinstall(self) -> None:
-        """Take the signals back from whoever took them after ``listen``; main thread only."""
+        """Take the signals back from whoever took them after ``register``; main thread only."""
         if self._previous and threading.current_thread() is threading.main_thread():
             for signum in self._previous:
                 if signal.getsignal(signum) == self._handle:
@@ -123,9 +123,9 @@ class SignalDispatcher:
         while heard := self._reader.recv(64):
             for signum in heard:
                 if signum in self._previous:
-                    self._tell(signum)
+                    self._dispatch(signum)
 
-    def _tell(self, signum: int) -> None:
+    def _dispatch(self, signum: int) -> None:
         self._note(signum)
         for listener in [*self._listeners]:
             # A thread each: one robot's stop must not wait for another's.

@@ -39,7 +39,7 @@ class StandstillDetector:
         self._heard: float | None = None
         self._still_since: float | None = None
 
-    def hear(self, now: float, velocity: Velocity) -> None:
+    def on_odometry(self, now: float, velocity: Velocity) -> None:
         """
         Take note of a velocity.
 
@@ -53,7 +53,7 @@ class StandstillDetector:
         elif self._still_since is None:
             self._still_since = now
 
-    def silence(self, now: float) -> float | None:
+    def age(self, now: float) -> float | None:
         """
         Return for how long odometry has said nothing.
 
@@ -62,14 +62,14 @@ class StandstillDetector:
         """
         return None if self._heard is None else now - self._heard
 
-    def moves(self, now: float) -> bool:
+    def is_moving(self, now: float) -> bool:
         """
         Tell whether the robot is seen to move.
 
         :param now: the time [s]
         :returns: true only if odometry is fresh and says so
         """
-        silence = self.silence(now)
+        silence = self.age(now)
         return silence is not None and silence <= ODOMETRY_MAX_AGE and self._still_since is None
 
     def still_since(self, now: float) -> float | None:
@@ -80,7 +80,7 @@ class StandstillDetector:
         :returns: when the first sample said so that no moving one followed [s]; None if it moves
             or nobody can tell
         """
-        silence = self.silence(now)
+        silence = self.age(now)
         return self._still_since if silence is not None and silence <= ODOMETRY_MAX_AGE else None
 
 
@@ -97,10 +97,10 @@ STOP_MARGIN = 0.1
 class GuardianClient(Protocol):
     """Who stops the robot if this process cannot."""
 
-    def rest(self) -> None:
+    def report_stopping(self) -> None:
         """Hear that the robot is being sent to rest: with each zero, until the whole stop was."""
 
-    def stopped(self) -> None:
+    def report_stopped(self) -> None:
         """Hear that the whole stop was sent: silence means nothing from here."""
 
 
@@ -164,7 +164,7 @@ class StopController:
         self._stopped: Run | None = None
         self._later: threading.Timer | None = None
         #: when the newest stop began [s on the clock]; None if there was none
-        self.begun: float | None = None
+        self.stop_started: float | None = None
 
     def stop(self, reason: ControlError) -> None:
         """
@@ -174,7 +174,7 @@ class StopController:
         """
         self._send_stop(self._edge.cancel(reason))
 
-    def stop_unless_more(self, run: Run, within: float) -> None:
+    def stop_after_idle(self, run: Run, within: float) -> None:
         """
         Stop in the background unless another run begins soon; at once if nothing can wait there.
 
@@ -188,7 +188,7 @@ class StopController:
         except RuntimeError:  # no thread can start, as at Python's end from 3.12 on
             self._stop_if_newest(run)
 
-    def keep_quiet(self) -> None:
+    def cancel_pending(self) -> None:
         """Forget a stop that waits for its time: another run begins at once."""
         if self._later is not None:
             self._later.cancel()
@@ -202,19 +202,19 @@ class StopController:
         with self._lock:
             if self._stopped is run:
                 return
-            self.begun = self._clock()
-            if send_stop(lambda: self._zero(run), self._hold, self._clock, self._sleep):
-                self._insist(run)
+            self.stop_started = self._clock()
+            if send_stop(lambda: self._send_zero(run), self._hold, self._clock, self._sleep):
+                self._repeat_until_still(run)
                 self._stopped = run
-                self._guard.stopped()
+                self._guard.report_stopped()
 
-    def _zero(self, run: Run | None) -> bool:
+    def _send_zero(self, run: Run | None) -> bool:
         # Told first: whoever is held up before its last zero is not to be taken for done.
-        self._guard.rest()
-        return self._edge.zero(run)
+        self._guard.report_stopping()
+        return self._edge.send_zero(run)
 
-    def _insist(self, run: Run | None) -> None:
+    def _repeat_until_still(self, run: Run | None) -> None:
         """Send more zeros while the robot does not obey: a lossy link may have lost them all."""
         end = self._clock() + STOP_CONFIRM_TIMEOUT
-        while self._still_moves() and self._clock() < end and self._zero(run):
+        while self._still_moves() and self._clock() < end and self._send_zero(run):
             self._sleep(STOP_REPEAT_PERIOD)

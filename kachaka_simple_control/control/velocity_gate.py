@@ -38,7 +38,7 @@ class GateState(Enum):
     """What may be published."""
 
     #: the robot has not been taken: not even a zero, for a zero takes a Kachaka off its dock
-    NOT_YET = 'not yet'
+    NOT_OPENED = 'not yet'
     #: the robot is ours
     OPEN = 'open'
     #: the robot was given back: nothing, for a zero would take it again
@@ -103,7 +103,7 @@ class VelocityGate:
         self._clock = clock
         self._gap_clock = gap_clock
         self._lock = threading.Lock()
-        self._access = GateState.NOT_YET
+        self._access = GateState.NOT_OPENED
         self._run: Run | None = None
         #: a run that was asked for and has not begun: it waits for the robot, for example
         self._pending: Run | None = None
@@ -113,7 +113,7 @@ class VelocityGate:
         self.on_began: Callable[[float], None] = _ignore
 
     @property
-    def access(self) -> GateState:
+    def state(self) -> GateState:
         """Return what may be published now."""
         return self._access
 
@@ -122,10 +122,10 @@ class VelocityGate:
         """Return the newest run, which may be over; None if nothing ever moved."""
         return self._run
 
-    def admit(self) -> None:
+    def open(self) -> None:
         """Let velocities out from now on: the robot is ours."""
         with self._lock:
-            if self._access is GateState.NOT_YET:
+            if self._access is GateState.NOT_OPENED:
                 self._access = GateState.OPEN
 
     def close(self) -> None:
@@ -200,11 +200,11 @@ class VelocityGate:
         :param ask: what to do; what it raises is passed on
         """
         began = self._gap_clock()
-        self._sending.raise_up()
+        self._sending.set()
         try:
             ask()
         finally:
-            self._sending.lower()
+            self._sending.clear()
             run.waited += self._gap_clock() - began
 
     def check(self, run: Run) -> None:
@@ -230,7 +230,7 @@ class VelocityGate:
                     run.ended_by = reason
             return self._run
 
-    def zero(self, after: Run | None) -> bool:
+    def send_zero(self, after: Run | None) -> bool:
         """
         Publish a zero, unless the robot is not ours or has begun a newer run.
 
@@ -246,11 +246,11 @@ class VelocityGate:
     def _publish(self, velocity: Velocity) -> float:
         # Read directly before: DDS stamps a message as it takes it.
         now = self._clock()
-        self._sending.raise_up()
+        self._sending.set()
         try:
             self._transmit(velocity)
         finally:
-            self._sending.lower()
+            self._sending.clear()
         self.on_sent(now, velocity)
         return now
 

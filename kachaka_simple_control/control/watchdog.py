@@ -67,7 +67,7 @@ class Watchdog:
         #: whether nothing is left to do: the process may end
         self.is_over = False
 
-    def hear(self, sign: bytes, now: float) -> None:
+    def on_message(self, sign: bytes, now: float) -> None:
         """
         Take note of a sign.
 
@@ -81,7 +81,7 @@ class Watchdog:
         elif sign == GuardianMessage.STOPPED:
             self._unstopped, self._looked = False, None
 
-    def lost(self) -> bool:
+    def on_disconnect(self) -> bool:
         """
         Take note that the node is gone, or that the guardian is to go.
 
@@ -91,7 +91,7 @@ class Watchdog:
         self._unstopped, self._looked, self.is_over = False, None, True
         return must_stop
 
-    def is_silent(self, now: float, sending: bool = False) -> bool:
+    def has_timed_out(self, now: float, sending: bool = False) -> bool:
         """
         Tell, once, that a run or its stop fell silent; asked after each patience without a sign.
 
@@ -114,10 +114,10 @@ class Watchdog:
         self._unstopped, self._looked = False, None
         return True
 
-    def patience(self) -> float | None:
+    def timeout(self) -> float | None:
         """
         Return how long to wait for the next sign.
 
-        :returns: the time after which to ask ``is_silent`` [s]; None for ever
+        :returns: the time after which to ask ``has_timed_out`` [s]; None for ever
         """
         return None if self._looked is None else min(WATCHDOG_PERIOD, self._allowed - self._silent)

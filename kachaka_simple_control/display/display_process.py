@@ -67,7 +67,7 @@ class TerminalDisplay:
                 self._sent.wait(BREATH)
                 self._show()
         finally:
-            self._screen.hide()
+            self._screen.close()
         if self._progress.closed is None and self._is_orphan():
             # The prompt of a shell may be there by now.
             print(f'\n{describe_killed(self._progress)}', file=sys.stderr, flush=True)
@@ -82,21 +82,21 @@ class TerminalDisplay:
 
     def _hear(self, event: Event) -> None:
         with self._lock:
-            self._progress.hear(event)
+            self._progress.on_event(event)
             if not isinstance(event, VelocitySent):
                 return
-            glance = self._progress.at(event.time)
+            glance = self._progress.status_at(event.time)
         self._sent.set()
-        self._screen.follow(glance, event.time)
+        self._screen.on_event(glance, event.time)
 
     def _show(self) -> None:
         if is_stopped(self._parent):
             # Ctrl+Z: the terminal is somebody else's now.
-            self._screen.hide()
+            self._screen.close()
             return
         now = time.monotonic()
         with self._lock:
-            glance = self._progress.at(now)
+            glance = self._progress.status_at(now)
         self._screen.show(glance, now, stop_hint(self._parent))
 
     def _is_orphan(self) -> bool:

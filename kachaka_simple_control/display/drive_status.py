@@ -41,7 +41,7 @@ class DriveState(Enum):
 
     READY = 'ready'
     WAITING = 'waiting'
-    MEETING = 'meeting'
+    CONNECTING = 'meeting'
     DRIVING = 'driving'
     STOPPING = 'stopping'
     STOPPED = 'stopped'
@@ -99,8 +99,8 @@ class DriveStatus:
     :param commanded: what was sent last; None before
     :param seen: how fast odometry said the robot was; None if it never did
     :param seen_ago: how long ago that was [s]
-    :param silence: how long nothing was heard of a program that should drive [s]; None if all is
-        well
+    :param silent_for: how long nothing was heard of a program that should drive [s]; None if all
+        is well
     """
 
     state: DriveState
@@ -113,10 +113,10 @@ class DriveStatus:
     commanded: Velocity | None
     seen: Velocity | None
     seen_ago: float
-    silence: float | None
+    silent_for: float | None
 
     @property
-    def part(self) -> float:
+    def fraction(self) -> float:
         """Return how much of the motion is over, from 0 to 1."""
         return 1.0 - self.time_left / self.duration if self.duration else 1.0
 
@@ -133,9 +133,9 @@ class StepTimeline:
 
     def __init__(self, plan: Plan) -> None:
         """Look up its steps."""
-        self.stages = plan.stages
-        self.duration = plan.stages[-1].end if plan.stages else 0.0
-        self._starts = [stage.start for stage in plan.stages]
+        self.stages = plan.steps
+        self.duration = plan.steps[-1].end if plan.steps else 0.0
+        self._starts = [stage.start for stage in plan.steps]
 
     def step_at(self, elapsed: float) -> int:
         """
@@ -160,7 +160,7 @@ class StepOdometer:
         self._course, self._began = course, began
         self._step, self._gone = 0, REST
 
-    def go(self, since: float, until: float, way: Displacement) -> None:
+    def update(self, since: float, until: float, way: Displacement) -> None:
         """
         Go on; what falls into an earlier step is left to that.
 
@@ -177,7 +177,7 @@ class StepOdometer:
         self._gone = Displacement(
             self._gone.distance + part * way.distance, self._gone.angle + part * way.angle)
 
-    def gone(self, step: int) -> Displacement:
+    def distance(self, step: int) -> Displacement:
         """
         Return how far it was.
 
@@ -192,7 +192,7 @@ def remaining(asked: float, gone: float) -> float | None:
     Return what is left of a way.
 
     :param asked: how far it was to be, either way
-    :param gone: how far it is
+    :param distance: how far it is
     :returns: the rest, not below zero; None if there was no way to go
     """
     if asked == 0.0:
@@ -233,7 +233,7 @@ class DriveTracker:
         #: the last event of all; None if none came: it goes on, or was killed
         self.closed: SessionEnded | None = None
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """
         Take note of what happened.
 
@@ -257,7 +257,7 @@ class DriveTracker:
             case SessionEnded():
                 self.closed = event
 
-    def at(self, now: float) -> DriveStatus:
+    def status_at(self, now: float) -> DriveStatus:
         """
         Return what there is to see.
 
@@ -277,7 +277,7 @@ class DriveTracker:
             commanded=None if self._sent is None else self._sent.velocity,
             seen=None if self._answered is None else self._answered.velocity,
             seen_ago=0.0 if self._answered is None else max(0.0, now - self._answered.time),
-            silence=self._silence(now))
+            silent_for=self._silence(now))
 
     @property
     def is_under_way(self) -> bool:
@@ -301,7 +301,7 @@ class DriveTracker:
         if before is not None and self.is_under_way:
             self._look_for_stop(before, event)
         if before is not None and self._told is not None and self.is_under_way:
-            self._told.go(before.time, event.time, _held(before, event.time))
+            self._told.update(before.time, event.time, _held(before, event.time))
 
     def _look_for_stop(self, before: VelocitySent, event: VelocitySent) -> None:
         # The end of a motion is told when its stop is complete, 0.4 s later.
@@ -313,12 +313,12 @@ class DriveTracker:
 
     def _hear_answered(self, event: OdometryReceived) -> None:
         before, self._answered = self._answered, event
-        self._stillness.hear(event.time, event.velocity)
+        self._stillness.on_odometry(event.time, event.velocity)
         if before is None or self._driven is None or not self.is_under_way:
             return
         if before.time < event.time:
             way = driven((before, event), before.time, event.time) or REST
-            self._driven.go(before.time, event.time, way)
+            self._driven.update(before.time, event.time, way)
 
     def _state(self, now: float) -> DriveState:
         if self._planned is None:
@@ -328,8 +328,8 @@ class DriveTracker:
                 return DriveState.STOPPING
             if self._began is not None:
                 return DriveState.DRIVING
-            return DriveState.MEETING if self._sends_zeros(now) else DriveState.WAITING
-        if self._sends_zeros(now) or self._stillness.moves(now):
+            return DriveState.CONNECTING if self._sends_zeros(now) else DriveState.WAITING
+        if self._sends_zeros(now) or self._stillness.is_moving(now):
             return DriveState.STOPPING
         return DriveState.STOPPED if self._ended.reason is None else DriveState.CUT_SHORT
 
@@ -376,7 +376,7 @@ class DriveTracker:
         answered = self._answered
         is_seen = answered is not None and now - answered.time <= ODOMETRY_MAX_AGE
         trip = self._driven if is_seen else self._told
-        gone = REST if trip is None else trip.gone(place)
+        gone = REST if trip is None else trip.distance(place)
         return Remaining(
             remaining(asked.distance, gone.distance), remaining(asked.angle, gone.angle), is_seen)
 

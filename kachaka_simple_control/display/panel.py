@@ -49,7 +49,7 @@ _OTHER_STYLE = 'bold reverse'
 _WORDS = {
     DriveState.READY: 'nothing to drive yet',
     DriveState.WAITING: 'for the robot to listen',
-    DriveState.MEETING: 'the robot is there; zeros first',
+    DriveState.CONNECTING: 'the robot is there; zeros first',
     DriveState.STOPPING: 'zeros are sent until the robot stands still',
     DriveState.STOPPED: 'the stop was sent',
 }
@@ -106,8 +106,8 @@ def _state(glance: DriveStatus, width: int) -> list[Text]:
 
 
 def _words(glance: DriveStatus) -> str:
-    if glance.silence is not None:
-        return f'no news for {glance.silence:.0f} s: the program is held up'
+    if glance.silent_for is not None:
+        return f'no news for {glance.silent_for:.0f} s: the program is held up'
     if glance.state is DriveState.DRIVING and glance.step is not None:
         return f'{which(glance.step)}: {glance.step.words}'
     if glance.state is DriveState.CUT_SHORT:
@@ -121,10 +121,11 @@ def _words(glance: DriveStatus) -> str:
 def _bar(glance: DriveStatus, signs: str, width: int) -> Text:
     if glance.duration is None:
         return Text()
-    figures = (f'  {100.0 * glance.part:3.0f} %   {format_fixed(glance.time_left, 1)} s left of '
+    figures = (
+        f'  {100.0 * glance.fraction:3.0f} %   {format_fixed(glance.time_left, 1)} s left of '
                f'{format_fixed(glance.duration, 1)} s')
     room = max(1, width - len(figures))
-    done = min(room, max(0, round(glance.part * room)))
+    done = min(room, max(0, round(glance.fraction * room)))
     # Two signs, for there may be no colours.
     return Text.assemble(
         (signs[0] * done, f'bold {BLUE}'), (signs[1] * (room - done), GREY), figures)

@@ -48,7 +48,7 @@ class StepLogger:
         self._state_since = float('-inf')
         self._has_told_wait = False
 
-    def look(self, glance: DriveStatus, now: float) -> list[str]:
+    def update(self, glance: DriveStatus, now: float) -> list[str]:
         """
         Look at what is going on.
 
@@ -66,7 +66,7 @@ class StepLogger:
 
     def _turn(self, state: DriveState, now: float) -> None:
         self._state, self._state_since = state, now
-        if state in (DriveState.WAITING, DriveState.MEETING):  # of a motion that begins now
+        if state in (DriveState.WAITING, DriveState.CONNECTING):  # of a motion that begins now
             self._number = 0
 
     def _wait(self, glance: DriveStatus) -> list[str]:
@@ -115,7 +115,7 @@ class Renderer(Protocol):
         :param hint: how to stop
         """
 
-    def follow(self, glance: DriveStatus, now: float) -> None:
+    def on_event(self, glance: DriveStatus, now: float) -> None:
         """
         Note what there was to see when something happened, perhaps a while ago.
 
@@ -125,7 +125,7 @@ class Renderer(Protocol):
         :param now: when [s on the steady clock]
         """
 
-    def hide(self) -> None:
+    def close(self) -> None:
         """Take away what is not to stay."""
 
 
@@ -153,9 +153,9 @@ class LineRenderer:
         :param hint: not used: whoever reads lines cannot press keys
         """
         del hint
-        self.follow(glance, now)
+        self.on_event(glance, now)
 
-    def follow(self, glance: DriveStatus, now: float) -> None:
+    def on_event(self, glance: DriveStatus, now: float) -> None:
         """
         Write the lines that were due then: none is left out because this program was late.
 
@@ -163,10 +163,10 @@ class LineRenderer:
         :param now: when [s on the steady clock]
         """
         with self._looking:
-            for line in self._lines.look(glance, now):
+            for line in self._lines.update(glance, now):
                 self._write(f'{line}\n')
 
-    def hide(self) -> None:
+    def close(self) -> None:
         """Leave the lines where they are."""
 
 
@@ -202,7 +202,7 @@ class PanelRenderer:
         """
         size = self._size()
         if is_smaller(size, self._least):
-            self.hide()
+            self.close()
             self._is_small = True
             self._lines.show(glance, now, hint)
             return
@@ -212,12 +212,12 @@ class PanelRenderer:
             return
         text = ''
         if self._shown is None or self._shown[0] != size:
-            self.hide()
+            self.close()
             text = terminal.reserve_rows(size.lines, len(lines))
         self._write(text + terminal.draw_rows(size.lines, lines))
         self._shown = size, lines
 
-    def follow(self, glance: DriveStatus, now: float) -> None:
+    def on_event(self, glance: DriveStatus, now: float) -> None:
         """
         Write lines as long as there is no room for a panel, which shows but what is.
 
@@ -225,9 +225,9 @@ class PanelRenderer:
         :param now: when [s on the steady clock]
         """
         if self._is_small:
-            self._lines.follow(glance, now)
+            self._lines.on_event(glance, now)
 
-    def hide(self) -> None:
+    def close(self) -> None:
         """Give the terminal back."""
         if self._shown is not None:
             self._write(terminal.RELEASE_ROWS)

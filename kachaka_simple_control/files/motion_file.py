@@ -240,7 +240,7 @@ def _read_step(document: Document, way: KeyPath) -> Step | None:
     way = [*way, str(word)]
     if word == REPEAT:
         return _read_repeat(document, way)
-    return None if node.is_spoilt else _read_simple(document, way, KINDS[str(word)])
+    return None if node.has_problem else _read_simple(document, way, KINDS[str(word)])
 
 
 def _read_simple(document: Document, way: KeyPath, kind: Kind) -> Step | None:
@@ -250,7 +250,7 @@ def _read_simple(document: Document, way: KeyPath, kind: Kind) -> Step | None:
     else:
         number = read_quantity(document, way, kind.quantities[kind.first])
         numbers = {} if number is None else {kind.first: number}
-    return None if node.is_spoilt else _make(document, way, kind, numbers)
+    return None if node.has_problem else _make(document, way, kind, numbers)
 
 
 def _make(
@@ -265,7 +265,7 @@ def _make(
 def _read_repeat(document: Document, way: KeyPath) -> Step | None:
     node = document.root.at(way)
     steps = read_steps(document, [*way, 'steps'])
-    if node.is_spoilt:
+    if node.has_problem:
         return None
     try:
         return Repeat(int(node.data['times']), steps)
@@ -330,7 +330,7 @@ def _read(document: Document, source: str) -> MotionFile:
     limits = read_quantities(document, ['limits'], LIMITS)
     rate = read_quantities(document, [], {'rate': FREQUENCY}).get('rate')
     if count(steps) > MAX_STEPS:
-        document.object_to(
+        document.add_problem(
             ['steps'], f'{count(steps)} steps, with all repeats; at most {MAX_STEPS} are read')
     if document.problems:
         raise UnreadableFileError(*document.problems)

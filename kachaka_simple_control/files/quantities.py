@@ -58,7 +58,7 @@ def read_quantities(
     node = document.root.at(way)
     numbers: dict[str, float] = {}
     for key, quantity in quantities.items():
-        if key in node.children and not node.children[key].is_spoilt:
+        if key in node.children and not node.children[key].has_problem:
             number = read_quantity(document, [*way, key], quantity)
             if number is not None:
                 numbers[key] = number
@@ -78,7 +78,7 @@ def read_quantity(document: Document, way: KeyPath, quantity: Quantity) -> float
     try:
         return quantity.parse(value) if isinstance(value, str) else float(value)
     except UnitError as error:
-        document.object_to(way, str(error))
+        document.add_problem(way, str(error))
         return None
 
 
@@ -92,6 +92,6 @@ def add_error(document: Document, way: KeyPath, error: InvalidMotionError) -> No
     """
     field, verb, rest = error.message.partition(' is ')
     if verb and field.isidentifier():
-        document.object_to([*way, field], f'{rest}')
+        document.add_problem([*way, field], f'{rest}')
     else:
-        document.object_to(way, error.message)
+        document.add_problem(way, error.message)

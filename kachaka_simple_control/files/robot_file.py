@@ -107,7 +107,7 @@ def _read(document: Document, source: str) -> RobotProfile:
 
 def _limits(document: Document) -> Limits | None:
     numbers = read_quantities(document, ['limits'], LIMITS)
-    if document.root.at(['limits']).is_spoilt or document.root.is_spoilt:
+    if document.root.at(['limits']).has_problem or document.root.has_problem:
         return None
     try:
         return Limits(**numbers)
@@ -122,10 +122,10 @@ def _footprint(document: Document) -> Footprint | None:
         return None
     numbers = read_quantities(
         document, ['footprint'], {'length': SIZE, 'width': SIZE, 'ahead': LENGTH, 'radius': SIZE})
-    if not node.is_spoilt:
+    if not node.has_problem:
         if set(numbers) == {'radius'}:
             return Disc(**numbers)
         if set(numbers) - {'ahead'} == {'length', 'width'}:
             return Box(**numbers)
-        document.object_to(['footprint'], 'it must be length and width, or radius alone')
+        document.add_problem(['footprint'], 'it must be length and width, or radius alone')
     return None

@@ -41,7 +41,7 @@ def check(document: Document, schema: str) -> None:
     for error in _validator(schema).iter_errors(document.root.data):
         for part, text in _MESSAGES[error.validator](error):
             way = [*error.absolute_path, *([] if part is None else [part])]
-            document.object_to(way, text)
+            document.add_problem(way, text)
 
 
 @cache

@@ -136,14 +136,14 @@ class Node:
     :param data: the value, as JSON has it
     :param children: what is in it, by key or index
     :param is_bad: whether something is wrong with it, and was said
-    :param is_spoilt: whether it is bad, or something in it is
+    :param has_problem: whether it is bad, or something in it is
     """
 
     line: int
     data: Any
     children: dict[str | int, Node] = field(default_factory=dict)
     is_bad: bool = False
-    is_spoilt: bool = False
+    has_problem: bool = False
 
     def on_the_way(self, way: KeyPath) -> list[Node]:
         """
@@ -181,7 +181,7 @@ class Document:
     root: Node
     problems: list[Problem] = field(default_factory=list)
 
-    def object_to(self, way: KeyPath, text: str) -> None:
+    def add_problem(self, way: KeyPath, text: str) -> None:
         """
         Say what is wrong with a value, unless something is that was said already.
 
@@ -194,7 +194,7 @@ class Document:
             return
         self.problems.append(Problem(text, nodes[-1].line, format_path(way)))
         for node in nodes:
-            node.is_spoilt = True
+            node.has_problem = True
         if len(self.problems) >= MAX_PROBLEMS:
             raise UnreadableFileError(*self.problems)
 
@@ -380,7 +380,7 @@ class _YamlBuilder:
             node.data, objection = _resolve(event)
         self._attach(node)
         if objection:
-            node.is_bad = node.is_spoilt = True
+            node.is_bad = node.has_problem = True
             self._object(line, objection)
         if kind in ('MappingStart', 'SequenceStart'):
             self._open.append(_OpenNode(node))
@@ -409,7 +409,7 @@ class _YamlBuilder:
 
     def _object(self, line: int, text: str) -> None:
         for parent in self._open:
-            parent.node.is_spoilt = True
+            parent.node.has_problem = True
         way = [parent.part for parent in self._open]
         self.problems.append(Problem(text, line, format_path(way)))
         if len(self.problems) >= MAX_PROBLEMS:

@@ -80,7 +80,7 @@ class Plan:
 
     segments: tuple[Segment, ...]
     period: float
-    stages: tuple[PlannedStep, ...] = ()
+    steps: tuple[PlannedStep, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -90,22 +90,22 @@ class Plan:
     @property
     def pose(self) -> Pose:
         """Where it ends, for a robot that began at the origin and does as it is told."""
-        return self.stages[-1].pose if self.stages else ORIGIN
+        return self.steps[-1].pose if self.steps else ORIGIN
 
     @property
     def length(self) -> float:
         """How far it drives, forwards and backwards [m]."""
-        return sum(stage.length for stage in self.stages)
+        return sum(stage.length for stage in self.steps)
 
     @property
     def max_linear_velocity(self) -> float:
         """The largest linear velocity sent, in either direction [m/s]."""
-        return max((stage.max_linear_velocity for stage in self.stages), default=0.0)
+        return max((stage.max_linear_velocity for stage in self.steps), default=0.0)
 
     @property
     def max_angular_velocity(self) -> float:
         """The largest angular velocity sent, in either direction [rad/s]."""
-        return max((stage.max_angular_velocity for stage in self.stages), default=0.0)
+        return max((stage.max_angular_velocity for stage in self.steps), default=0.0)
 
     def path(self, start: Pose = ORIGIN) -> list[Pose]:
         """

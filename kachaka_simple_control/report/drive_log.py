@@ -46,13 +46,13 @@ class StepLog:
     :param stage: what was planned
     :param began: when it began by the plan [s on the steady clock]
     :param sent: its messages, from its first to the one after its last, which ends it
-    :param is_whole: whether it was driven to its end
+    :param is_complete: whether it was driven to its end
     """
 
     stage: PlannedStep
     began: float
     sent: tuple[VelocitySent, ...]
-    is_whole: bool = True
+    is_complete: bool = True
 
     @property
     def step(self) -> Step:
@@ -87,7 +87,7 @@ class MotionLog:
         return not math.isnan(self.began)
 
     @property
-    def is_whole(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether it was driven to its end."""
         return self.ended is not None and self.reason is None
 
@@ -104,18 +104,18 @@ class MotionLog:
         return self.sent[self._first(0.0):self._last() + 1]
 
     @property
-    def movements(self) -> list[StepLog]:
+    def steps(self) -> list[StepLog]:
         """Return its steps as far as they were begun, in order."""
         if not self.has_begun or not self.sent:
             return []
         last = self._last()
         until = self.sent[last].time
-        stages = [stage for stage in self.plan.stages
-                  if self.is_whole or self._begins_by(stage, until)]
+        stages = [stage for stage in self.plan.steps
+                  if self.is_complete or self._begins_by(stage, until)]
         starts = [self._first(stage.start) for stage in stages]
         return [
             StepLog(stage, self.began + stage.start, tuple(self.sent[first:following + 1]),
-                     self.is_whole or self.began + stage.end <= until + ROUNDING)
+                     self.is_complete or self.began + stage.end <= until + ROUNDING)
             for stage, first, following in zip(stages, starts, [*starts[1:], last])]
 
     def _begins_by(self, stage: PlannedStep, until: float) -> bool:
@@ -132,7 +132,7 @@ class MotionLog:
     def _last(self) -> int:
         """Return which message ended it."""
         end = len(self.sent) - 1
-        if self.is_whole:
+        if self.is_complete:
             return min(end, self._first(self.plan.duration))
         # All zeros at the end but the first are left to the stop.
         while end > 0 and self._is_zero_after_start(self.sent[end - 1]):
@@ -157,16 +157,16 @@ class DriveLog:
     closed: SessionEnded | None = None
 
     @property
-    def movements(self) -> list[StepLog]:
+    def steps(self) -> list[StepLog]:
         """Return the steps of all motions, as far as they were begun, in order."""
-        return [movement for motion in self.motions for movement in motion.movements]
+        return [movement for motion in self.motions for movement in motion.steps]
 
     @property
     def sent(self) -> list[VelocitySent]:
         """Return every message, in order."""
         return [message for motion in self.motions for message in motion.sent]
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """
         Take note of what happened.
 

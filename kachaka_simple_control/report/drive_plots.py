@@ -307,7 +307,7 @@ def _frame_time(axes: Axes, path: AlignedDrive, scale: Scale) -> None:
              ylabel=scale.kind.label)
     axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=1.0)
     ends = [((start.time or 0.0) + stage.end) / unit for start in path.starts
-            if start.time is not None for stage in start.motion.plan.stages]
+            if start.time is not None for stage in start.motion.plan.steps]
     if len(ends) <= MAX_BOUNDARIES:
         axes.vlines(ends, 0.0, 1.0, transform=axes.get_xaxis_transform(), color=GREY,
                     linewidth=0.5, alpha=0.5, zorder=1.0, gid='boundaries')

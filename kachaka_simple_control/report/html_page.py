@@ -224,8 +224,8 @@ def end_table(summary: Summary) -> str:
         # Where it looks, not how often it turned: within half a turn of the line above.
         looks += 0.0 if pose is None else math.remainder(pose.theta - looks, math.tau)
         rows.append(_pose(name, pose, looks))
-    rows += [_miss_text('odometry from planned', summary.miss_of_plan),
-             _miss_text('odometry from sent', summary.miss_of_sent)]
+    rows += [_miss_text('odometry from planned', summary.error_from_plan),
+             _miss_text('odometry from sent', summary.error_from_sent)]
     names = (('', ''), ('x', '[m]'), ('y', '[m]'), ('heading', '[°]'))
     return ('<table><caption>Where it ended, seen from where it stood at t = 0</caption>'
             f'{head(names)}<tbody>{"".join(rows)}</tbody></table>')
@@ -276,14 +276,14 @@ def _step(place: int, step: StepResult, origin: float, with_motion: bool) -> str
     note = f'from {number(start, 2)} s, for {number(duration, 2)} s'
     if with_motion:
         note = f'{text(step.motion)}: {note}'
-    if not movement.is_whole:
+    if not movement.is_complete:
         note += '; cut short'
     seen, error = step.odometry, step.error
     cells = [both(step.requested.distance, step.requested.angle),
              both(step.sent.distance, step.sent.angle),
              NOTHING if seen is None else both(seen.distance, seen.angle),
              NOTHING if error is None else both(1e3 * error.distance, error.angle, 1)]
-    return (f'<tr{"" if movement.is_whole else " class=cut"}><td class="n">{place}</td>'
+    return (f'<tr{"" if movement.is_complete else " class=cut"}><td class="n">{place}</td>'
             f'<th scope="row">{text(step_in_words(movement.step))}<small>{note}</small></th>'
             f'{numbers(cells)}</tr>')
 
@@ -301,7 +301,7 @@ def motions_table(summary: Summary) -> str:
     for place, motion in motions if len(motions) <= 2 * SHOWN else (
             motions[:SHOWN] + motions[-SHOWN:]):
         began = number(motion.began - origin, 2) if motion.has_begun else NOTHING
-        how = 'driven to its end' if motion.is_whole else motion.reason or 'nobody told'
+        how = 'driven to its end' if motion.is_complete else motion.reason or 'nobody told'
         rows.append(
             f'<tr><td class="n">{place}</td><th scope="row">{text(motion.planned.motion.name)}'
             f'</th>{("".join(map(_right, (began, number(motion.plan.duration, 2)))))}'
@@ -369,7 +369,7 @@ def page(summary: Summary, pictures: Mapping[str, str], no_pictures: str | None,
     :param recording: why ``run.mcap`` is missing or not whole; None if it is whole
     :returns: the text of the file
     """
-    verdict = summary.verdict
+    verdict = summary.outcome
     name = verdict.ending.value.replace(' ', '-')
     style = files(__package__).joinpath('report.css').read_text(encoding='utf-8')
     parts = [_verdict(summary, name), _path(summary, pictures, no_pictures),
@@ -390,7 +390,7 @@ def _what(summary: Summary) -> str:
 
 
 def _verdict(summary: Summary, name: str) -> str:
-    verdict = summary.verdict
+    verdict = summary.outcome
     began = moment(summary)
     when = '' if began is None else f', {began.astimezone().isoformat(" ", "seconds")}'
     sign = ('<svg viewBox="0 0 24 24" aria-hidden="true" fill="none" stroke="var(--mark)" '
@@ -417,9 +417,9 @@ def _duration(summary: Summary) -> tuple[str, str, str]:
 
 
 def _miss_figure(summary: Summary) -> tuple[str, str, str]:
-    miss, beside = summary.miss_of_plan, 'the planned end'
+    miss, beside = summary.error_from_plan, 'the planned end'
     if miss is None:
-        miss, beside = summary.miss_of_sent, 'where it was sent'
+        miss, beside = summary.error_from_sent, 'where it was sent'
     if miss is None:
         return ('Ended', 'unknown', 'no odometry arrived')
     return ('Ended', f'{number(1e3 * miss.distance, 1)} mm, {degrees(miss.angle)}',
@@ -489,7 +489,7 @@ def _steps(summary: Summary) -> str:
     motions = summary.record.motions
     names = {motion.planned.motion.name for motion in motions}
     several = ''
-    if len(motions) > 1 and (len(names) > 1 or not all(motion.is_whole for motion in motions)):
+    if len(motions) > 1 and (len(names) > 1 or not all(motion.is_complete for motion in motions)):
         several = (f'<details><summary>{pluralize(len(motions), "motion")}</summary>'
                    f'{motions_table(summary)}</details>')
     return (f'<section><h2>Step by step</h2>{steps_table(summary)}{several}</section>\n')

@@ -110,7 +110,7 @@ def _moment(summary: Summary) -> str | None:
 
 
 def _verdict(summary: Summary) -> Fields:
-    closed, found = summary.record.closed, summary.verdict
+    closed, found = summary.record.closed, summary.outcome
     signum = None if closed is None else closed.signal
     return {
         'ending': found.ending.value.replace(' ', '_'), 'headline': found.headline,
@@ -128,8 +128,8 @@ def _end(summary: Summary) -> Fields:
         'sent': _pose(summary.path.reckoning.end),
         'odometry': _pose(summary.end),
         'odometry_time_s': None if seen is None else seen.time,
-        'odometry_from_planned': _miss(summary.miss_of_plan),
-        'odometry_from_sent': _miss(summary.miss_of_sent)}
+        'odometry_from_planned': _miss(summary.error_from_plan),
+        'odometry_from_sent': _miss(summary.error_from_sent)}
 
 
 def _timing(summary: Summary) -> Fields:
@@ -147,9 +147,9 @@ def _quantiles(found: Quantiles | None) -> Fields | None:
 def _motion(motion: MotionLog, origin: float) -> Fields:
     return {
         'name': motion.planned.motion.name, 'rate_hz': motion.planned.rate,
-        'steps': len(motion.plan.stages), 'planned_duration_s': motion.plan.duration,
+        'steps': len(motion.plan.steps), 'planned_duration_s': motion.plan.duration,
         'began_s': motion.began - origin if motion.has_begun else None,
-        'is_whole': motion.is_whole, 'reason': motion.reason}
+        'is_whole': motion.is_complete, 'reason': motion.reason}
 
 
 def _step(number: int, step: StepResult, origin: float) -> Fields:
@@ -157,7 +157,7 @@ def _step(number: int, step: StepResult, origin: float) -> Fields:
     return {
         'number': number, 'motion': step.motion, 'path': movement.stage.path,
         'step': step_in_words(movement.step), 'start_s': movement.began - origin,
-        'duration_s': movement.stage.end - movement.stage.start, 'is_whole': movement.is_whole,
+        'duration_s': movement.stage.end - movement.stage.start, 'is_whole': movement.is_complete,
         'messages': max(0, len(movement.sent) - 1),
         'requested': _displacement(step.requested), 'sent': _displacement(step.sent),
         'odometry': _displacement(step.odometry), 'error': _displacement(step.error)}

@@ -200,9 +200,9 @@ class CrashSafeFile:
         try:
             self._store(b'')
         finally:
-            self.leave()
+            self.abandon()
 
-    def leave(self) -> None:
+    def abandon(self) -> None:
         """Let the file be as it is on the disk."""
         with contextlib.suppress(OSError):
             os.close(self._descriptor)
@@ -277,7 +277,7 @@ class McapRecorder:
         try:
             self._file.flush()
         except OSError:
-            self._file.leave()
+            self._file.abandon()
             path.unlink()
             raise
         self._channels: dict[str, int] = {}
@@ -290,7 +290,7 @@ class McapRecorder:
         self._add_topic('path', Topic(
             PATH_TOPIC, PATH_TYPE, depth=1, durability=TRANSIENT_LOCAL))
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """
         Take an event; the disk gets it with ``flush``.
 
@@ -327,9 +327,9 @@ class McapRecorder:
         self._file.close()
         self._is_finished = True
 
-    def leave(self) -> None:
+    def abandon(self) -> None:
         """Let the file be as it is on the disk."""
-        self._file.leave()
+        self._file.abandon()
 
     def describe(self) -> None:
         """

@@ -161,7 +161,7 @@ def due_times(plan: Plan, until: float) -> list[float]:
 
 
 def _until(motion: MotionLog) -> float:
-    if motion.is_whole or not motion.own_messages:
+    if motion.is_complete or not motion.own_messages:
         return motion.plan.duration
     # A tick that the stop came before cannot be late any more.
     end = motion.own_messages[-1].time - motion.began
@@ -344,7 +344,7 @@ class StepResult:
         """
         if self.odometry is None:
             return None
-        wanted = self.requested if self.movement.is_whole else self.sent
+        wanted = self.requested if self.movement.is_complete else self.sent
         return Displacement(
             self.odometry.distance - wanted.distance, self.odometry.angle - wanted.angle)
 
@@ -422,7 +422,7 @@ def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
         wanted = compose(wanted, plan.pose)
         ways: dict[str, _LoopStep] = {}
         index = 0
-        for stage in plan.stages:
+        for stage in plan.steps:
             count = _count(plan.segments, index, stage)
             if stage.path not in ways:
                 ways[stage.path] = _loop_step(

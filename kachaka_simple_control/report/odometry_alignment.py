@@ -185,7 +185,7 @@ class AlignedDrive:
         starts: list[MotionStart] = []
         for motion in motions:
             pose = _end_of(starts)
-            if starts and motion.has_begun and not starts[-1].motion.is_whole:
+            if starts and motion.has_begun and not starts[-1].motion.is_complete:
                 pose = self.reckoning.at(motion.began)
             starts.append(MotionStart(
                 motion, pose, motion.began - self.began if motion.has_begun else None))

@@ -120,9 +120,9 @@ def arc_segments(plan: Plan) -> list[ArcSegment]:
     :param plan: the plan
     :returns: its paths, each beginning where the one before ends
     """
-    starts = [ORIGIN, *(stage.pose for stage in plan.stages)]
+    starts = [ORIGIN, *(stage.pose for stage in plan.steps)]
     return [ArcSegment(start, _signed(stage), stage.pose.theta - start.theta)
-            for start, stage in zip(starts, plan.stages)]
+            for start, stage in zip(starts, plan.steps)]
 
 
 def _signed(stage: PlannedStep) -> float:
@@ -254,8 +254,8 @@ def sample_path(plan: Plan, start: Pose = ORIGIN, most: int = MAX_POSES) -> list
     :param most: how many poses there may be, two at least
     :returns: poses from the start to the end; on curves so many that they look round
     """
-    if len(plan.stages) >= most:
-        ends = [ORIGIN, *(stage.pose for stage in plan.stages)]
+    if len(plan.steps) >= most:
+        ends = [ORIGIN, *(stage.pose for stage in plan.steps)]
         return [compose(start, pose) for pose in _some(ends, most)]
     paths = arc_segments(plan)
     # Were they all of one length, none would be without its end.

@@ -110,7 +110,7 @@ def extent(previews: Sequence[PlanView], proportion: float) -> Area:
 def _reached(preview: PlanView) -> list[Point]:
     points = polyline(arc_segments(preview.plan), 0.001)
     if preview.footprint is not None:
-        for pose in distinct(_stops(preview), 0.001, len(points) + len(preview.plan.stages)):
+        for pose in distinct(_stops(preview), 0.001, len(points) + len(preview.plan.steps)):
             points += outline(preview.footprint, pose)
         radius = front_point(preview.footprint, ORIGIN)[0] * TURN
         for turn in _turns(preview):
@@ -119,7 +119,7 @@ def _reached(preview: PlanView) -> list[Point]:
 
 
 def _stops(preview: PlanView) -> list[Pose]:
-    return [ORIGIN, *(stage.pose for stage in preview.plan.stages)]
+    return [ORIGIN, *(stage.pose for stage in preview.plan.steps)]
 
 
 def draw_path(axes: Axes, preview: PlanView, area: Area) -> None:
@@ -363,7 +363,7 @@ def _name(preview: PlanView) -> str:
 def _figures(preview: PlanView) -> str:
     plan = preview.plan
     end = plan.pose
-    return (f'{plan.duration:.3f} s, {plan.length:.3f} m, {pluralize(len(plan.stages), "step")}; '
+    return (f'{plan.duration:.3f} s, {plan.length:.3f} m, {pluralize(len(plan.steps), "step")}; '
             f'ends at x {format_fixed(end.x, 3)} m, y {format_fixed(end.y, 3)} m, heading '
             f'{format_fixed(math.degrees(end.theta), 1)}°; '
             f'{pluralize(preview.messages, "velocity", "velocities")} at '

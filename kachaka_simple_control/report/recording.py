@@ -55,7 +55,7 @@ class FaultTolerantRecorder:
         #: why there is no recording or not all of it; None as long as there is
         self.failure = lacking()
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """
         Take note of what happened.
 
@@ -64,7 +64,7 @@ class FaultTolerantRecorder:
         if isinstance(event, SessionStarted):
             self._try(lambda: self._begin(event))
         elif (recording := self._recording) is not None:
-            self._try(lambda: recording.hear(event))
+            self._try(lambda: recording.on_event(event))
 
     def flush(self, until: float) -> None:
         """
@@ -115,7 +115,7 @@ class FaultTolerantRecorder:
             self.failure = f'{NAME} is left out: {reason}'
         else:
             self.failure = f'{NAME} ends early: {reason}'
-            self._recording.leave()
+            self._recording.abandon()
 
 
 def _reason(error: Exception) -> str:

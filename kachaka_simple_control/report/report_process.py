@@ -157,7 +157,7 @@ def record_events(stream: BinaryIO, audience: EventBus, bag: FaultTolerantRecord
     due = time.monotonic() + PERIOD
     for event in read_events(stream):
         if event is not None:
-            audience.tell(event)
+            audience.publish(event)
         now = time.monotonic()
         if now >= due:
             bag.flush(now - LATENESS)
@@ -205,8 +205,8 @@ def main() -> int:
     folder = Path(sys.argv[1])
     record, audience = DriveLog(), EventBus()
     bag = FaultTolerantRecorder(folder, record)
-    audience.join(record.hear)
-    audience.join(bag.hear)
+    audience.subscribe(record.on_event)
+    audience.subscribe(bag.on_event)
     record_events(sys.stdin.buffer, audience, bag)
     recording = bag.finish()
     for text in filter(None, (recording, *map(repr, audience.failures))):

@@ -108,7 +108,7 @@ def _by_motions(record: DriveLog, error: str | None) -> Outcome:
     if (asked := _reason(record)) is not None:
         return Outcome(
             OutcomeKind.STOPPED, 'Stopped on request', f'{_sentence(asked)} {_progress(record)}')
-    if not all(motion.is_whole for motion in record.motions):
+    if not all(motion.is_complete for motion in record.motions):
         return Outcome(
             OutcomeKind.FAULTED, 'Not finished', f'Nobody told why. {_progress(record)}')
     return Outcome(OutcomeKind.DONE, 'Done', _progress(record))
@@ -136,10 +136,10 @@ def _progress(record: DriveLog) -> str:
     begun = [motion for motion in record.motions if motion.has_begun]
     if not begun:
         return 'No motion had begun.'
-    cut = next((motion for motion in begun if not motion.is_whole), None)
-    whole = [motion for motion in begun if motion.is_whole]
+    cut = next((motion for motion in begun if not motion.is_complete), None)
+    whole = [motion for motion in begun if motion.is_complete]
     if cut is None:
-        steps = sum(len(motion.plan.stages) for motion in whole)
+        steps = sum(len(motion.plan.steps) for motion in whole)
         more = len(record.motions) - len(begun)
         left = f' {pluralize(more, "motion")} more did not begin.' if more else ''
         if len(whole) == 1:
@@ -154,8 +154,8 @@ def _all_of(steps: int) -> str:
 
 
 def _how_far(cut: MotionLog, whole: int, begun: int) -> str:
-    movements = cut.movements
-    stages = len(cut.plan.stages)
+    movements = cut.steps
+    stages = len(cut.plan.steps)
     at = cut.own_messages[-1].time - cut.began if cut.own_messages else 0.0
     where = f'in step {len(movements)} of {stages}, ' if movements else ''
     others = f'; of {pluralize(begun, "motion")} {whole} were driven to their end' if whole else ''
@@ -192,7 +192,7 @@ class Summary:
         self.record = record
 
     @cached_property
-    def verdict(self) -> Outcome:
+    def outcome(self) -> Outcome:
         """How it came out."""
         return outcome(self.record)
 
@@ -205,7 +205,7 @@ class Summary:
     def steps(self) -> list[StepResult]:
         """The steps that were begun."""
         pairs = [(movement, motion.planned.motion.name) for motion in self.record.motions
-                 for movement in motion.movements if movement.sent]
+                 for movement in motion.steps if movement.sent]
         opened = self.record.opened
         odometry = [seen.answer for seen in self.path.odometry]
         return step_results([one for one, _ in pairs], [name for _, name in pairs], odometry,
@@ -245,14 +245,14 @@ class Summary:
         return None if self.last_seen is None else self.last_seen.pose
 
     @property
-    def miss_of_plan(self) -> PoseError | None:
+    def error_from_plan(self) -> PoseError | None:
         """How far from the planned end that is; None if it was not to be reached or not seen."""
-        if self.end is None or not all(motion.is_whole for motion in self.record.motions):
+        if self.end is None or not all(motion.is_complete for motion in self.record.motions):
             return None
         return PoseError(*distance_between(self.path.planned_end, self.end))
 
     @property
-    def miss_of_sent(self) -> PoseError | None:
+    def error_from_sent(self) -> PoseError | None:
         """How far from where the messages should have brought it that is."""
         return None if self.last_seen is None else PoseError(
             self.last_seen.distance, self.last_seen.angle)

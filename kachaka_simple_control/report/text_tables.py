@@ -154,7 +154,7 @@ def plan_table(previews: Sequence[PlanView]) -> str:
 
 
 def _steps(preview: PlanView, most: int, with_total: bool) -> list[str]:
-    stages = preview.plan.stages
+    stages = preview.plan.steps
     kept = _kept(stages, most)
     times = Counter(stage.path for stage in stages)
     rounds: Counter[str] = Counter()
@@ -183,7 +183,7 @@ def _plan_row(index: int, stage: PlannedStep, number: int, times: int) -> Row:
 
 
 def _total(plan: Plan) -> Row:
-    return ('', pluralize(len(plan.stages), 'step'), '', '', *_plan_figures(plan))
+    return ('', pluralize(len(plan.steps), 'step'), '', '', *_plan_figures(plan))
 
 
 def _plan_figures(plan: Plan) -> Row:
@@ -276,7 +276,7 @@ def _compared(preview: PlanView, own: dict[str, str]) -> Row:
     cells += [one_line(preview.robot, NAME)] if 'robot' in own else []
     cells += [format_number(preview.rate)] if 'rate' in own else []
     plan = preview.plan
-    return (*cells, str(len(plan.stages)), *_plan_figures(plan), str(preview.messages))
+    return (*cells, str(len(plan.steps)), *_plan_figures(plan), str(preview.messages))
 
 
 def _time(value: float) -> str:
@@ -295,10 +295,10 @@ def table(record: DriveLog, still_after: float | None) -> str:
         it did not
     :returns: lines of text, the last two with the stop and the final pose
     """
-    cuts = segment_odometry(record.movements, record.odometry) if record.movements else []
+    cuts = segment_odometry(record.steps, record.odometry) if record.steps else []
     rows = [HEAD, *(
         _drive_row(movement, driven(record.odometry, begin, end))
-        for movement, begin, end in zip(record.movements, cuts, cuts[1:]))]
+        for movement, begin, end in zip(record.steps, cuts, cuts[1:]))]
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEAD))]
     lines = ['  '.join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip()
              for row in rows]

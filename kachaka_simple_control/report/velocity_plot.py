@@ -183,7 +183,7 @@ def draw_velocity(axes: Axes, preview: PlanView, scale_: Scale, with_time: bool)
     axes.set(xlim=(-0.01 * right, 1.01 * right), ylim=(scale_.lowest, scale_.highest),
              ylabel=kind.label)
     axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=1.0)
-    ends = [stage.end / seconds for stage in preview.plan.stages]
+    ends = [stage.end / seconds for stage in preview.plan.steps]
     if len(ends) <= MAX_BOUNDARIES:
         axes.vlines(ends, 0.0, 1.0, transform=axes.get_xaxis_transform(), color=GREY,
                     linewidth=0.5, alpha=0.5, zorder=1.0, gid='boundaries')

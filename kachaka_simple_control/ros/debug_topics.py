@@ -255,7 +255,7 @@ class CommandedVelocityPublisher:
         self._is_watched = False
         self._looked = float('-inf')
 
-    def hear(self, event: Event) -> None:
+    def on_sent(self, event: Event) -> None:
         """
         Publish what was sent.
 
@@ -312,11 +312,11 @@ class IntrospectionPublishers:
         #: told everything, at any time: quick, and careful on their own
         self._hearers: list[EventHandler] = [
             self._safe(TOPIC,
-            CommandedVelocityPublisher(node, velocities, self._aside, profile.frame).hear)]
+            CommandedVelocityPublisher(node, velocities, self._aside, profile.frame).on_sent)]
         self._show_paths(velocities)
         self._show_diagnostics(velocities, profile.name)
 
-    def follow(self, audience: EventBus, lookout: StatusReader) -> None:
+    def attach(self, audience: EventBus, lookout: StatusReader) -> None:
         """
         Show what happens from now on.
 
@@ -325,9 +325,9 @@ class IntrospectionPublishers:
         """
         self._lookout = lookout
         for hearer in (*self._hearers, self._hear):
-            audience.join(hearer)
+            audience.subscribe(hearer)
 
-    def expect(self, plan: Plan) -> None:
+    def on_plan(self, plan: Plan) -> None:
         """
         Show a plan that is driven next.
 
@@ -372,12 +372,12 @@ class IntrospectionPublishers:
             return
         planned = PlannedPathPublisher(self._node, velocities, self._aside)
         driven = DrivenPathPublisher(self._node, velocities, self._aside)
-        self._plans.append(self._safe(PLANNED, planned.expect))
+        self._plans.append(self._safe(PLANNED, planned.on_plan))
         self._frames += [
             self._safe(PLANNED, planned.in_frame), self._safe(DRIVEN, driven.in_frame)]
-        self._events[MotionStarted] = [self._safe(PLANNED, planned.begin)]
+        self._events[MotionStarted] = [self._safe(PLANNED, planned.on_motion_started)]
         self._events[OdometryReceived] = [
-            self._safe(PLANNED, planned.hear), self._safe(DRIVEN, driven.hear)]
+            self._safe(PLANNED, planned.on_odometry), self._safe(DRIVEN, driven.on_odometry)]
 
     def _show_diagnostics(self, velocities: VelocityPublisher, robot: str) -> None:
         try:
@@ -386,22 +386,22 @@ class IntrospectionPublishers:
             return
         diagnostics = DiagnosticsPublisher(
             self._node, velocities, self._aside, robot, self._condition)
-        self._plans.append(self._tally.expect)
-        self._hearers.append(self._tally.hear)
+        self._plans.append(self._tally.on_plan)
+        self._hearers.append(self._tally.on_event)
         # A timer would otherwise follow /clock, which may stand still while the robot drives.
         self._timer = self._node.create_timer(
             DIAGNOSTICS_PERIOD, self._safe('/diagnostics', lambda _: self._diagnose(diagnostics)),
             clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _diagnose(self, diagnostics: DiagnosticsPublisher) -> None:
-        self._tally.count()
+        self._tally.process()
         diagnostics.publish()
 
     def _condition(self) -> Diagnosis | None:
         if self._lookout is None or self._lookout.is_closed:
             return None
         now = time.monotonic()
-        return diagnose(self._tally, self._lookout.look(now), now)
+        return diagnose(self._tally, self._lookout.read(now), now)
 
     def _safe(self, name: str, show: Show) -> Show:
         """Return what shows something, but fails only once and ends nothing."""

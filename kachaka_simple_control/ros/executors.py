@@ -56,7 +56,7 @@ class BackgroundExecutor:
         self._thread = threading.Thread(target=self._spin, name='spinner', daemon=True)
         self._thread.start()
 
-    def ensure(self, take_over: bool = False) -> None:
+    def ensure_spinning(self, take_over: bool = False) -> None:
         """
         See to it that the node's callbacks are served.
 
@@ -65,7 +65,7 @@ class BackgroundExecutor:
         if take_over or not self._is_served():
             self._executor.add_node(self._node)
 
-    def blocks_here(self) -> bool:
+    def is_executor_thread(self) -> bool:
         """
         Tell whether the calling thread is the one that serves the node's callbacks.
 

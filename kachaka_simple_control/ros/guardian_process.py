@@ -140,7 +140,7 @@ class GuardianProcess:
                 self._lost('the guardian was told to end')
             elif signs in readable:
                 self._hear(os.read(signs, PIPE), now)
-            elif self._watchdog.is_silent(now, self._waits_for_dds()):
+            elif self._watchdog.has_timed_out(now, self._waits_for_dds()):
                 self._stop('the node fell silent')
             self._look_for_a_subscriber()
 
@@ -149,7 +149,7 @@ class GuardianProcess:
         return self._sending.is_set and not is_stopped(self._node)
 
     def _patience(self) -> float | None:
-        patience = self._watchdog.patience()
+        patience = self._watchdog.timeout()
         if self._is_matched:
             return patience
         return GLANCE if patience is None else min(GLANCE, patience)
@@ -159,13 +159,13 @@ class GuardianProcess:
             self._lost('the node is gone')
         for value in heard:
             sign = bytes([value])
-            self._watchdog.hear(sign, now)
+            self._watchdog.on_message(sign, now)
             if sign == GuardianMessage.PRIME:
                 self._zero()
                 _say('primed')
 
     def _lost(self, why: str) -> None:
-        if self._watchdog.lost():
+        if self._watchdog.on_disconnect():
             self._stop(why)
 
     def _stop(self, why: str) -> None:

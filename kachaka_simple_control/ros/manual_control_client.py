@@ -80,7 +80,7 @@ class ManualControlClient:
             SetBool, service, callback_group=MutuallyExclusiveCallbackGroup()) if service else None
         self._check = check
         #: whether it was ever asked for
-        self.was_asked = False
+        self.was_requested = False
 
     @property
     def is_needed(self) -> bool:
@@ -92,7 +92,7 @@ class ManualControlClient:
         """Whether somebody serves the service, where it is needed."""
         return self._client is None or bool(self._client.service_is_ready())
 
-    def take(self, timeout: float) -> None:
+    def enable(self, timeout: float) -> None:
         """
         Switch manual control on, and wait for the answer.
 
@@ -108,7 +108,7 @@ class ManualControlClient:
         if answer.refusal is not None:
             raise RobotNotFoundError(f'the robot refused manual control: {answer.refusal}')
 
-    def ask(self, enabled: bool) -> ServiceAnswer:
+    def request(self, enabled: bool) -> ServiceAnswer:
         """
         Ask for manual control, or give it back, without waiting.
 
@@ -116,7 +116,7 @@ class ManualControlClient:
         :returns: the answer on its way
         """
         assert self._client is not None
-        self.was_asked = True
+        self.was_requested = True
         self._asked = time.monotonic() if enabled else None
         return ServiceAnswer(self._client.call_async(SetBool.Request(data=enabled)))
 
@@ -134,14 +134,14 @@ class ManualControlClient:
         age = now - self._asked
         return f'asked for {age:.0f} s ago' if age < self._timeout else 'off, for it timed out'
 
-    def give_back(self, timeout: float) -> bool:
+    def release(self, timeout: float) -> bool:
         """
         Switch manual control off.
 
         :param timeout: how long to wait for the answer [s]
         :returns: whether the answer came
         """
-        answer = self.ask(False)
+        answer = self.request(False)
         return wait_until(lambda: answer.done, timeout)
 
     def _answer(self, end: float) -> ServiceAnswer | None:
@@ -149,7 +149,7 @@ class ManualControlClient:
         answers: list[ServiceAnswer] = []
         pause = REQUEST_RETRY_PERIOD
         while (left := end - time.monotonic()) > 0.0:
-            answers.append(self.ask(True))
+            answers.append(self.request(True))
             wait_until(lambda: any(a.done for a in answers), min(pause, left), self._check)
             for answer in answers:
                 if answer.done:

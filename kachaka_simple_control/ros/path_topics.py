@@ -62,7 +62,7 @@ class PlannedPathPublisher:
         """
         self._bytes = PathSerializer(frame)
 
-    def expect(self, plan: Plan) -> None:
+    def on_plan(self, plan: Plan) -> None:
         """
         Publish where a plan goes.
 
@@ -71,7 +71,7 @@ class PlannedPathPublisher:
         self._placeless = plan if self._pose is None else None
         self._publish(plan, self._pose or ORIGIN)
 
-    def begin(self, began: MotionStarted) -> None:
+    def on_motion_started(self, began: MotionStarted) -> None:
         """
         Leave the plan as it was published: the robot moves.
 
@@ -80,7 +80,7 @@ class PlannedPathPublisher:
         del began
         self._placeless = None
 
-    def hear(self, answered: OdometryReceived) -> None:
+    def on_odometry(self, answered: OdometryReceived) -> None:
         """
         Take note of where the robot is.
 
@@ -126,7 +126,7 @@ class DrivenPathPublisher:
         self._trail = PoseHistory(
             MAX_POSES, lambda pose: self._bytes.pose(pose, self._clock.now().nanoseconds))
 
-    def hear(self, answered: OdometryReceived) -> None:
+    def on_odometry(self, answered: OdometryReceived) -> None:
         """
         Take note of where the robot is, and publish where it was when it is time to.
 

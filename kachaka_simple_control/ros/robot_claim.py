@@ -239,7 +239,7 @@ class _ToldClaim:
         claim = Claim.unpacked(message.data)
         if claim is None:
             return
-        self._claims.hear(claim, time.monotonic())
+        self._claims.on_claim(claim, time.monotonic())
         if self._state == HELD and (holder := self.holder()) is not None:
             if self._rival_seen is None:
                 self._rival_seen = time.monotonic()

@@ -60,16 +60,16 @@ class RobotDiscovery:
         self._counts: list[int] = []
 
     @property
-    def is_listening(self) -> bool:
+    def is_subscribed(self) -> bool:
         """Whether anybody takes our velocities."""
-        return self.listeners > 0
+        return self.subscriber_count > 0
 
     @property
-    def listeners(self) -> int:
+    def subscriber_count(self) -> int:
         """Return how many take our velocities."""
         return int(self._publisher.get_subscription_count())
 
-    def expect(self, brought: Callable[[], bytes | None]) -> None:
+    def require_participant(self, brought: Callable[[], bytes | None]) -> None:
         """
         Meet no other robot than one that was brought along.
 
@@ -103,13 +103,13 @@ class RobotDiscovery:
                 f'the guardian has not met the robot within {timeout:g} s, so nothing moved; the '
                 'parameter guardian:=false drives without one'))
 
-    def require_listener(self) -> None:
+    def check_subscribed(self) -> None:
         """
         Make sure that the robot still listens.
 
         :raises RunFaultError: if it has left
         """
-        if not self.is_listening:
+        if not self.is_subscribed:
             raise self._has_left()
 
     def has_changed(self) -> bool:
@@ -122,7 +122,7 @@ class RobotDiscovery:
         before, self._counts = self._counts, self._count()
         return self._counts != before
 
-    def require_same_robot(self) -> None:
+    def check_identity(self) -> None:
         """
         Make sure that the robot is the one that was met, and not one that came in its place.
 
@@ -135,7 +135,7 @@ class RobotDiscovery:
             raise RunFaultError(
                 f'the robot left: who subscribes to {self._publisher.topic_name} now came later')
 
-    def require_one_robot(self) -> None:
+    def check_exclusive(self) -> None:
         """
         Make sure that it is one robot that obeys.
 
@@ -144,7 +144,7 @@ class RobotDiscovery:
         if (robots := len(self._robots())) > 1:
             raise RunFaultError(self._not_one(robots))
 
-    def others(self) -> list[str]:
+    def other_publishers(self) -> list[str]:
         """
         Return who else has a publisher of velocities, which may never send any.
 
@@ -159,7 +159,7 @@ class RobotDiscovery:
         # All that the guardian ever was: one that left may be listed for a while.
         return participant == self._participant or participant in self._guardian.participants
 
-    def met(self) -> None:
+    def remember_robot(self) -> None:
         """Remember who the robot is: who takes velocities and, if anybody does, tells odometry."""
         listeners = self._listeners()
         self._robot = listeners & set(self._robots()) or listeners
@@ -170,7 +170,7 @@ class RobotDiscovery:
 
     def _count(self) -> list[int]:
         topics = [self._publisher.topic_name, *([self._odometry] if self._odometry else [])]
-        return [self.listeners, *map(self._node.count_publishers, topics)]
+        return [self.subscriber_count, *map(self._node.count_publishers, topics)]
 
     def _listeners(self) -> set[bytes]:
         return set(participants(
@@ -182,7 +182,7 @@ class RobotDiscovery:
 
     def _missing(self) -> str:
         """Return what keeps the robot from being taken; nothing if it can be."""
-        if not self.is_listening:
+        if not self.is_subscribed:
             return self._no_subscriber()
         return self._no_robot()
 
@@ -230,6 +230,6 @@ class RobotDiscovery:
     def _not_found(self, timeout: float) -> str:
         where = (f'{self._publisher.topic_name} (ROS domain '
                  f'{self._node.context.get_domain_id()}) after {timeout:g} s')
-        if not self.is_listening:
+        if not self.is_subscribed:
             return f'no robot listens on {where}: {self._missing()}{HINT}'
         return f'no robot can be driven by {where}: {self._missing()}'

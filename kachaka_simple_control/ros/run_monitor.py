@@ -60,31 +60,31 @@ class RosRunMonitor:
         self._needs_renewal = needs_renewal
         self._looked = self._glanced = self._listened = float('-inf')
 
-    def met(self) -> None:
+    def on_connected(self) -> None:
         """Take note that a robot has just been met."""
-        self._link.met()
+        self._link.remember_robot()
 
-    def tick(self, rest: float) -> None:
+    def on_sent(self, rest: float) -> None:
         """
         Renew manual control when it is time to.
 
         :param rest: how long the plan stays at rest from here [s]; 0 while moving
         """
         if self._needs_renewal:
-            self._renewal.tick(time.monotonic(), rest)
+            self._renewal.on_sent(time.monotonic(), rest)
 
-    def beat(self) -> None:
+    def check(self) -> None:
         """
         Show a sign of life, and look around.
 
         :raises RunFaultError: if the run must end
         """
         now = time.monotonic()
-        self._guardian.beat()
-        self._renewal.beat(now)
+        self._guardian.heartbeat()
+        self._renewal.poll(now)
         if now - self._listened >= SUBSCRIBER_CHECK_PERIOD:
             self._listened = now
-            self._link.require_listener()
+            self._link.check_subscribed()
         self._require_odometry(now)
         if now - self._glanced >= GRAPH_COUNT_PERIOD:
             self._glanced = now
@@ -97,7 +97,7 @@ class RosRunMonitor:
         :param now: the time [s]
         :returns: whether it has been silent for longer than it may
         """
-        silence = self._odometry.silence(now)
+        silence = self._odometry.age(now)
         if silence is None or not self._odometry_timeout:
             return False
         return silence > self._odometry_timeout
@@ -105,13 +105,13 @@ class RosRunMonitor:
     def _look(self, now: float) -> None:
         if self._link.has_changed() or now - self._looked >= GRAPH_CHECK_PERIOD:
             self._looked = now
-            self._link.require_same_robot()
-            self._link.require_one_robot()
+            self._link.check_identity()
+            self._link.check_exclusive()
             self._foreign.update()
 
     def _require_odometry(self, now: float) -> None:
         if self.has_lost_robot(now):
-            silence = self._odometry.silence(now)
+            silence = self._odometry.age(now)
             raise RunFaultError(
                 f'odometry has been silent for {silence:.1f} s: the robot or the link to it is '
                 'lost')

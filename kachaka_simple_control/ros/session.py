@@ -58,8 +58,8 @@ class Session:
     """
     Everything between a plan and a robot; every way out of it stops the robot.
 
-    Runs are driven in the thread that asks for them, one at a time.  ``stop``, ``halt`` and
-    ``close`` may be called from any thread.
+    Runs are driven in the thread that asks for them, one at a time.  ``stop``,
+    ``stop_permanently`` and ``close`` may be called from any thread.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Session:
         self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._rival_found)
         self._publisher = publisher
         self._guardian = start_guardian(node, publisher, profile, settings, self._claim.fileno())
-        self.edge = VelocityGate(
+        self.gate = VelocityGate(
             publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending)
         self._manual_control = ManualControlClient(
             node, names.manual_control, self._require_wanted, profile.manual_control_timeout)
@@ -92,17 +92,18 @@ class Session:
             node, names, publisher, self._manual_control, self._guardian)
         self._foreign = ForeignMessages(
             node, publisher,
-            list if settings.allow_other_publishers else self._link.others,
+            list if settings.allow_other_publishers else self._link.other_publishers,
             # Who halts this node sets the latch, too; the guardian is silent then.
             lambda: self._guardian.latch.is_set and self._halted_by is None, self._foreign_heard)
-        self._stopper = StopController(self.edge, profile.hold, self._guardian, self._still_moves)
+        self._stopper = StopController(self.gate, profile.hold, self._guardian, self._still_moves)
         self._renewal = LeaseRenewer(
-            lambda: self._manual_control.ask(True), patience=profile.hold - 1.0 / settings.rate)
+            lambda: self._manual_control.request(True),
+            patience=profile.hold - 1.0 / settings.rate)
         self._attendant = RosRunMonitor(
             self._guardian, self._renewal, self._link, self._foreign, self.odometry,
             settings.odometry_timeout, self._manual_control.is_needed)
         self._spinner = BackgroundExecutor(node, self._callback_failed)
-        self._requests = DriveRequests(self.edge, 1.0 / settings.rate)
+        self._requests = DriveRequests(self.gate, 1.0 / settings.rate)
         self._request: DriveRequest | None = None
         self._closing = threading.Lock()
         self._halted_by: ControlError | None = None
@@ -112,8 +113,8 @@ class Session:
         #: whether somebody was told that the last stop could not be confirmed
         self._is_told = False
         #: how it stands with the robot, for those who show it
-        self.lookout = StatusReader(
-            self.edge, self._link, self._guardian, self.odometry, self._manual_control,
+        self.status_reader = StatusReader(
+            self.gate, self._link, self._guardian, self.odometry, self._manual_control,
             lambda: self._halted_by)
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
@@ -121,7 +122,7 @@ class Session:
         Ask for a drive; a stop ends it from now on, whatever it waits for.
 
         :param elsewhere: whether another thread will drive
-        :returns: the request, for ``serving`` and ``drive``
+        :returns: the request, for ``exclusive`` and ``drive``
         :raises ControlError: if another drive is under way, nothing may move any more, or this is
             no thread to drive in
         """
@@ -131,7 +132,7 @@ class Session:
         return self._requests.accept()
 
     @contextlib.contextmanager
-    def serving(self, request: DriveRequest) -> Iterator[None]:
+    def exclusive(self, request: DriveRequest) -> Iterator[None]:
         """
         Have the robot to oneself for the drive that was asked for.
 
@@ -157,10 +158,10 @@ class Session:
         try:
             self._take()
             # Only now: until the robot is taken, the stop of the movement before must not wait.
-            self._stopper.keep_quiet()
-            run = run_plan(plan, self.edge, self._hold, self._attendant, prepared=request.run)
-            self._guardian.rest()
-            self._stopper.stop_unless_more(run, within=plan.period)
+            self._stopper.cancel_pending()
+            run = run_plan(plan, self.gate, self._hold, self._attendant, prepared=request.run)
+            self._guardian.report_stopping()
+            self._stopper.stop_after_idle(run, within=plan.period)
         except BaseException as error:
             # KeyboardInterrupt and SystemExit too: whoever leaves here leaves a robot at rest.
             self._is_met = False
@@ -180,9 +181,9 @@ class Session:
         if (failure := self._stop(reason)) is not None:
             self._is_told = True
             raise RunFaultError(failure)
-        return self.edge.access is not GateState.NOT_YET
+        return self.gate.state is not GateState.NOT_OPENED
 
-    def halt(self, reason: ControlError) -> None:
+    def stop_permanently(self, reason: ControlError) -> None:
         """
         Stop the robot, and never move it again.
 
@@ -199,10 +200,10 @@ class Session:
         """Stop the robot, give it back, and serve callbacks no more; nothing is sent after."""
         with self._closing:
             if not self._is_given_back:
-                self.halt(MotionRefusedError('the node is closed'))
-                self.edge.close()
+                self.stop_permanently(MotionRefusedError('the node is closed'))
+                self.gate.close()
                 # Its publisher must be gone, too, before the robot is given back.
-                self._guardian.dismiss()
+                self._guardian.shutdown()
                 self._give_back()
                 self._is_given_back = True
                 self._claim.release()
@@ -214,37 +215,37 @@ class Session:
 
         :raises ControlError: why that is so
         """
-        self._spinner.ensure()
+        self._spinner.ensure_spinning()
         # Not served here: a signal that interrupts the main thread while rclpy makes a message
         # for a callback comes out of it as a TypeError, and leaves the node's callbacks blocked.
         self._halted.wait()
         self._require_not_halted()
 
-    def expect(self, brought: Callable[[], bytes | None]) -> None:
+    def require_robot(self, brought: Callable[[], bytes | None]) -> None:
         """
         Meet no other robot than one that was brought along.
 
         :param brought: returns its participant; None as long as it is not known
         """
-        self._link.expect(brought)
+        self._link.require_participant(brought)
 
     @property
-    def is_heard(self) -> bool:
+    def has_subscriber(self) -> bool:
         """Whether somebody subscribes to what this node and its guardian publish."""
-        return self._link.is_listening and self._guardian.is_matched
+        return self._link.is_subscribed and self._guardian.is_matched
 
     @property
     def stop_confirmed_after(self) -> float | None:
         """Return how long after the last stop began odometry saw the robot still [s]."""
-        begun, still = self._stopper.begun, self.odometry.still_since(time.monotonic())
+        begun, still = self._stopper.stop_started, self.odometry.still_since(time.monotonic())
         return None if begun is None or still is None else max(0.0, still - begun)
 
     def _take(self) -> None:
         """Meet the robot and switch its manual control on; at once if that was done already."""
         self._require_not_halted()
-        self._spinner.ensure()
+        self._spinner.ensure_spinning()
         self._claim.require()
-        if not (self._is_met and self._link.is_listening):
+        if not (self._is_met and self._link.is_subscribed):
             self._meet()
         elif self._manual_control.is_needed and self._renewal.is_stale(time.monotonic()):
             self._switch_manual_control_on()
@@ -262,43 +263,43 @@ class Session:
         if self._manual_control.is_needed:
             self._switch_manual_control_on()
         self._link.wait_for_guardian(self._settings.robot_timeout, self._require_wanted)
-        self.edge.admit()
+        self.gate.open()
         self._prime()
-        self._attendant.met()
+        self._attendant.on_connected()
         self._is_met = True
-        if self._odometry_topic is not None and self.odometry.silence(time.monotonic()) is None:
+        if self._odometry_topic is not None and self.odometry.age(time.monotonic()) is None:
             self._node.get_logger().warning(
                 f'No odometry has come on {self._odometry_topic} yet: until some does, a robot '
                 'that is lost is noticed only when its subscription goes, which may take 20 s')
 
     def _switch_manual_control_on(self) -> None:
         asked = time.monotonic()
-        self._manual_control.take(self._settings.robot_timeout)
+        self._manual_control.enable(self._settings.robot_timeout)
         self._renewal.granted(asked)
 
     def _prime(self) -> None:
         """Send zeros for a while: a reader matches later than its writer sees it."""
-        end, wanted = time.monotonic() + self._settings.prime_time, self._guardian.primed
+        end, wanted = time.monotonic() + self._settings.prime_time, self._guardian.prime_count
         while time.monotonic() < end:
             self._require_wanted()
-            self.edge.zero(after=self.edge.run)
+            self.gate.send_zero(after=self.gate.run)
             self._publisher.sent.note_guardian(time.monotonic())
             self._guardian.prime()
             wanted += 1
             time.sleep(STOP_REPEAT_PERIOD)
         # A zero of the guardian that came late would fall into the motion.
-        if not wait_until(lambda: self._guardian.primed >= wanted, GUARDIAN_PRIME_TIMEOUT):
+        if not wait_until(lambda: self._guardian.prime_count >= wanted, GUARDIAN_PRIME_TIMEOUT):
             raise RunFaultError(f'the guardian did not answer within {GUARDIAN_PRIME_TIMEOUT:g} s')
 
     def _give_back(self) -> None:
-        wanted = self._settings.release_manual_control and self._manual_control.was_asked
+        wanted = self._settings.release_manual_control and self._manual_control.was_requested
         if not (wanted and self._node.context.ok()):
             return
-        self._spinner.ensure(take_over=True)
+        self._spinner.ensure_spinning(take_over=True)
         # Somebody else may drive the robot by now, under manual control.
         if self._foreign.is_heard(time.monotonic()) or self._foreign.listen():
             return
-        if not self._manual_control.give_back(RELEASE_TIMEOUT):
+        if not self._manual_control.release(RELEASE_TIMEOUT):
             self._node.get_logger().warning(
                 f'The robot did not confirm within {RELEASE_TIMEOUT:g} s that manual control is '
                 'off; it '
@@ -309,7 +310,7 @@ class Session:
         now = time.monotonic()
         # What a dead link has not delivered waits in the kernel for 3 s, velocities too.  They
         # must have gone before our publisher does: with it, a reader drops the zeros after them.
-        wanted = self.odometry.moves(now) or self._attendant.has_lost_robot(now)
+        wanted = self.odometry.is_moving(now) or self._attendant.has_lost_robot(now)
         return wanted and not self._foreign.is_heard(now)
 
     def _stop(self, reason: ControlError) -> str | None:
@@ -320,8 +321,8 @@ class Session:
             return f'the stop could not be sent: {error}'
         now = time.monotonic()
         # It may well move if it is not ours, or somebody else drives it by now.
-        is_ours = self.edge.access is GateState.OPEN and not self._foreign.is_heard(now)
-        if is_ours and self.odometry.moves(now):
+        is_ours = self.gate.state is GateState.OPEN and not self._foreign.is_heard(now)
+        if is_ours and self.odometry.is_moving(now):
             return ('the stop is unconfirmed: zeros were sent, and odometry still sees the robot '
                     'move')
         return None
@@ -342,7 +343,7 @@ class Session:
                 f'the guardian stopped the robot: {self._guardian.stopped_because}')
 
     def _require_other_thread(self) -> None:
-        if self._spinner.blocks_here():
+        if self._spinner.is_executor_thread():
             raise MotionRefusedError(
                 'a motion cannot run in a callback of its own node: it would wait for callbacks '
                 'that wait for it. Start it in a thread, or from the main program')
@@ -361,12 +362,13 @@ class Session:
         # Without a drive nothing of ours moves, and whoever drives is not to be fought.
         if not self._requests.is_busy:
             return
-        run = self.edge.cancel(reason)
+        run = self.gate.cancel(reason)
         if run is not None and run.ended_by is reason:
-            self.edge.zero(after=run)
+            self.gate.send_zero(after=run)
 
     def _callback_failed(self, error: BaseException) -> None:
-        self.halt(RunFaultError(f'a callback failed: {type(error).__name__}: {escaped(error)}'))
+        self.stop_permanently(
+            RunFaultError(f'a callback failed: {type(error).__name__}: {escaped(error)}'))
 
 
 def _reason(error: BaseException) -> ControlError:

@@ -66,9 +66,9 @@ class TickStatistics:
         #: whether a motion was planned and is not over
         self.is_on = False
         #: takes what happens, from any thread
-        self.hear: Callable[[Event], None]
+        self.on_event: Callable[[Event], None]
         self._unread: deque[Event | Plan] = deque(maxlen=MAX_TICKS)
-        self.hear = self.expect = self._unread.append
+        self.on_event = self.on_plan = self._unread.append
         self._stages: Sequence[PlannedStep] = ()
         self._began: float | None = None
         self._period = 0.0
@@ -80,7 +80,7 @@ class TickStatistics:
         """Whether the newest motion has sent its first velocity."""
         return self._began is not None
 
-    def count(self) -> None:
+    def process(self) -> None:
         """Count what happened since; in one thread at a time."""
         counted = 0
         while self._unread:
@@ -105,7 +105,7 @@ class TickStatistics:
                 self.is_on, self.failure, self._due = False, event.reason, None
 
     def _expect(self, plan: Plan) -> None:
-        self._stages, self._period = plan.stages, plan.period
+        self._stages, self._period = plan.steps, plan.period
         self._player, self._began, self._due = TickScheduler(plan), None, None
 
     def step(self, now: float) -> tuple[int, int]:
@@ -148,16 +148,16 @@ class SessionStatus:
     """
     One look at it.
 
-    :param listeners: how many take the node's velocities
-    :param others: who else has a publisher of velocities: the names of their nodes
+    :param subscriber_count: how many take the node's velocities
+    :param other_publishers: who else has a publisher of velocities: the names of their nodes
     :param guardian: what became of the guardian
     :param odometry_age: how old the newest odometry is [s]; None if there was none
     :param manual_control: whether manual control is on, as far as this node knows
     :param halted_by: why nothing moves any more; None if it does
     """
 
-    listeners: int
-    others: tuple[str, ...]
+    subscriber_count: int
+    other_publishers: tuple[str, ...]
     guardian: str
     odometry_age: float | None
     manual_control: str
@@ -191,9 +191,9 @@ class StatusReader:
     @property
     def is_closed(self) -> bool:
         """Whether the robot was given back: nothing is to be published any more."""
-        return self._edge.access is GateState.CLOSED
+        return self._edge.state is GateState.CLOSED
 
-    def look(self, now: float) -> SessionStatus:
+    def read(self, now: float) -> SessionStatus:
         """
         Look.
 
@@ -202,10 +202,10 @@ class StatusReader:
         """
         halted_by = self._halted_by()
         return SessionStatus(
-            listeners=self._link.listeners,
-            others=tuple(self._link.others()),
+            subscriber_count=self._link.subscriber_count,
+            other_publishers=tuple(self._link.other_publishers()),
             guardian=_guardian(self._guardian),
-            odometry_age=self._odometry.silence(now),
+            odometry_age=self._odometry.age(now),
             manual_control=self._manual_control.state(now),
             halted_by=str(halted_by) if halted_by else None)
 
@@ -262,8 +262,8 @@ def diagnose(tally: TickStatistics, standing: SessionStatus, now: float) -> Diag
         'step': '{} of {}'.format(*tally.step(now)),
         'late ticks': str(tally.late),
         'skipped ticks': str(tally.skipped),
-        'listeners': str(standing.listeners),
-        'other publishers': ', '.join(standing.others) or 'none',
+        'listeners': str(standing.subscriber_count),
+        'other publishers': ', '.join(standing.other_publishers) or 'none',
         'guardian': standing.guardian,
         'odometry age': 'never heard' if age is None else f'{age:.2f} s',
         'manual control': standing.manual_control,
@@ -288,8 +288,9 @@ def _worst(tally: TickStatistics, standing: SessionStatus, state: str) -> tuple[
     if tally.failure is not None:
         return Severity.WARN, f'the last motion was over before its end: {tally.failure}'
     doubts = [
-        ('nobody takes our velocities', not standing.listeners),
-        (f'others have publishers of velocities: {", ".join(standing.others)}', standing.others),
+        ('nobody takes our velocities', not standing.subscriber_count),
+        (f'others have publishers of velocities: {", ".join(standing.other_publishers)}',
+        standing.other_publishers),
         ('odometry is silent', (standing.odometry_age or 0.0) > OLD),
         ('velocities were skipped', tally.skipped),
     ]

@@ -172,7 +172,7 @@ class EventBus:
         """Return whether anybody wants to hear."""
         return bool(self._hearers)
 
-    def join(self, hearer: EventHandler) -> None:
+    def subscribe(self, hearer: EventHandler) -> None:
         """
         Add a hearer.
 
@@ -180,7 +180,7 @@ class EventBus:
         """
         self._hearers = (*self._hearers, hearer)
 
-    def tell(self, event: Event) -> None:
+    def publish(self, event: Event) -> None:
         """
         Tell everybody.
 

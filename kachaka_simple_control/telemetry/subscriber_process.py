@@ -62,26 +62,26 @@ class SubscriberProcess:
         os.close(reader)
         self._planning = threading.Lock()
         #: why it is told nothing more; None as long as it hears all
-        self.deaf_because: str | None = None
+        self.failure: str | None = None
 
-    def tell(self, event: Event) -> None:
+    def send(self, event: Event) -> None:
         """
         Tell it what happened; returns at once, but for a plan.
 
         :param event: what happened
         """
-        if self.deaf_because is not None:
+        if self.failure is not None:
             return
         try:
             if isinstance(event, MotionPlanned):
-                self._tell_patiently(event)
+                self._send_with_timeout(event)
             else:
                 for packet in encode(event):
                     os.write(self._pipe, packet)
         except BlockingIOError:
-            self.deaf_because = 'it did not keep up'
+            self.failure = 'it did not keep up'
         except OSError as error:
-            self.deaf_because = f'it is gone ({error.strerror})'
+            self.failure = f'it is gone ({error.strerror})'
 
     def close(self, patience: float) -> int | None:
         """
@@ -96,7 +96,7 @@ class SubscriberProcess:
         except subprocess.TimeoutExpired:
             return None
 
-    def _tell_patiently(self, event: Event) -> None:
+    def _send_with_timeout(self, event: Event) -> None:
         # Parts of two plans must not be mixed; whatever else is told meanwhile may come between.
         end = time.monotonic() + EXIT_TIMEOUT
         with self._planning:
@@ -143,33 +143,33 @@ class SubscriberProcesses:
         :param module: its program
         :param arguments: what that is told
         """
-        self.join(SubscriberProcess(
+        self.add(SubscriberProcess(
             [*processes.python_command(module), *arguments], processes.child_environment()))
 
-    def join(self, teller: SubscriberProcess) -> None:
+    def add(self, teller: SubscriberProcess) -> None:
         """
         Add one that was started.
 
         :param teller: tells it; closed in the end, in the order of joining
         """
         self._tellers.append(teller)
-        self._audience.join(teller.tell)
+        self._audience.subscribe(teller.send)
 
-    def dismiss(self, error: BaseException | None) -> None:
+    def shutdown(self, error: BaseException | None) -> None:
         """
         Tell them how it ended, and wait until they are done.
 
         :param error: why the program failed; None if it did not
         """
-        self._audience.tell(SessionEnded(
+        self._audience.publish(SessionEnded(
             time.monotonic(), self.still_after, signal_dispatcher.signum,
             str(error) if isinstance(error, Exception) else None))
         patience = (FINISH_TIMEOUT if signal_dispatcher.signum is None
                     else FINISH_TIMEOUT_WHEN_STOPPED)
         for teller in self._tellers:
             teller.close(patience)
-            if teller.deaf_because is not None:
-                _say(f'what was shown or reported ends early: {teller.deaf_because}')
+            if teller.failure is not None:
+                _say(f'what was shown or reported ends early: {teller.failure}')
 
 
 def _say(text: str) -> None:
@@ -190,6 +190,6 @@ def subscriber_processes(audience: EventBus) -> Iterator[SubscriberProcesses]:
     try:
         yield those
     except BaseException as error:
-        those.dismiss(error)
+        those.shutdown(error)
         raise
-    those.dismiss(None)
+    those.shutdown(None)

@@ -132,14 +132,14 @@ class RealBridge(BridgeNode):
         self._identity = meeting.identity
         self._frame_prefix = frame_prefix
         client = meeting.client
-        self._robot = RobotDriver(client, KACHAKA.hold, meeting.texts, self._speaker.tell, give_up)
+        self._robot = RobotDriver(client, KACHAKA.hold, meeting.texts, self._speaker.log, give_up)
         self._watch = HealthPoller(
-            client, self._robot, self._speaker.tell, self._publish_diagnostics)
+            client, self._robot, self._speaker.log, self._publish_diagnostics)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._feeds = [
             self._feed(publisher, fetch)
             for publisher, fetch in zip(self._odometry, (client.odometry, client.wheel_odometry))]
-        self._watch.look()
+        self._watch.poll()
         self._watch.start()
         for feed in self._feeds:
             feed.start()
@@ -163,7 +163,7 @@ class RealBridge(BridgeNode):
         try:
             wanted = velocity_command(velocity, KACHAKA.limits, now)
         except ValueError as error:
-            self._speaker.tell(Level.WARN, f'the robot refused: {error}')
+            self._speaker.log(Level.WARN, f'the robot refused: {error}')
             return
         self._robot.drive(wanted)
 

@@ -155,7 +155,7 @@ def _outcome(
     except grpc.RpcError as error:
         return _failure(error, deadline), None
     except ValueError as error:  # the channel was closed
-        return RpcResult(trouble=RpcFailure.GONE, text=escaped(error)), None
+        return RpcResult(failure=RpcFailure.GONE, text=escaped(error)), None
     result = getattr(answer, 'result', None)
     # Some robots leave the code of an error at 0: what was no success is not taken for one.
     code = 0 if result is None or result.success else result.error_code or -1
@@ -165,9 +165,9 @@ def _outcome(
 def _failure(error: Any, deadline: float) -> RpcResult:
     trouble = FAILURES.get(error.code(), RpcFailure.FAILED)
     if trouble is RpcFailure.LATE:
-        return RpcResult(trouble=trouble, text=LATE.format(deadline=deadline))
+        return RpcResult(failure=trouble, text=LATE.format(deadline=deadline))
     text = ' '.join(str(error.details() or error.code()).split())
     if text.startswith('failed to connect'):
         # What the system said comes last, after names of layers and the address.
         text = text.rpartition(': ')[2]
-    return RpcResult(trouble=trouble, text=escaped(text))
+    return RpcResult(failure=trouble, text=escaped(text))

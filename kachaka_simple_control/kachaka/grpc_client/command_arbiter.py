@@ -91,7 +91,7 @@ class CommandTimeout:
         self._last: float | None = None
         self._longest: float | None = None
 
-    def hear(self, is_stop: bool, now: float) -> None:
+    def on_command(self, is_stop: bool, now: float) -> None:
         """
         Take note of a command.
 
@@ -112,7 +112,7 @@ class CommandTimeout:
             return None
         return self._last + STREAM_TIMEOUT
 
-    def is_over(self, now: float) -> bool:
+    def has_expired(self, now: float) -> bool:
         """
         Tell once whether velocities have ceased.
 
@@ -143,7 +143,7 @@ class LatestCommand:
         self._newest: VelocityCommand | None = None
         self._motion: VelocityCommand | None = None
         #: whether a stop has to be sent before any motion
-        self.is_stop_owed = False
+        self.stop_pending = False
         #: how many motions were replaced, or dropped for their age or for a stop
         self.dropped = 0
 
@@ -154,12 +154,12 @@ class LatestCommand:
         :param command: the newest command
         """
         if command.is_stop:
-            self.owe_stop()
+            self.request_stop()
             return
         self.clear()
         self._newest = self._motion = command
 
-    def put_back(self, command: VelocityCommand) -> None:
+    def requeue(self, command: VelocityCommand) -> None:
         """
         Take in again a motion that the robot did not take, if it is still what is wanted.
 
@@ -168,10 +168,10 @@ class LatestCommand:
         if command is self._newest:
             self._motion = command
 
-    def owe_stop(self) -> None:
+    def request_stop(self) -> None:
         """Drop what waits; a stop is owed."""
         self.clear()
-        self.is_stop_owed = True
+        self.stop_pending = True
 
     def clear(self) -> None:
         """Forget the motion that waits, if one does, and all before it."""
@@ -184,7 +184,7 @@ class LatestCommand:
 
         :returns: whether one was
         """
-        was_owed, self.is_stop_owed = self.is_stop_owed, False
+        was_owed, self.stop_pending = self.stop_pending, False
         return was_owed
 
     def has_motion(self, now: float) -> bool:
@@ -196,7 +196,7 @@ class LatestCommand:
         """
         if self._motion is not None and now - self._motion.time > self._patience:
             self.clear()
-        return self._motion is not None and not self.is_stop_owed
+        return self._motion is not None and not self.stop_pending
 
     def take_motion(self, now: float) -> VelocityCommand | None:
         """
@@ -225,7 +225,7 @@ class RpcKind(Enum):
     MOTION = 'motion'
     STOP = 'stop'
     #: manual control, for a motion that was refused without it
-    TAKE = 'take'
+    ENABLE = 'take'
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +269,7 @@ class CommandArbiter:
         self._late = 0
         self._heard_last = float('-inf')
         #: whether motions wait for the commander to come to rest
-        self.is_barred = False
+        self.is_blocked = False
         #: whether the robot was given a motion, and has not confirmed a stop since
         self.may_move = False
         #: whether manual control was switched on for a motion
@@ -281,11 +281,11 @@ class CommandArbiter:
         return self._mailbox.dropped
 
     @property
-    def next_look(self) -> float | None:
+    def next_check(self) -> float | None:
         """Return when to ask again what is due, if nothing happens before [s]."""
         return self._silence.end
 
-    def hear(self, command: VelocityCommand) -> None:
+    def on_command(self, command: VelocityCommand) -> None:
         """
         Take a command in.
 
@@ -294,20 +294,20 @@ class CommandArbiter:
         is_rest = command.is_stop or command.time - self._heard_last > REARM_IDLE_TIME
         self._heard_last = command.time
         if self._is_linked and is_rest:
-            self.is_barred = False
-        if command.is_stop or not self.is_barred:
-            self._silence.hear(command.is_stop, command.time)
+            self.is_blocked = False
+        if command.is_stop or not self.is_blocked:
+            self._silence.on_command(command.is_stop, command.time)
             self._mailbox.put(command)
 
-    def due(self, now: float) -> RpcRequest | None:
+    def next_request(self, now: float) -> RpcRequest | None:
         """
         Return what to send now; ask again until it is nothing.
 
         :param now: the time [s, steady clock]
         :returns: the order, which is under way from now on
         """
-        if self._silence.is_over(now):
-            self._mailbox.owe_stop()
+        if self._silence.has_expired(now):
+            self._mailbox.request_stop()
         if not self._is_linked:
             return None
         order = self._stop(now) or self._take(now) or self._motion(now)
@@ -315,7 +315,7 @@ class CommandArbiter:
             self._under_way.append(order)
         return order
 
-    def ended(self, order: RpcRequest, outcome: RpcResult, now: float) -> None:
+    def on_response(self, order: RpcRequest, outcome: RpcResult, now: float) -> None:
         """
         Take in how an order ended.
 
@@ -326,41 +326,41 @@ class CommandArbiter:
         self._under_way.remove(order)
         if order.kind is RpcKind.STOP:
             self._stop_ended(outcome)
-        elif order.kind is RpcKind.TAKE:
+        elif order.kind is RpcKind.ENABLE:
             self._take_ended(outcome)
         else:
             self._motion_ended(order, outcome, now)
 
-    def connect(self) -> None:
+    def on_connected(self) -> None:
         """Take in that the robot answers."""
         self._is_linked = True
 
-    def lose(self) -> None:
+    def on_connection_lost(self) -> None:
         """Take in that the robot is out of reach; it is stopped when it is back."""
         self._is_linked = False
-        self.bar()
+        self.block_motion()
 
-    def bar(self) -> None:
+    def block_motion(self) -> None:
         """Send no motion until the commander has come to rest, and stop the robot if it moves."""
-        self.is_barred = True
-        self.rest()
+        self.is_blocked = True
+        self.cancel_motion()
 
-    def held_up(self, now: float) -> None:
+    def on_stall(self, now: float) -> None:
         """
         Take in that this program was frozen: what comes in now was waiting, and may be old.
 
         :param now: the time [s, steady clock]
         """
         self._heard_last = now
-        self.bar()
+        self.block_motion()
 
-    def rest(self) -> None:
+    def cancel_motion(self) -> None:
         """Forget every motion that came, and stop the robot if it moves."""
         self._wants_control = False
         self._silence = CommandTimeout()
         self._mailbox.clear()
         if self.may_move:
-            self._mailbox.owe_stop()
+            self._mailbox.request_stop()
 
     def _stop(self, now: float) -> RpcRequest | None:
         if any(order.kind is RpcKind.STOP for order in self._under_way):
@@ -375,7 +375,7 @@ class CommandArbiter:
         if self._under_way or not self._wants_control:
             return None
         self._wants_control = False
-        return RpcRequest(RpcKind.TAKE, None, STOP_RPC_TIMEOUT) if self._mailbox.has_motion(
+        return RpcRequest(RpcKind.ENABLE, None, STOP_RPC_TIMEOUT) if self._mailbox.has_motion(
             now) else None
 
     def _motion(self, now: float) -> RpcRequest | None:
@@ -386,29 +386,29 @@ class CommandArbiter:
         return RpcRequest(RpcKind.MOTION, command, self._hold)
 
     def _stop_ended(self, outcome: RpcResult) -> None:
-        if not outcome.is_heard:
-            self._mailbox.owe_stop()
-        elif not self._under_way and not self._mailbox.is_stop_owed:
+        if not outcome.got_response:
+            self._mailbox.request_stop()
+        elif not self._under_way and not self._mailbox.stop_pending:
             self.may_move = False
 
     def _take_ended(self, outcome: RpcResult) -> None:
         if outcome.is_success:
             self.has_taken = True
-        elif outcome.is_heard:
-            self.bar()
+        elif outcome.got_response:
+            self.block_motion()
 
     def _motion_ended(self, order: RpcRequest, outcome: RpcResult, now: float) -> None:
         assert order.command is not None
         was_overtaken, self._overtaken = order is self._overtaken, None
-        is_late = outcome.trouble is RpcFailure.LATE
+        is_late = outcome.failure is RpcFailure.LATE
         self._late = self._late + 1 if is_late else 0
         # Which of the two came last is not known; a newer motion would make up for it.
         if is_late or (was_overtaken and not self._mailbox.has_motion(now)):
-            self._mailbox.owe_stop()
+            self._mailbox.request_stop()
         if outcome.code == ERROR_NO_MANUAL_CONTROL:
             self._wants_control = True
-            self._mailbox.put_back(order.command)
+            self._mailbox.requeue(order.command)
         elif self._late >= MAX_CONSECUTIVE_TIMEOUTS or (
-            outcome.is_heard and not outcome.is_success):
+            outcome.got_response and not outcome.is_success):
             self._late = 0
-            self.bar()
+            self.block_motion()

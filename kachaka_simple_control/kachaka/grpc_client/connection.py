@@ -68,11 +68,11 @@ def connect(address: Address) -> ConnectedRobot:
 
 
 def _silent(address: Address, outcome: RpcResult) -> str:
-    if outcome.trouble is RpcFailure.LATE:
+    if outcome.failure is RpcFailure.LATE:
         return (f'{address} accepts connections, but does not answer within {IDENTIFY_TIMEOUT:g} '
                 's: is '
                 'this the address of the robot? If it is, restart the robot')
-    if outcome.trouble is RpcFailure.GONE:
+    if outcome.failure is RpcFailure.GONE:
         return (f'{address} accepts connections, but does not answer ({outcome.text}): if this is '
                 f'the address of the robot, {SWITCH_ON}')
     return f'{address} answers, but not as a Kachaka does ({outcome.text})'

@@ -38,12 +38,12 @@ class RpcResult:
     The robot's answer to one call, or why there is none.
 
     :param code: the robot's error code, 0 for success; None without an answer
-    :param trouble: why there is no answer
+    :param failure: why there is no answer
     :param text: the same for a person
     """
 
     code: int | None = None
-    trouble: RpcFailure | None = None
+    failure: RpcFailure | None = None
     text: str = ''
 
     @property
@@ -52,9 +52,9 @@ class RpcResult:
         return self.code == SUCCESS
 
     @property
-    def is_heard(self) -> bool:
+    def got_response(self) -> bool:
         """Whether the robot was there to answer."""
-        return self.trouble in (None, RpcFailure.FAILED)
+        return self.failure in (None, RpcFailure.FAILED)
 
 
 #: A robot that has answered nothing for so long [s], though it was asked, is out of reach.
@@ -84,7 +84,7 @@ class ConnectionState:
         self._heard_last = float('-inf')
         self._failing_since: float | None = None
 
-    def note(self, outcome: RpcResult, begun: float, now: float) -> ConnectionEvent | None:
+    def on_result(self, outcome: RpcResult, begun: float, now: float) -> ConnectionEvent | None:
         """
         Take in how a call ended.
 
@@ -93,13 +93,13 @@ class ConnectionState:
         :param now: the time [s, steady clock]
         :returns: what has changed with it
         """
-        if outcome.is_heard:
+        if outcome.got_response:
             self._failing_since, self._heard_last = None, now
             return None if self.is_up else self._found(now)
         if self._failing_since is None:
             self._failing_since = begun
         silence = now - max(self._failing_since, self._heard_last)
-        is_lost = outcome.trouble is RpcFailure.GONE or silence >= CONNECTION_TIMEOUT
+        is_lost = outcome.failure is RpcFailure.GONE or silence >= CONNECTION_TIMEOUT
         return self._lost(outcome.text, now) if is_lost and self.is_up else None
 
     def _found(self, now: float) -> ConnectionEvent:

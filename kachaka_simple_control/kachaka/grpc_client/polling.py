@@ -49,7 +49,7 @@ class LogThread:
         self._thread = threading.Thread(target=self._run, name='speaker', daemon=True)
         self._thread.start()
 
-    def tell(self, level: Level, text: str) -> None:
+    def log(self, level: Level, text: str) -> None:
         """
         Have something said; returns at once.
 
@@ -120,7 +120,7 @@ class OdometryPoller:
         """Wait for the end; soon after the connection was closed."""
         self._thread.join(ODOMETRY_DEADLINE)
 
-    def step(self) -> float:
+    def poll(self) -> float:
         """
         Fetch and publish once, if somebody listens.
 
@@ -133,11 +133,11 @@ class OdometryPoller:
         outcome, answer = self._fetch(self._cursor, ODOMETRY_DEADLINE)
         if self._over.is_set():
             return 0.0
-        if outcome.trouble is not RpcFailure.LATE:
+        if outcome.failure is not RpcFailure.LATE:
             self._note(outcome, begun)
         if answer is None:
             self._cursor = 0
-            return 0.0 if outcome.trouble is RpcFailure.LATE else IDLE
+            return 0.0 if outcome.failure is RpcFailure.LATE else IDLE
         cursor = answer.metadata.cursor
         if cursor == 0 or cursor != self._cursor:
             self._publish(answer.odometry)
@@ -146,7 +146,7 @@ class OdometryPoller:
 
     def _run(self) -> None:
         while not self._over.is_set():
-            pause = self.step()
+            pause = self.poll()
             if pause > 0.0:
                 self._over.wait(pause)
 
@@ -190,7 +190,7 @@ class HealthPoller:
         self._over.set()
         self._thread.join(HEALTH_DEADLINE / 2.0)
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Look once."""
         begun = time.monotonic()
         outcome, codes = self._client.errors(HEALTH_DEADLINE)
@@ -202,7 +202,7 @@ class HealthPoller:
 
     def _run(self) -> None:
         while not self._over.is_set():
-            self.look()
+            self.poll()
             self._over.wait(HEALTH_PERIOD if self._robot.link.is_up else HEALTH_PERIOD_WHEN_LOST)
 
     def _learn(self, codes: list[int]) -> None:

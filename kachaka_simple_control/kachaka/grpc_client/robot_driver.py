@@ -72,7 +72,7 @@ class RobotDriver:
         """
         self._client = client
         self._hold = hold
-        self._helm = CommandArbiter(hold)
+        self._arbiter = CommandArbiter(hold)
         self._tell = tell
         self._give_up = give_up
         self._changed = threading.Condition()
@@ -91,7 +91,7 @@ class RobotDriver:
     @property
     def dropped(self) -> int:
         """Return how many motions were never sent, for newer ones or for their age."""
-        return self._helm.dropped
+        return self._arbiter.dropped
 
     def drive(self, command: VelocityCommand) -> None:
         """
@@ -100,7 +100,7 @@ class RobotDriver:
         :param command: the newest command
         """
         with self._changed:
-            self._helm.hear(command)
+            self._arbiter.on_command(command)
             self._changed.notify()
 
     def set_manual_control(self, enabled: bool) -> RpcResult:
@@ -113,7 +113,7 @@ class RobotDriver:
         if not enabled:
             # What came before must not take the robot again.
             with self._changed:
-                self._helm.rest()
+                self._arbiter.cancel_motion()
                 self._changed.notify()
         begun = time.monotonic()
         outcome = self._client.set_manual_control(enabled, MANUAL_CONTROL_DEADLINE)
@@ -138,7 +138,7 @@ class RobotDriver:
         with self._changed:
             self._is_over = True
             self._changed.notify_all()
-            may_move, has_control = self._helm.may_move, self._has_control
+            may_move, has_control = self._arbiter.may_move, self._has_control
         if may_move:
             self._client.set_velocity(0.0, 0.0, SHUTDOWN_RPC_TIMEOUT)
         for worker in self._workers:
@@ -154,49 +154,49 @@ class RobotDriver:
         with self._changed:
             while not self._is_over:
                 now = time.monotonic()
-                order = self._helm.due(now)
+                order = self._arbiter.next_request(now)
                 if order is not None:
-                    self._carry_out(order)
+                    self._execute(order)
                     continue
                 self._pause(now)
 
     def _pause(self, now: float) -> None:
         """Wait for something to do; and notice when this program was frozen meanwhile."""
-        look = self._helm.next_look
+        look = self._arbiter.next_check
         timeout = WORKER_PERIOD if look is None else max(0.0, min(look - now, WORKER_PERIOD))
         self._changed.wait(timeout)
-        self._look_back(now, timeout)
+        self._detect_stall(now, timeout)
 
-    def _look_back(self, begun: float, allowed: float) -> None:
+    def _detect_stall(self, begun: float, allowed: float) -> None:
         """Notice that something took longer than it can: this program was frozen."""
         woken = time.monotonic()
         if woken - begun > allowed + self._hold and not self._is_over:
-            if self._helm.may_move:
+            if self._arbiter.may_move:
                 text = f'the bridge was held up for {woken - begun:.1f} s; the robot {GOES_ON}'
                 self._tell(Level.WARN, text)
-            self._helm.held_up(woken)
+            self._arbiter.on_stall(woken)
 
-    def _carry_out(self, order: RpcRequest) -> None:
+    def _execute(self, order: RpcRequest) -> None:
         self._changed.release()
         begun = time.monotonic()
         try:
             outcome = self._perform(order)
         except Exception as error:  # whatever it is, the next zero must be able to leave
             text = escaped(f'{type(error).__name__}: {error}')
-            outcome = RpcResult(trouble=RpcFailure.FAILED, text=text)
+            outcome = RpcResult(failure=RpcFailure.FAILED, text=text)
         finally:
             self._changed.acquire()
-        was_barred = self._helm.is_barred
-        self._helm.ended(order, outcome, time.monotonic())
-        if order.command is not None and outcome.is_heard:
+        was_barred = self._arbiter.is_blocked
+        self._arbiter.on_response(order, outcome, time.monotonic())
+        if order.command is not None and outcome.got_response:
             self.round_trip = time.monotonic() - begun
-        if order.kind is RpcKind.TAKE and outcome.is_success:
+        if order.kind is RpcKind.ENABLE and outcome.is_success:
             self._controls(True)
         self._note(outcome, begun)
-        if self._helm.is_barred and not was_barred and self.link.is_up:
-            self._cut(order, outcome)
+        if self._arbiter.is_blocked and not was_barred and self.link.is_up:
+            self._report_abort(order, outcome)
         # What came while a call was frozen is as old as what came while nothing was done.
-        self._look_back(begun, order.deadline)
+        self._detect_stall(begun, order.deadline)
         self._changed.notify()
 
     def _perform(self, order: RpcRequest) -> RpcResult:
@@ -208,24 +208,24 @@ class RobotDriver:
     def _note(self, outcome: RpcResult, begun: float) -> None:
         if self._is_over:
             return  # calls that the end cut short say nothing about the link
-        change = self.link.note(outcome, begun, time.monotonic())
+        change = self.link.on_result(outcome, begun, time.monotonic())
         if change is ConnectionEvent.LOST:
-            moved = self._helm.may_move
-            self._helm.lose()
+            moved = self._arbiter.may_move
+            self._arbiter.on_connection_lost()
             self._tell(Level.ERROR, f'the link to the robot is lost: {self.link.reason}')
             if moved:
                 self._give_up(f'the link to the robot was lost: {self.link.reason}')
         elif change is not None:
-            self._helm.connect()
+            self._arbiter.on_connected()
             if change is ConnectionEvent.BACK:
                 self._tell(Level.WARN, f'the link to the robot is back; it {GOES_ON}')
             self._changed.notify()
 
-    def _cut(self, order: RpcRequest, outcome: RpcResult) -> None:
-        if outcome.trouble is not None:
+    def _report_abort(self, order: RpcRequest, outcome: RpcResult) -> None:
+        if outcome.failure is not None:
             reason = f'the robot did not answer a velocity: {outcome.text}'
         else:
-            what = 'manual control' if order.kind is RpcKind.TAKE else 'a velocity'
+            what = 'manual control' if order.kind is RpcKind.ENABLE else 'a velocity'
             reason = f'the robot refused {what}: {self.describe(outcome)}'
         self._tell(Level.ERROR, f'{reason}; it {GOES_ON}')
         self._give_up(reason)

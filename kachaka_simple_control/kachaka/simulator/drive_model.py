@@ -66,7 +66,7 @@ class SimulationParameters:
             _check(field.name, getattr(self, field.name))
 
     @property
-    def is_prompt(self) -> bool:
+    def is_ideal(self) -> bool:
         """Whether the velocity is constant between two commands, and equal to what was asked."""
         return (
             self.lag == 0.0 and self.velocity_noise == 0.0
@@ -167,7 +167,7 @@ class DriveModel:
         self._tick = 0
         self._gain = Velocity(fidelity.linear_gain, fidelity.angular_gain)
 
-    def aim(self, target: Velocity, now: float) -> None:
+    def set_target(self, target: Velocity, now: float) -> None:
         """
         Demand a velocity from now on.
 
@@ -178,7 +178,7 @@ class DriveModel:
         self._state = self._after(now)
         self._target = target
 
-    def at(self, now: float) -> tuple[Pose, Velocity]:
+    def state_at(self, now: float) -> tuple[Pose, Velocity]:
         """
         Return where the robot truly is, and how fast.
 
@@ -198,7 +198,7 @@ class DriveModel:
 
     def _advance(self, now: float) -> None:
         """Move the state to the last grid point that is not in the future."""
-        if self._fidelity.is_prompt:
+        if self._fidelity.is_ideal:
             return
         while not self._is_resting and (following := self._grid(self._tick + 1)) <= now:
             self._state = self._after(following)

@@ -112,7 +112,7 @@ class GrpcServer:
         except RuntimeError as error:
             raise OSError(str(error)) from error
         await self._server.start()
-        self._keeping = asyncio.create_task(self.station.keep())
+        self._keeping = asyncio.create_task(self.station.run())
         return f'{name}:{port}'
 
     async def stop(self) -> None:
@@ -165,7 +165,7 @@ class ServerThread:
         async def work() -> T:
             station = self._server.station
             answer = function(station.robot, station.now())
-            station.announce()
+            station.notify()
             return answer
         return asyncio.run_coroutine_threadsafe(work(), self._loop).result()
 

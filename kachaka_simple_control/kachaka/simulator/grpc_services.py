@@ -70,14 +70,14 @@ class DrivingService:
             ) -> pb2.SetManualControlEnabledResponse:
         """Take velocities for 60 s, or none."""
         code = self._station.robot.set_manual_control(request.enable, self._station.now())
-        self._station.announce()
+        self._station.notify()
         return pb2.SetManualControlEnabledResponse(result=grpc_messages.result(code))
 
     async def SetEmergencyStop(
             self, request: pb2.EmptyRequest, context: Any) -> pb2.SetEmergencyStopResponse:
         """Stop, and stay until the power button is pressed."""
         code = self._station.robot.set_emergency_stop(self._station.now())
-        self._station.announce()
+        self._station.notify()
         return pb2.SetEmergencyStopResponse(result=grpc_messages.result(code))
 
     async def GetManualControlEnabled(
@@ -129,7 +129,7 @@ class SensingService:
         if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):
             return pb2.SetRobotPoseResponse(result=grpc_messages.result(ERROR_NOT_A_VELOCITY))
         station.localisation.correct(believed, station.robot.odometry(station.now())[0])
-        station.announce()
+        station.notify()
         return pb2.SetRobotPoseResponse(result=grpc_messages.result(SUCCESS))
 
     def _read_pose(self, now: float) -> pb2.Pose:
@@ -286,7 +286,7 @@ class EquipmentService:
         code = _check(request.volume, LOUDEST)
         if code == SUCCESS:
             self._volume = request.volume
-            self._station.announce()
+            self._station.notify()
         return pb2.SetSpeakerVolumeResponse(result=grpc_messages.result(code))
 
     async def SetFrontTorchIntensity(
@@ -315,7 +315,7 @@ class EquipmentService:
             ) -> pb2.SetAutoHomingEnabledResponse:
         """Keep it; the simulated robot never drives home by itself."""
         self._homes = request.enable
-        self._station.announce()
+        self._station.notify()
         return pb2.SetAutoHomingEnabledResponse(result=grpc_messages.result(SUCCESS))
 
 

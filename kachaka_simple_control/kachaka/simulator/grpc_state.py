@@ -126,7 +126,7 @@ class SimulatorState:
     Where the robot stands; of one event loop, so that nobody has to lock anything.
 
     Whoever changes the robot says so, and whoever waits for a change is woken: by that, and by
-    ``keep()`` whenever the robot changes by itself.
+    ``run()`` whenever the robot changes by itself.
     """
 
     def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
@@ -146,7 +146,7 @@ class SimulatorState:
         """Return the time [s]."""
         return self.clock.now()
 
-    def announce(self) -> None:
+    def notify(self) -> None:
         """Wake all who wait, for something changed."""
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
@@ -169,11 +169,11 @@ class SimulatorState:
         if timeout == 0.0:
             await asyncio.sleep(0.0)
 
-    async def keep(self) -> None:
+    async def run(self) -> None:
         """Let the robot live on while nobody asks for it, and say what becomes of it."""
         while True:
             following = self.robot.next_change(self.now())
             await self.wait(following)
             if self.now() >= following:
                 self.robot.state(self.now())
-                self.announce()
+                self.notify()

@@ -151,8 +151,8 @@ class CommandService:
         :param station: where it is
         """
         self._station = station
-        self._errand = LongPollValue(station, station.robot.errand)
-        self._outcomes = LongPollValue(station, station.robot.outcomes)
+        self._errand = LongPollValue(station, station.robot.task)
+        self._outcomes = LongPollValue(station, station.robot.task_results)
         self._constant = constant(station)
 
     async def StartCommand(
@@ -163,16 +163,16 @@ class CommandService:
         errand = task_from_request(request, station, identity)
         if isinstance(errand, int):
             return pb2.StartCommandResponse(result=grpc_messages.result(errand))
-        code = station.robot.start_errand(errand, station.now(), request.cancel_all)
-        station.announce()
+        code = station.robot.start_task(errand, station.now(), request.cancel_all)
+        station.notify()
         return pb2.StartCommandResponse(
             result=grpc_messages.result(code), command_id=identity if code == SUCCESS else '')
 
     async def CancelCommand(
             self, request: pb2.EmptyRequest, context: Any) -> pb2.CancelCommandResponse:
         """End all commands at once."""
-        errand = self._station.robot.cancel_errands(self._station.now())
-        self._station.announce()
+        errand = self._station.robot.cancel_tasks(self._station.now())
+        self._station.notify()
         code = ERROR_NOTHING_TO_DO if errand is None else SUCCESS
         return pb2.CancelCommandResponse(
             result=grpc_messages.result(code), command=_command(errand))
@@ -196,7 +196,7 @@ class CommandService:
         last = outcomes[-1]
         return pb2.GetLastCommandResultResponse(
             metadata=grpc_messages.metadata(cursor), result=grpc_messages.result(last.code),
-            command=_command(last.errand), command_id=last.errand.identity)
+            command=_command(last.task), command_id=last.task.identity)
 
     async def GetHistoryList(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetHistoryListResponse:
@@ -209,7 +209,7 @@ class CommandService:
     async def Proceed(self, request: pb2.EmptyRequest, context: Any) -> pb2.ProceedResponse:
         """End a lock."""
         code = self._station.robot.end_stay(self._station.now())
-        self._station.announce()
+        self._station.notify()
         return pb2.ProceedResponse(result=grpc_messages.result(code))
 
     async def GetShortcuts(
@@ -230,8 +230,8 @@ def _command(errand: Task | None) -> pb2.Command | None:
 
 
 def _history(outcome: TaskResult) -> pb2.History:
-    note = outcome.errand.note
+    note = outcome.task.note
     return pb2.History(
-        id=outcome.errand.identity, command=_command(outcome.errand), success=outcome.is_success,
+        id=outcome.task.identity, command=_command(outcome.task), success=outcome.is_success,
         error_code=outcome.code,
         command_executed_time=note.time if isinstance(note, ReceivedCommand) else 0)

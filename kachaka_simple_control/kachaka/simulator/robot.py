@@ -112,7 +112,7 @@ class SimulatedKachaka:
         if enabled and self._is_paused:
             return ERROR_PAUSED
         if enabled:
-            self._drop_errands(ERROR_CANCELLED, now)
+            self._drop_tasks(ERROR_CANCELLED, now)
             self._until[TimedState.MANUAL_CONTROL] = now + self._profile.manual_control_timeout
             self._leave_dock(now)
         elif TimedState.MANUAL_CONTROL in self._until:
@@ -141,16 +141,16 @@ class SimulatedKachaka:
             return ERROR_NO_MANUAL_CONTROL
         if TimedState.UNDOCKING not in self._until:
             self._until[TimedState.HOLD] = now + self._profile.hold
-            self._drive.aim(self._demanded(linear, angular), now)
+            self._drive.set_target(self._demanded(linear, angular), now)
         return SUCCESS
 
-    def start_errand(self, errand: Task, now: float, drop_others: bool = True) -> int:
+    def start_task(self, errand: Task, now: float, drop_others: bool = True) -> int:
         """
         Send the robot to do something by itself; that ends manual control (chosen).
 
         On the dock, it drives off first if it has to move at all (chosen).
 
-        :param errand: what to do
+        :param task: what to do
         :param now: the time [s]
         :param drop_others: whether to drop what it was sent to do before, rather than to wait
         :returns: 0, or the code of the error; with an error nothing changes
@@ -159,7 +159,7 @@ class SimulatedKachaka:
         if self._is_paused and errand.moves:
             return ERROR_PAUSED
         if drop_others:
-            self._drop_errands(ERROR_CANCELLED, now)
+            self._drop_tasks(ERROR_CANCELLED, now)
         if TimedState.MANUAL_CONTROL in self._until:
             self._until.pop(TimedState.HOLD, None)
             self._end(TimedState.MANUAL_CONTROL, now)
@@ -170,7 +170,7 @@ class SimulatedKachaka:
         self._pass(now)
         return SUCCESS
 
-    def cancel_errands(self, now: float) -> Task | None:
+    def cancel_tasks(self, now: float) -> Task | None:
         """
         Stop, and drop all errands.
 
@@ -179,7 +179,7 @@ class SimulatedKachaka:
         """
         now = self._pass(now)
         errand = self._errands.current
-        self._drop_errands(ERROR_CANCELLED, now)
+        self._drop_tasks(ERROR_CANCELLED, now)
         return errand
 
     def end_stay(self, now: float) -> int:
@@ -207,10 +207,10 @@ class SimulatedKachaka:
         :returns: 0
         """
         now = self._pass(now)
-        self._drop_errands(ERROR_PAUSED, now)
+        self._drop_tasks(ERROR_PAUSED, now)
         self._is_paused = True
         self._until.clear()
-        self._drive.aim(ZERO, now)
+        self._drive.set_target(ZERO, now)
         return SUCCESS
 
     def press_power_button(self, now: float) -> None:
@@ -224,7 +224,7 @@ class SimulatedKachaka:
         else:
             self.set_emergency_stop(now)
 
-    def errand(self, now: float) -> Task | None:
+    def task(self, now: float) -> Task | None:
         """
         Return what the robot does by itself.
 
@@ -234,7 +234,7 @@ class SimulatedKachaka:
         self._pass(now)
         return self._errands.current
 
-    def outcomes(self, now: float) -> tuple[TaskResult, ...]:
+    def task_results(self, now: float) -> tuple[TaskResult, ...]:
         """
         Return how the errands ended.
 
@@ -242,7 +242,7 @@ class SimulatedKachaka:
         :returns: the last hundred outcomes, newest last
         """
         self._pass(now)
-        return tuple(self._errands.outcomes)
+        return tuple(self._errands.results)
 
     def errors(self, now: float) -> tuple[int, ...]:
         """
@@ -302,7 +302,7 @@ class SimulatedKachaka:
         :param now: the time [s]
         :returns: pose and velocity
         """
-        return self._drive.at(self._pass(now))
+        return self._drive.state_at(self._pass(now))
 
     def odometry(self, now: float) -> tuple[Pose, Velocity]:
         """
@@ -331,24 +331,24 @@ class SimulatedKachaka:
         # Whatever ends, the robot stops; but the way off the dock is driven to its end (chosen).
         del self._until[phase]
         if TimedState.UNDOCKING not in self._until:
-            self._drive.aim(ZERO, now)
+            self._drive.set_target(ZERO, now)
 
     def _attend(self, now: float) -> None:
         """Go on with the errands at their time."""
         while (errand := self._errands.current) is not None:
             if self._is_docked and errand.moves:
                 self._is_docked = False
-                self._errands.put_first(DriveStraight(
+                self._errands.prepend(DriveStraight(
                     self._fidelity.undock_distance, self._fidelity.undock_velocity))
-            answer = self._errands.proceed(*self._drive.at(now), now)
+            answer = self._errands.proceed(*self._drive.state_at(now), now)
             if not isinstance(answer, TaskResult):
                 velocity, self._until[TimedState.ERRAND] = answer
-                self._drive.aim(velocity, now)
+                self._drive.set_target(velocity, now)
                 return
             self._is_docked = self._is_docked or (answer.is_success and errand.ends_docked)
         self._end(TimedState.ERRAND, now)
 
-    def _drop_errands(self, code: int, now: float) -> None:
+    def _drop_tasks(self, code: int, now: float) -> None:
         self._errands.drop_all(code)
         if TimedState.ERRAND in self._until:
             self._end(TimedState.ERRAND, now)
@@ -358,7 +358,7 @@ class SimulatedKachaka:
             self._is_docked = False
             velocity = self._fidelity.undock_velocity
             self._until[TimedState.UNDOCKING] = now + self._fidelity.undock_distance / velocity
-            self._drive.aim(Velocity(linear_x=velocity), now)
+            self._drive.set_target(Velocity(linear_x=velocity), now)
 
     def _demanded(self, linear: float, angular: float) -> Velocity:
         limits = self._profile.limits

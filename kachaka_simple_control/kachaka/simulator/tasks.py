@@ -53,7 +53,7 @@ class ActionController:
         """
         self._start = start
         self._lag = fidelity.lag
-        self._near, self._slow = (TOLERANCE, math.inf) if fidelity.is_prompt else (
+        self._near, self._slow = (TOLERANCE, math.inf) if fidelity.is_ideal else (
             TOLERANCE_WITH_LAG, SLOW)
         self._is_turn = isinstance(leg, (TurnInPlace, FacePoint, TurnToHeading))
         asked = abs(leg.speed) if isinstance(leg, DriveStraight) else 0.0
@@ -70,7 +70,7 @@ class ActionController:
             leg.duration if isinstance(leg, StandStill)
             else TIMES * abs(self._length) / self._speed + MORE)
 
-    def look(
+    def step(
             self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity, float] | bool:
         """
         Look where the robot is.
@@ -298,11 +298,11 @@ class TaskResult:
     """
     How an errand ended.
 
-    :param errand: the errand
+    :param task: the errand
     :param code: 0, or the code of the error
     """
 
-    errand: Task
+    task: Task
     code: int
 
     @property
@@ -328,7 +328,7 @@ class TaskQueue:
         self._way: ActionController | None = None
         self.current: Task | None = None
         #: Newest last.
-        self.outcomes: deque[TaskResult] = deque(maxlen=MAX_RESULTS)
+        self.results: deque[TaskResult] = deque(maxlen=MAX_RESULTS)
 
     def add(self, errand: Task) -> None:
         """
@@ -347,11 +347,11 @@ class TaskQueue:
         :param code: why
         """
         dropped = [] if self.current is None else [self.current]
-        self.outcomes.extend(TaskResult(errand, code) for errand in (*dropped, *self._waiting))
+        self.results.extend(TaskResult(errand, code) for errand in (*dropped, *self._waiting))
         self._waiting.clear()
         self._begin_next()
 
-    def put_first(self, leg: Action) -> None:
+    def prepend(self, leg: Action) -> None:
         """
         Do something before the next leg.
 
@@ -388,7 +388,7 @@ class TaskQueue:
             if self._way is None:
                 self._way = ActionController(
                     self._legs[0], pose, now, self._limits, self._fidelity)
-            answer = self._way.look(pose, velocity, now)
+            answer = self._way.step(pose, velocity, now)
             if not isinstance(answer, bool):
                 return answer
             if not answer:
@@ -400,7 +400,7 @@ class TaskQueue:
     def _finish(self, code: int) -> TaskResult:
         assert self.current is not None, 'somebody proceeds with nothing'
         outcome = TaskResult(self.current, code)
-        self.outcomes.append(outcome)
+        self.results.append(outcome)
         self._begin_next()
         return outcome
 
