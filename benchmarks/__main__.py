@@ -27,11 +27,11 @@ import sys
 import time
 from typing import Any
 
-from benchmarks.bars import judge
 from benchmarks.figures import figures
 from benchmarks.page import updated
 from benchmarks.scale import FULL, QUICK, Scale
 from benchmarks.tables import Table, tables
+from benchmarks.thresholds import judge
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / 'benchmarks' / 'results'
@@ -52,7 +52,7 @@ def measure(scale: Scale) -> dict[str, Any]:
     # Before anything loads rclpy: no robot, and no other run, may hear this one.
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     use_localhost_only()
-    from benchmarks import endings, machine, planning, timing
+    from benchmarks import machine, planning, startup_shutdown, timing
     described = machine.describe()
     begin = time.monotonic()
     # A later kind of measurement adds its line here.
@@ -60,9 +60,9 @@ def measure(scale: Scale) -> dict[str, Any]:
         'date': f'{datetime.now(timezone.utc):%Y-%m-%d}',
         'moves': {str(rate): count for rate, count in scale.moves.items()},
         'machine': described,
-        'starts': endings.measure_starts(scale),
-        'signals': endings.measure_signals(scale),
-        'firsts': endings.measure_firsts(scale),
+        'starts': startup_shutdown.measure_starts(scale),
+        'signals': startup_shutdown.measure_signals(scale),
+        'firsts': startup_shutdown.measure_firsts(scale),
         'timing': timing.measure_timing(scale),
         'planning': planning.measure_planning(scale.plans),
         'exactness': planning.measure_exactness()}

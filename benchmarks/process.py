@@ -49,7 +49,7 @@ class Contender:
         self._log = tempfile.TemporaryFile('w+')  # noqa: SIM115 (closed on leaving)
         self.started = time.time()
         self.process = subprocess.Popen(
-            [sys.executable, '-m', 'benchmarks.contender', name, mode, str(rate), namespace],
+            [sys.executable, '-m', 'benchmarks.loop_process', name, mode, str(rate), namespace],
             cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log,
             text=True, start_new_session=True)
         self._said: queue.Queue[Any] = queue.Queue()

@@ -22,8 +22,8 @@ from typing import Any
 
 from kachaka_simple_control.report.metrics import median
 
-from benchmarks.bars import judge, Verdict
 from benchmarks.figures import Figure, figures, find, signal_groups, where, zeros
+from benchmarks.thresholds import judge, Verdict
 
 NAMES = {
     'ours': 'ours', 'lesson': "the lesson's loop", 'timer': 'rclpy timer', 'rate': 'rclpy Rate',

@@ -48,7 +48,7 @@ def listener():
 def watcher():
     """Yield somebody who looks at what a node shows."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
-    from watcher import Watcher
+    from topic_observer import Watcher
     with Watcher() as watcher:
         yield watcher
 

@@ -20,11 +20,11 @@ from pathlib import Path
 import shutil
 import textwrap
 
-from documents import Block, blocks, COMMANDS, DOCUMENTS, NOT_RUN, placeholders
+from doc_blocks import Block, blocks, COMMANDS, DOCUMENTS, NOT_RUN, placeholders
+from doc_output import compare
+from doc_runner import Reader, searched
 from program import ROOT
 import pytest
-from quotes import compare
-from reader import Reader, searched
 
 EXAMPLES = sorted(ROOT.glob('examples/*.py'))
 ALL = [block for path in DOCUMENTS for block in blocks(path)]

@@ -54,11 +54,11 @@ def measure(parts: Sequence[str], losses: Sequence[int], counts: dict[str, int])
     """
     # Before anything is started that loads rclpy: no other robot hears these.
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    from benchmarks.lossy_link.answers import measure_answers
-    from benchmarks.lossy_link.cable import measure_cable
-    from benchmarks.lossy_link.moves import measure_moves, RATES
-    from benchmarks.lossy_link.rig import rig
-    from benchmarks.lossy_link.stops import measure_stops
+    from benchmarks.lossy_link.disconnect_test import measure_cable
+    from benchmarks.lossy_link.fixture import rig
+    from benchmarks.lossy_link.motion_test import measure_moves, RATES
+    from benchmarks.lossy_link.service_test import measure_answers
+    from benchmarks.lossy_link.stop_test import measure_stops
     run: dict[str, Any] = {
         'date': f'{datetime.now(timezone.utc):%Y-%m-%d}', 'machine': machine.describe(),
         **{part: [] for part in PARTS}}

@@ -27,7 +27,7 @@ import time
 from typing import Any
 
 from benchmarks.page import updated
-from benchmarks.stop_matrix.promise import broken, too_slow
+from benchmarks.stop_matrix.expectation import broken, too_slow
 from benchmarks.stop_matrix.rows import CORE, Row, ROWS
 from benchmarks.stop_matrix.table import matrix
 from benchmarks.stop_matrix.trial import Trial
@@ -60,7 +60,7 @@ def measure(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[st
     # What ends by SIGQUIT would leave a core behind.
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     from benchmarks import machine
-    from benchmarks.stop_matrix.stage import run
+    from benchmarks.stop_matrix.runner import run
     described, begin = machine.describe(), time.monotonic()
     seen = run(rows, over_grpc)
     print(f'tried in {(time.monotonic() - begin) / 60.0:.1f} minutes\n')

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 from benchmarks.stop_matrix.robot_process import RobotProcess
 
 if TYPE_CHECKING:
-    from benchmarks.stop_matrix.scene import Scene
+    from benchmarks.stop_matrix.trial_setup import Scene
 
 Cause = Callable[['Scene'], float]
 #: A robot keeps its last velocity for this long [s].

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from benchmarks.stop_matrix.faults import at_its_end, STOP
 
 if TYPE_CHECKING:
-    from benchmarks.stop_matrix.scene import Scene
+    from benchmarks.stop_matrix.trial_setup import Scene
 
 #: How fast somebody else drives [m/s].
 OTHERS = 0.05

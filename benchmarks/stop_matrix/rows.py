@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from benchmarks.stop_matrix import faults, others, scripts
-from benchmarks.stop_matrix.promise import Promise, Zero
+from benchmarks.stop_matrix.expectation import Promise, Zero
 
 if TYPE_CHECKING:
-    from benchmarks.stop_matrix.scene import Scene
+    from benchmarks.stop_matrix.trial_setup import Scene
 
 NODE, GUARDIAN, NOBODY = 'the node', 'the guardian', 'nothing to stop: it runs on'
 HOLD = "nobody: only the robot's own hold helps"

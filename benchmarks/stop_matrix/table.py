@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from kachaka_simple_control.report.metrics import median
 
-from benchmarks.stop_matrix.promise import Promise, Zero
+from benchmarks.stop_matrix.expectation import Promise, Zero
 from benchmarks.stop_matrix.trial import Trial
 from benchmarks.tables import number, Table
 

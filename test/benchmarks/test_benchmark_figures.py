@@ -1,0 +1,275 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The arithmetic of the benchmarks: what a receiver saw, the bars, the page, two runs compared."""
+
+import importlib.util
+import json
+import math
+from pathlib import Path
+import subprocess
+import sys
+import time
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT))  # the benchmarks are not installed
+
+from benchmarks.compare import change, compare, differences, main  # noqa: E402
+from benchmarks.figures import figures, find  # noqa: E402
+from benchmarks.nanosleep import sleep_until  # noqa: E402
+from benchmarks.page import BEGIN, END, updated  # noqa: E402
+from benchmarks.tables import number, Table, tables  # noqa: E402
+from benchmarks.thresholds import BARS, judge, Verdict  # noqa: E402, I100
+from benchmarks.wire import (  # noqa: E402
+    displacement,
+    jitters,
+    movements,
+    relative_error,
+    Row,
+    Ticks,
+    ticks,
+)
+from kachaka_simple_control.report.metrics import median, quantile  # noqa: E402
+
+#: Times of some 1e9 s, in double precision, are known to a quarter of a microsecond.
+CLOCK = 1e9
+RATES = st.sampled_from([10, 20, 50, 100, 1000])
+TEXT = st.text()
+
+
+def moved(rate, count, velocity=0.1, start=CLOCK):
+    """Return the messages of a movement that keeps its times, and the zero that ends it."""
+    rows = [Row(start + tick / rate, velocity) for tick in range(count)]
+    return [*rows, Row(start + count / rate, 0.0)]
+
+
+@given(RATES, st.integers(1, 50), st.sampled_from([0.1, -0.3]))
+def test_a_movement_on_time_is_exact(rate, count, velocity):
+    rows = moved(rate, count, velocity)
+    duration = count / rate
+    assert displacement(rows) == pytest.approx(velocity * duration, abs=1e-7)
+    assert relative_error(rows, duration) == pytest.approx(0.0, abs=1e-6 / duration)
+    assert max(jitters(rows, 1.0 / rate), default=0.0) < 1e-6
+    assert ticks(rows, 1.0 / rate, duration) == Ticks(count, 0, 0)
+
+
+@given(st.lists(st.floats(0.001, 0.2), min_size=1), st.sampled_from([0.1, -0.3]))
+def test_a_velocity_is_held_until_the_next_message(intervals, velocity):
+    times = [sum(intervals[:count]) for count in range(len(intervals) + 1)]
+    rows = [Row(at, velocity) for at in times]
+    assert displacement(rows) == pytest.approx(velocity * sum(intervals))
+
+
+@given(st.integers(1, 20), st.floats(0.0, 0.2))
+def test_a_late_end_is_an_error_of_its_size(count, late):
+    rows = moved(10, count)
+    rows[-1] = rows[-1]._replace(time=rows[-1].time + late)
+    assert relative_error(rows, count / 10) == pytest.approx(10 * late / count, abs=1e-5)
+
+
+@given(st.integers(2, 60), st.data())
+def test_a_message_that_is_missing_is_a_lost_tick(count, data):
+    rows = moved(100, count)
+    del rows[data.draw(st.integers(1, count - 1))]
+    assert ticks(rows, 0.01, count / 100) == Ticks(count, 0, 1)
+    assert max(jitters(rows, 0.01), default=0.0) == pytest.approx(
+        0.01 if count > 2 and rows[-1].time - rows[-2].time < 0.015 else 0.0, abs=1e-5)
+
+
+@pytest.mark.parametrize('delay, late, lost', [
+    (0.001, 0, 0), (0.003, 1, 0), (0.0049, 1, 0), (0.0051, 0, 1)])
+def test_a_tick_is_late_from_a_quarter_of_a_period_on_and_lost_from_half(delay, late, lost):
+    rows = moved(100, 10)
+    rows[4] = rows[4]._replace(time=rows[4].time + delay)
+    assert ticks(rows, 0.01, 0.1) == Ticks(10, late, lost)
+
+
+def test_a_loop_that_drifts_loses_ticks():
+    """At 100 Hz with 0.5 ms too much each time, 95 messages fit where 100 were due."""
+    rows = [*(Row(tick * 0.0105, 0.1) for tick in range(96)), Row(96 * 0.0105, 0.0)]
+    counted = ticks(rows, 0.01, 1.0)
+    assert (counted.due, counted.lost) == (100, 5)
+    assert 40 < counted.late < 60
+
+
+@given(st.lists(st.tuples(st.sampled_from([0.0, 0.1, -0.1]), st.integers(1, 4)), max_size=12))
+def test_movements_hold_every_message_that_moves(stretches):
+    velocities = [velocity for velocity, count in stretches for _ in range(count)]
+    rows = [Row(float(at), velocity) for at, velocity in enumerate(velocities)]
+    found = movements(rows)
+    inside = [row for movement in found for row in movement
+              if row.velocity == movement[0].velocity]
+    assert inside == [row for row in rows if row.velocity]
+    for movement in found:
+        assert len({row.velocity for row in movement[:-1]}) <= 1
+    assert sum(map(displacement, found)) == pytest.approx(displacement(rows))
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1), st.floats(0.0, 1.0))
+def test_a_quantile_lies_between_the_extremes(values, part):
+    assert min(values) <= quantile(values, part) <= max(values)
+    assert (quantile(values, 0.0), quantile(values, 1.0)) == (min(values), max(values))
+
+
+def test_what_never_came_is_worse_than_all_that_did():
+    assert quantile([0.1, math.inf, 0.2], 1.0) == math.inf
+    assert median([0.1, math.inf, 0.2]) == 0.2
+    assert median([math.inf, math.inf]) == math.inf
+
+
+@pytest.mark.parametrize('value, text', [
+    (None, '-'), (math.inf, 'never'), (0.0, '0'), (0.01234, '0.012'), (1.234, '1.23'),
+    (123.4, '123'), (-0.5, '-0.500')])
+def test_numbers_have_the_digits_that_mean_something(value, text):
+    assert number(value) == text
+
+
+def a_run(**changes):
+    """Return the data of a small run that holds every bar."""
+    entry = {
+        'rate': 10, 'busy': 0, 'errors': [0.0001, -0.0002], 'due': 20, 'late': 1, 'lost': 0,
+        'seen': 22, 'jitter': {'0.5': 1e-5, '0.99': 1e-4, '1.0': 1e-3}, 'sent': 22.0,
+        'thread': 0.004, 'process': 0.005, 'helpers': 0.0, 'memory': 70.0, 'helper_memory': 0.0,
+        'faults': []}
+    timing = [{**entry, 'loop': loop, 'rate': rate, 'thread': cost}
+              for rate in (10, 100) for loop, cost in (('ours', 0.004), ('lesson', 0.011))]
+    starts = [{'loop': 'ours', 'busy': 0, 'signal': name, 'start': 2.0, 'match': 0.6,
+               'zero': 0.001} for name in ('SIGINT', 'SIGKILL', 'SIGSTOP')]
+    starts.append({**starts[0], 'loop': 'lesson', 'zero': None})
+    firsts = [{'loop': loop, 'late': late, 'arrived': 0.1}
+              for loop in ('ours', 'lesson') for late in (False, True)]
+    return {'date': '2026-01-01', 'moves': {}, 'machine': {'cores': '2'}, 'timing': timing,
+            'starts': starts, 'signals': [0.001, 0.002], 'firsts': firsts,
+            'planning': [{'length': 3600, 'steps': 9, 'segments': 99, 'time': 0.5, 'memory': 9.0}],
+            'exactness': [
+                {'goal': 'turn', 'shape': 'S-curve', 'rate': 10, 'way': way, 'asked': 1.0,
+                 'least': 1.0 - lost, 'most': 1.0}
+                for way, lost in (('ours', 0.0), ('samples', 0.001))], **changes}
+
+
+def test_a_good_run_holds_every_bar():
+    verdicts = judge(figures(a_run()))
+    assert [verdict.bar for verdict in verdicts] == list(BARS)
+    assert all(verdict.is_held for verdict in verdicts)
+
+
+@pytest.mark.parametrize('changes, missed', [
+    ({'signals': [0.001, None]}, 1),
+    ({'signals': []}, 1),
+    ({'starts': []}, 5),
+    ({'timing': []}, 3),
+    ({'planning': []}, 1),
+])
+def test_what_never_came_or_was_not_measured_is_missed(changes, missed):
+    verdicts = judge(figures(a_run(**changes)))
+    assert sum(not verdict.is_held for verdict in verdicts) == missed
+
+
+def test_a_bar_beside_the_lesson_moves_with_it():
+    run = a_run()
+    run['timing'][-1]['thread'] = 0.007
+    (missed,) = [verdict for verdict in judge(figures(run)) if not verdict.is_held]
+    assert missed.bar.what == 'CPU a command, the loop, at 100 Hz'
+    assert missed.limit == pytest.approx(0.5e6 * 0.007 / 22)
+
+
+def test_a_figure_is_held_up_to_its_bar():
+    assert Verdict(BARS[0], 0.1, 0.1, '%').is_held
+    assert not Verdict(BARS[0], 0.1001, 0.1, '%').is_held
+
+
+def test_errors_count_whichever_sign_they_have():
+    found = figures(a_run())
+    assert find(found, 'displacement error, worst, at 10 Hz', 'ours') == pytest.approx(0.02)
+    assert find(found, 'displacement error, median, at 10 Hz', 'ours') == pytest.approx(0.015)
+
+
+def test_tables_tell_what_never_came():
+    text = '\n'.join(table.text() for table in tables(a_run()))
+    (row,) = [line for line in text.splitlines() if line.startswith("the lesson's loop  SIGINT")]
+    assert row.split()[-3:] == ['never', 'never', '1']
+
+
+def test_the_table_of_goals_has_a_cell_for_each_rate_and_a_figure_for_each_way():
+    (table,) = [table for table in tables(a_run()) if 'at the goal' in table.title]
+    assert 'ours / samples' in table.title
+    assert table.rows == (('turn', 'S-curve', '0.00 / 1.00'),)
+
+
+def test_a_table_can_stand_on_a_page():
+    table = Table('Title', ('', 'a'), (('b', '1'),))
+    assert table.markdown() == '**Title**\n\n|  | a |\n| --- | --- |\n| b | 1 |\n'
+
+
+@given(TEXT, TEXT, TEXT, TEXT)
+def test_only_the_measured_part_of_a_page_changes(before, old, after, new):
+    for text in (before, old, after, new):
+        if BEGIN in text or END in text:
+            return
+    page = updated(f'{before}{BEGIN}{old}{END}{after}', new)
+    assert page == f'{before}{BEGIN}\n\n{new.strip()}\n\n{END}{after}'
+    assert updated(page, new) == page
+
+
+@pytest.mark.parametrize('page', ['', BEGIN, END + BEGIN, BEGIN + END + BEGIN + END])
+def test_a_page_without_one_measured_part_is_refused(page):
+    with pytest.raises(ValueError, match='the page must have one line'):
+        updated(page, 'new')
+
+
+def test_the_page_has_a_measured_part():
+    page = (ROOT / 'docs' / 'benchmarks.md').read_text()
+    assert 'new' in updated(page, 'new')
+
+
+@pytest.mark.parametrize('before, after, text', [
+    (1.0, 1.0, ''), (1.0, 1.05, ''), (1.0, 1.5, '+50 %'), (1.0, 0.5, '-50 %'),
+    (0.0, 1.0, 'changed'), (1.0, math.inf, 'changed'), (math.inf, math.inf, '')])
+def test_changes_are_told_from_noise(before, after, text):
+    assert change(before, after) == text
+
+
+def test_two_runs_are_compared_by_what_both_have(tmp_path, capsys):
+    run, other = a_run(), a_run(firsts=[], machine={'cores': '4'}, signals=[0.004])
+    assert all(row[-1] == '' for row in compare(run, run).rows)
+    rows = {row[0]: row for row in compare(run, other).rows}
+    assert rows['SIGINT to first zero, many in one process, worst'][2:] == (
+        '2.00 ms', '4.00 ms', '+100 %')
+    assert not [what for what in rows if 'first 0.1 m' in what]
+    assert differences(run['machine'], other['machine']) == ['cores: 2 -> 4']
+    files = [tmp_path / 'a.json', tmp_path / 'b.json']
+    for file, data in zip(files, (run, other)):
+        file.write_text(json.dumps(data))
+    main([str(file) for file in files])
+    assert '+100 %' in capsys.readouterr().out
+
+
+@pytest.mark.skipif(not hasattr(time, 'CLOCK_MONOTONIC'), reason='needs clock_nanosleep')
+def test_the_floor_never_wakes_early():
+    for _ in range(5):
+        deadline = time.monotonic_ns() + 2_000_000
+        sleep_until(deadline)
+        assert time.monotonic_ns() >= deadline
+
+
+@pytest.mark.skipif(importlib.util.find_spec('matplotlib') is None, reason='needs matplotlib')
+def test_a_run_can_be_drawn(tmp_path):
+    tmp_path.joinpath('run.json').write_text(json.dumps(a_run()))
+    subprocess.run(
+        [sys.executable, '-m', 'benchmarks.plots', str(tmp_path / 'run.json'), str(tmp_path)],
+        cwd=ROOT, check=True)
+    assert len(list(tmp_path.glob('bench_*.png'))) == 6

@@ -1,0 +1,244 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Over a bad link: stops arrive, a pulled cable stops both ends; and the arithmetic of it."""
+
+import contextlib
+import json
+import math
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT))  # the benchmarks are not installed
+
+from benchmarks.lossy_link import disconnect_test, network, stop_test  # noqa: E402, I100
+from benchmarks.lossy_link.__main__ import BEGIN, joined, main, PAGE  # noqa: E402
+from benchmarks.lossy_link.fixture import rig  # noqa: E402
+from benchmarks.lossy_link.observed import after_stop, Log  # noqa: E402
+from benchmarks.lossy_link.tables import BRIEF, broken, QUIET, tables  # noqa: E402
+from benchmarks.page import updated  # noqa: E402
+
+TIMES = st.floats(0.0, 10.0)
+
+
+@pytest.fixture
+def bad_link():
+    """Yield a network with a robot, where this machine can have one."""
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    skip_where_impossible()
+    with rig() as made:
+        yield made
+
+
+def skip_where_impossible():
+    """Skip the test, with the reason, where no network can be made."""
+    if (reason := network.why_not()) is not None:
+        pytest.skip(reason)
+
+
+def namespaces(pid):
+    """Return the namespaces that a process has made."""
+    return sorted(network.NAMESPACES.glob(f'{network.PREFIX}-{pid}-*'))
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_every_stop_arrives_where_a_third_is_lost(bad_link):
+    series = stop_test.measure_stops(bad_link, 30, 5)
+    assert series['faults'] == []
+    assert 0.2 < series['lost'] / (series['lost'] + series['arrived']) < 0.4
+    for stop in series['stops']:
+        # Of about twenty; fewer than five arrive once in a hundred million stops.
+        assert stop['zeros'] >= 5
+        assert stop['motions'] == 0
+        assert stop['driven'] < 0.03  # the hold: 0.3 s at 0.1 m/s
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.parametrize('case', disconnect_test.CASES)
+def test_a_pulled_cable_stops_both_ends(bad_link, case):
+    found = disconnect_test.pull_once(bad_link, case)
+    assert found['still'] < 0.35  # the robot's own hold
+    if case == BRIEF:
+        assert found['code'] == 0
+        return
+    assert found['code'] == 1
+    (line,) = found['said']
+    assert line.startswith('kachaka_simple_control: odometry has been silent for 1.0 s')
+    assert found['ended'] < 4.5
+    assert found['motions'] == 0
+    assert found['moved'] == pytest.approx(0.0, abs=1e-6)
+    if case == QUIET:
+        assert found['taken'] == 0
+
+
+def test_a_network_is_gone_after_its_block():
+    skip_where_impossible()
+    with contextlib.suppress(KeyError), network.Network() as made:
+        made.lose(30)
+        assert made.counts() == (0, 0)
+        assert len(namespaces(os.getpid())) == 2
+        raise KeyError
+    assert namespaces(os.getpid()) == []
+
+
+def test_what_a_killed_run_has_left_is_removed_by_the_next():
+    skip_where_impossible()
+    text = 'from benchmarks.lossy_link.network import Network\nNetwork().__enter__()\ninput()\n'
+    run = subprocess.Popen([sys.executable, '-c', text], cwd=ROOT, stdin=subprocess.PIPE)
+    try:
+        end = time.monotonic() + 20.0
+        while len(namespaces(run.pid)) < 2 and time.monotonic() < end:
+            time.sleep(0.01)
+        network.remove_leftovers()
+        assert len(namespaces(run.pid)) == 2  # its maker lives
+    finally:
+        run.kill()
+        run.wait()
+        run.stdin.close()
+    network.remove_leftovers()
+    assert namespaces(run.pid) == []
+
+
+def test_a_missing_command_is_named_with_its_package(monkeypatch, capsys):
+    monkeypatch.setattr(network, '_path', lambda: '/nowhere')
+    assert network.why_not() == 'the command ip is missing: install the package iproute2'
+    assert main(['--quick']) == 0
+    assert capsys.readouterr().out.startswith('skipped: the command ip is missing')
+
+
+def test_a_network_that_cannot_be_made_says_why(monkeypatch):
+    monkeypatch.setattr(network, '_tool', lambda name: '/nowhere/ip')
+    with pytest.raises(network.NetworkError, match=r'/nowhere/ip netns add .*No such file'):
+        network.Network().__enter__()
+
+
+def a_log(*velocities, x=0.0):
+    """Return what a robot says that was told these at 0, 1, 2 ... s and reaches x in the end."""
+    log = Log()
+    log.add(['pose', 0.0, 0.0, 0.0, 0.0])
+    for time_told, velocity in enumerate(velocities):
+        log.add(['velocity', float(time_told), velocity, 0.0, True])
+    log.add(['pose', float(len(velocities)), x, 0.0, 0.0])
+    return log
+
+
+def test_a_stop_is_judged_by_what_arrived_after_it():
+    found = after_stop(a_log(0.1, 0.1, 0.0, 0.0, x=0.4), 1.5)
+    assert found == {
+        'zeros': 2, 'first': 0.5, 'motions': 0, 'driven': pytest.approx(0.25)}
+
+
+@pytest.mark.parametrize('velocities, zeros, motions', [
+    ((0.1, 0.1, 0.1), 0, 0),  # no zero came: nothing came after it
+    ((0.1, 0.0, 0.1, 0.1), 1, 2),
+    ((0.0, 0.1, 0.1, 0.0), 1, 0),  # a zero before the stop is none of it
+])
+def test_motion_counts_after_the_first_zero(velocities, zeros, motions):
+    found = after_stop(a_log(*velocities), 0.5)
+    assert (found['zeros'], found['motions']) == (zeros, motions)
+    assert (found['first'] is None) == (zeros == 0)
+
+
+@given(TIMES, TIMES, st.floats(-5.0, 5.0))
+def test_the_way_driven_is_the_same_in_parts(one, two, x):
+    log = a_log(0.1, 0.1, x=x)
+    begin, end = sorted((one, two))
+    parts = log.driven(0.0, begin)[0] + log.driven(begin, end)[0] + log.driven(end)[0]
+    assert parts == pytest.approx(abs(x), abs=1e-9)
+
+
+def test_a_robot_that_said_nothing_is_where_it_began():
+    log = Log()
+    assert log.driven(1.0, 2.0) == (0.0, 0.0)
+    assert log.still_from(3.0, 4.0) == 3.0
+    assert after_stop(log, 0.0)['first'] is None
+
+
+def test_a_robot_stands_still_from_when_it_was_last_seen_to_move():
+    log = a_log(0.1, 0.1, x=0.2)
+    assert log.still_from(1.0, 5.0) == 2.0
+    assert log.still_from(1.0, 1.5) == 1.0  # what it did later does not count
+
+
+def a_stop(**changes):
+    return {'zeros': 10, 'first': 0.001, 'motions': 0, 'driven': 1e-4, **changes}
+
+
+def a_pull(**changes):
+    return {'case': QUIET, 'still': 0.3, 'turned': 0.1, 'ended': 3.7, 'code': 1, 'motions': 0,
+            'moved': 0.0, 'taken': 0, **changes}
+
+
+def a_run(**changes):
+    """Return the data of a small run in which every promise was kept."""
+    run = {'date': '2026-01-01', 'machine': {'cores': '2'}, 'moves': [], 'answers': [],
+           'cable': [a_pull()], 'stops': [
+               {'percent': 30, 'lost': 30, 'arrived': 70, 'stops': [a_stop()], 'faults': []}]}
+    return {**run, **changes}
+
+
+def of_stops(*found):
+    return a_run(stops=[{**a_run()['stops'][0], 'stops': [*found]}])
+
+
+@pytest.mark.parametrize('run, words', [
+    (a_run(), []),
+    (of_stops(a_stop(), a_stop(zeros=0, first=None)), ['a stop without a zero at 30 % loss']),
+    (of_stops(a_stop(motions=1)), ['motion after the first zero of a stop at 30 % loss']),
+])
+def test_a_promise_that_was_not_kept_is_named(run, words):
+    assert broken(run) == words
+
+
+@pytest.mark.parametrize('case, changes, is_broken', [
+    (QUIET, {}, False), (QUIET, {'motions': 1}, True), (QUIET, {'taken': 1}, True),
+    (QUIET, {'code': 0}, True), ('at once', {'motions': 1}, True),
+    ('at once', {'taken': 1}, False), (BRIEF, {'motions': 9, 'code': 0}, False)])
+def test_a_cable_that_is_back_moves_nothing(case, changes, is_broken):
+    assert len(broken(a_run(cable=[a_pull(case=case, **changes)]))) == is_broken
+
+
+def test_tables_tell_what_never_came():
+    run = of_stops(a_stop(zeros=0, first=None))
+    run['answers'] = [{'percent': 50, 'once': [None, 0.1], 'repeatedly': [0.3, 0.1]}]
+    run['moves'] = [{'percent': 10, 'rate': 50, 'driven': [0.9, 1.02], 'faults': ['x']}]
+    text = {table.title: table.rows for table in tables(run)}
+    assert text['Stops in mid-motion, all from one process'][0][:6] == (
+        '30 %', '30 %', '1', '1', '0 / 0', 'never / never')
+    assert text['Until manual control is granted'][0][-3:] == ('never', '1', '1')
+    moved = next(rows for title, rows in text.items() if title.startswith('Driven'))
+    assert moved[0] == ('10 %', '50', '2', '-4.00', '6.00', '-10.00', '2.00', '1')
+
+
+def test_parts_are_put_together_in_order_of_loss():
+    lossy, clean = a_run(), a_run(cable=[])
+    clean['stops'] = [{**clean['stops'][0], 'percent': 0}]
+    run = joined([lossy, clean])
+    assert [one['percent'] for one in run['stops']] == [0, 30]
+    assert len(run['cable']) == 1
+    assert json.loads(json.dumps(run)) == run
+    assert not math.isinf(run['stops'][0]['stops'][0]['first'])
+
+
+def test_the_page_has_a_measured_part():
+    assert 'new' in updated(PAGE.read_text(), 'new', begin=BEGIN)

@@ -1,0 +1,242 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The bridge to a real robot, a process over real DDS and real gRPC: habits and endings."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+from ros_support import BridgeProcess, environment, Probe, wait_until
+
+pytestmark = pytest.mark.ros
+pytest.importorskip('rclpy')
+pytest.importorskip('nav_msgs')
+pytest.importorskip('diagnostic_msgs')
+pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
+
+from grpc_client_support import commander, faulty_robot, real_bridge  # noqa: E402, I100
+
+
+@pytest.fixture(scope='module')
+def probe():
+    """Return a probe for all of these tests."""
+    probe = Probe()
+    yield probe
+    probe.close()
+
+
+@pytest.fixture
+def namespace(request):
+    """Return a namespace of this test, so that no other test's robot is heard."""
+    return '/' + ''.join(c if c.isalnum() else '_' for c in request.node.name)
+
+
+@pytest.fixture
+def robot():
+    """Return a robot of this test."""
+    with faulty_robot() as robot:
+        yield robot
+
+
+def test_first_velocity_takes_the_robot_and_is_not_lost(probe, namespace, robot):
+    """A zero does not take it; at the end manual control is given back."""
+    with real_bridge(robot.address, '--namespace', namespace) as process:
+        publisher = probe.publisher(namespace, process)
+        probe.send(publisher, 0.0)
+        assert wait_until(robot.stops)
+        assert robot.ask('asked') == []
+        probe.send(publisher, 0.1)
+        assert wait_until(robot.moves)
+        assert robot.ask('rows')[-1][1] == pytest.approx(1.0 / 3.0)
+        assert [row[1] for row in robot.ask('asked')] == [True]
+        process.process.send_signal(signal.SIGTERM)
+        assert process.wait(3.0) == 0
+        assert robot.stops(robot.moves()[-1])
+        assert [row[1] for row in robot.ask('asked')] == [True, False]
+        assert 'Traceback' not in process.text
+
+
+def test_velocities_are_cut_off_and_nonsense_is_refused(probe, namespace, robot):
+    """The official bridge sends 1.066 for 0.32 m/s."""
+    with real_bridge(robot.address, '--namespace', namespace) as process:
+        publisher = probe.publisher(namespace, process)
+        assert probe.set_enabled(namespace, True).success
+        probe.send(publisher, math.inf)
+        probe.send(publisher, 0.32, -7.0)
+        assert wait_until(robot.moves)
+        assert robot.ask('rows')[0][1:] == [1.0, -1.0, 0]
+
+
+def test_velocities_that_cease_are_stopped_before_the_hold_ends(probe, namespace, robot):
+    """Without a zero from anybody."""
+    with real_bridge(robot.address, '--namespace', namespace) as process, \
+            commander(probe, namespace, process) as driver:
+        driver.drive(0.1)
+        assert wait_until(lambda: len(robot.moves()) > 5)
+        driver.drive(None)
+        assert wait_until(lambda: robot.stops(robot.moves()[-1]))
+        last = robot.moves()[-1]
+        assert 0.2 < robot.stops(last)[0] - last < 0.3
+
+
+def test_a_5_hz_drive_is_not_cut_short(probe, namespace, robot):
+    """No zero comes between."""
+    with real_bridge(robot.address, '--namespace', namespace) as process, \
+            commander(probe, namespace, process, rate=5.0) as driver:
+        driver.drive(0.1)
+        assert wait_until(lambda: len(robot.moves()) > 8)
+        assert robot.stops() == []
+
+
+def test_service_holds_no_velocity_up(probe, namespace, robot):
+    """While it takes half a second, velocities go on at 20 Hz."""
+    with real_bridge(robot.address, '--namespace', namespace) as process, \
+            commander(probe, namespace, process) as driver:
+        driver.drive(0.1)
+        assert wait_until(lambda: len(robot.moves()) > 5)
+        # Delays the velocities as well, each by 0.1 s, but leaves no hole in them.
+        robot.ask('delay 0.1')
+        begun = time.monotonic()
+        assert probe.set_enabled(namespace, True).success
+        assert wait_until(lambda: len(robot.moves(begun)) > 5)
+        times = robot.moves(begun)
+        assert max(b - a for a, b in itertools.pairwise(times)) < 0.25
+
+
+def test_refusals_are_told_with_their_text(probe, namespace, robot):
+    """And after one, nothing moves before a zero."""
+    robot.ask('json [{"code": 21051, "title_en": "Emergency stop", "error_type": "Error"}]')
+    with real_bridge(robot.address, '--namespace', namespace) as process, \
+            commander(probe, namespace, process) as driver:
+        driver.drive(0.1)
+        assert wait_until(lambda: len(robot.moves()) > 2)
+        robot.ask('refuse 21051')
+        assert wait_until(lambda: 'refused a velocity: error 21051 (Emergency stop)'
+                          in process.text)
+        answer = probe.set_enabled(namespace, True)
+        assert (answer.success, answer.message) == (False, 'error 21051 (Emergency stop)')
+        released = robot.ask('refuse 0')
+        time.sleep(0.5)
+        assert robot.moves(released) == []
+        driver.drive(0.0)
+        assert wait_until(lambda: robot.stops(released))
+        driver.drive(0.1)
+        assert wait_until(lambda: robot.moves(released))
+        assert process.text.count('refused a velocity') == 1
+
+
+def test_diagnostics_tell_of_link_and_errors(probe, namespace, robot):
+    """Each second, in the common format."""
+    from diagnostic_msgs.msg import DiagnosticArray
+    heard = {}
+    probe.node.create_subscription(
+        DiagnosticArray, '/diagnostics',
+        lambda message: heard.update({status.name: status for status in message.status}), 10)
+    link, state = f'{namespace[1:]}: link', f'{namespace[1:]}: robot'
+    with real_bridge(robot.address, '--namespace', namespace) as process:
+        assert wait_until(lambda: link in heard)
+        assert (heard[link].level, heard[state].message) == (b'\0', 'no errors')
+        assert heard[link].hardware_id == 'FAULTY, software 1.0'
+        robot.ask('json not JSON')
+        robot.ask('errors 7 8')
+        assert wait_until(lambda: heard[state].message == 'error 7; error 8')
+        assert heard[state].level == b'\2'
+        robot.ask('json [{"code": 7, "title_en": "Low battery", "error_type": "Warn"}]')
+        robot.ask('errors')
+        assert wait_until(lambda: heard[state].message == 'no errors')
+        robot.ask('errors 7')
+        assert wait_until(lambda: heard[state].message == 'error 7 (Low battery)')
+        assert heard[state].level == b'\1'
+        assert 'the robot reports error 7 (Low battery)' in process.text
+        robot.ask('cut')
+        assert wait_until(lambda: heard[link].level == b'\2')
+
+
+def test_odometry_is_fetched_only_for_listeners_and_is_the_robots(probe, namespace):
+    """From the simulated robot, with its frames, stamps and cursors."""
+    simulator = subprocess.Popen(
+        [sys.executable, '-m', 'kachaka_simple_control.kachaka.simulator.command',
+         '--grpc-port', '0'],
+        stdout=subprocess.PIPE, text=True, env=environment())
+    try:
+        address = simulator.stdout.readline().split()[-1]
+        with real_bridge(
+                address, '--namespace', namespace, '--frame-prefix', 'left/') as process, \
+                commander(probe, namespace, process) as driver:
+            heard = probe.odometry(namespace)
+            wheels = probe.odometry(namespace, 'wheel_odometry/wheel_odometry')
+            driver.drive(0.1)
+            assert wait_until(lambda: heard[-1][1].twist.twist.linear.x == pytest.approx(0.1))
+            assert wait_until(lambda: wheels[-1][1].pose.pose.position.x > 0.0)
+            first, (_, message) = len(heard), heard[-1]
+            begun = time.monotonic()
+            time.sleep(1.0)
+            assert 40 < (len(heard) - first) / (time.monotonic() - begun) < 60
+        assert message.header.frame_id == 'left/odom'
+        assert message.child_frame_id == 'left/base_footprint'
+        assert abs(message.header.stamp.sec - time.time()) < 60.0
+        stamps = [(m.header.stamp.sec, m.header.stamp.nanosec) for _, m in heard]
+        assert stamps == sorted(set(stamps)), 'each reading once'
+    finally:
+        simulator.kill()
+        simulator.wait()
+        simulator.stdout.close()
+
+
+@pytest.mark.parametrize(('options', 'code', 'text'), [
+    (('--address', '127.0.0.1:1'), 3, 'refuses connections: switch the Kachaka API on'),
+    (('--address', 'no-such-robot.invalid'), 3, "there is no host 'no-such-robot.invalid'"),
+    (('--address', 'http://robot'), 2, 'is no address of a robot'),
+    (('--address', 'robot', '--sim'), 2, 'one robot at a time')])
+def test_what_cannot_be_reached_is_told_in_one_line(options, code, text):
+    process = BridgeProcess(*options)
+    try:
+        assert process.wait(10.0) == code
+        assert len(process.lines) == 1
+        assert text in process.text
+    finally:
+        process.end()
+
+
+def test_one_that_accepts_and_never_answers_is_told_of(tmp_path):
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        address = f'127.0.0.1:{server.getsockname()[1]}'
+        process = BridgeProcess('--address', address)
+        try:
+            assert process.wait(10.0) == 3
+            assert f'{address} accepts connections, but does not answer' in process.text
+            assert len(process.lines) == 1
+        finally:
+            process.end()
+
+
+def test_missing_sdk_is_told_with_what_to_install(tmp_path):
+    """Only the bridge to a real robot needs it."""
+    (tmp_path / 'kachaka_api.py').write_text('raise ImportError("none here")')
+    env = environment()
+    env['PYTHONPATH'] = f'{tmp_path}:{env["PYTHONPATH"]}'
+    done = subprocess.run(
+        [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command',
+         '--address', 'robot'],
+        env=env, capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == 1
+    assert 'pip install' in done.stderr
+    assert len(done.stderr.splitlines()) == 1

@@ -1,0 +1,124 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Three processes, a robot over gRPC, the bridge, the node: the lesson, and ways out of it."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import signal
+import subprocess
+import sys
+import time
+
+from program import COMMAND, program
+import pytest
+from ros_support import environment, wait_until
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytest.importorskip('rclpy')
+pytest.importorskip('nav_msgs')
+pytest.importorskip('diagnostic_msgs')
+pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
+
+from grpc_client_support import faulty_robot, real_bridge  # noqa: E402, I100
+
+
+@contextlib.contextmanager
+def simulated_robot():
+    """Run a simulated robot, and return its address."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'kachaka_simple_control.kachaka.simulator.command',
+         '--grpc-port', '0'],
+        stdout=subprocess.PIPE, text=True, env=environment())
+    try:
+        yield process.stdout.readline().split()[-1]
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def test_lesson_ends_where_it_says(tmp_path):
+    """As with --sim, but over gRPC."""
+    with simulated_robot() as address, \
+            program([*COMMAND, '--address', address], tmp_path) as started:
+        assert started.end(40.0) == 0, started.text
+    pose = re.search(r'x (\S+) m, y (\S+) m, heading (\S+) degrees', started.text)
+    x, y, heading = (float(number) for number in pose.groups())
+    assert x == pytest.approx(0.1, abs=0.005)
+    assert y == pytest.approx(0.0, abs=0.005)
+    assert heading == pytest.approx(0.0, abs=2.0)
+    assert 'manual control disabled' in started.text
+
+
+@pytest.mark.parametrize(('signum', 'code', 'within'), [
+    (signal.SIGINT, 130, 0.3), (signal.SIGTERM, 143, 0.3), (signal.SIGKILL, 137, 0.3),
+    (signal.SIGSTOP, None, 0.4)])
+def test_whatever_ends_the_node_zeros_reach_the_robot(tmp_path, signum, code, within):
+    with faulty_robot() as robot, real_bridge(robot.address), \
+            program(COMMAND, tmp_path) as started:
+        assert wait_until(lambda: len(robot.moves()) > 3, 30.0)
+        started.send(signum)
+        asked = time.monotonic()
+        assert wait_until(lambda: robot.stops(robot.moves()[-1]))
+        first = robot.stops(robot.moves()[-1])[0]
+        assert first - asked < within
+        time.sleep(1.0)
+        assert robot.moves(first) == []
+        assert len(robot.stops(first)) > 3
+        if code is not None:
+            assert started.end(5.0) == code
+
+
+def test_emergency_stop_ends_the_run_with_the_robots_own_words(tmp_path):
+    with faulty_robot() as robot:
+        robot.ask('json [{"code": 21051, "title_en": "Emergency stop"}]')
+        with program([*COMMAND, '--address', robot.address], tmp_path) as started:
+            assert wait_until(lambda: len(robot.moves()) > 3, 30.0)
+            robot.ask('refuse 21051')
+            assert started.end(10.0) == 1
+        assert ('kachaka_simple_control: the bridge to the robot ended early (exit code 1): '
+                'kachaka_bridge: the robot refused a velocity: error 21051 (Emergency stop)\n'
+                ) in started.text
+        assert 'Traceback' not in started.text
+
+
+def test_lost_robot_ends_the_run(tmp_path):
+    with faulty_robot() as robot, \
+            program([*COMMAND, '--address', robot.address], tmp_path) as started:
+        assert wait_until(lambda: len(robot.moves()) > 3, 30.0)
+        robot.ask('cut')
+        assert started.end(10.0) == 1
+        assert 'the link to the robot was lost' in started.text
+
+
+def test_refused_manual_control_is_told(tmp_path):
+    with faulty_robot() as robot:
+        robot.ask('refuse 7')
+        with program([*COMMAND, '--address', robot.address], tmp_path) as started:
+            assert started.end(20.0) == 3
+        assert 'kachaka_simple_control: the robot refused manual control: error 7' in started.text
+
+
+@pytest.mark.parametrize(('options', 'code', 'text'), [
+    (('--address', '127.0.0.1:1'), 3, '127.0.0.1:1 is there, but refuses connections'),
+    (('--address', 'robot:x'), 2, "the port in 'robot:x' must be a number from 1 to 65535"),
+    (('--address', 'robot', '--sim'), 2, 'not allowed with argument')])
+def test_what_cannot_work_is_told_in_one_line(tmp_path, options, code, text):
+    with program([*COMMAND, *options], tmp_path) as started:
+        assert started.end(10.0) == code
+    assert len(re.findall(r'^kachaka_simple_control: ', started.text, re.MULTILINE)) == 1
+    assert text in started.text
+    assert 'kachaka_bridge' not in started.text

@@ -1,0 +1,61 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A link that breaks, hangs, crawls or comes back: the robot never moves after a stop."""
+
+from __future__ import annotations
+
+import pytest
+from ros_support import Probe
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytest.importorskip('rclpy')
+pytest.importorskip('nav_msgs')
+pytest.importorskip('diagnostic_msgs')
+pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
+
+from link_fault_cases import play, SCENARIOS, SPEED  # noqa: E402, I100
+
+NAMES = list(SCENARIOS)
+#: What one hold drives, and the ways of a velocity and of a zero on a busy machine [m].
+ONE_HOLD = SPEED * (0.3 + 0.15)
+
+
+@pytest.fixture(scope='module')
+def probe():
+    """Return a probe for all of these tests."""
+    probe = Probe()
+    yield probe
+    probe.close()
+
+
+@pytest.mark.parametrize('name', [NAMES[0], NAMES[1], NAMES[2], NAMES[5], NAMES[6]])
+def test_broken_link_costs_one_hold_and_nothing_moves_after_it(probe, name):
+    result = play(probe, name, f'/fault{NAMES.index(name)}')
+    assert result.drift < ONE_HOLD
+    assert result.after_stop == 0
+
+
+def test_slow_link_drives_and_stops_within_one_call(probe):
+    result = play(probe, NAMES[3], '/slow')
+    assert result.after_stop == 0
+    assert result.late < 0.25 + 0.1
+    assert result.drift < ONE_HOLD + SPEED * 0.25
+
+
+def test_link_slower_than_the_hold_is_refused(probe):
+    """The robot stands still between two of its velocities anyway."""
+    result = play(probe, NAMES[4], '/slower')
+    assert result.after_stop == 0
+    assert 'the robot did not answer a velocity: no answer within 0.3 s' in result.said
+    assert result.drift < ONE_HOLD

@@ -1,0 +1,241 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The page of a report in a real browser: its figures and layout, and that it needs no net."""
+
+import base64
+import json
+import math
+from pathlib import Path
+import re
+
+from kachaka_simple_control.report.report_process import write_report
+from kachaka_simple_control.report.summary import Summary
+from outcome_logs import done, faulted, killed, lesson, never_began, stopped
+import pytest
+
+CHROMIUM = next((path for path in (Path('/usr/bin/chromium'), Path('/usr/bin/chromium-browser'))
+                 if path.exists()), None)
+DRIVER = Path('/usr/bin/chromedriver')
+ARGUMENTS = (
+    '--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
+    '--disable-background-networking', '--disable-component-update', '--disable-sync')
+DRIVES = {
+    'done': done, 'lesson': lesson, 'faulted': faulted, 'killed': killed,
+    'never_began': never_began,
+    **{name: lambda signum=signum, name=name: stopped(signum, name)
+       for signum, name in ((1, 'SIGHUP'), (2, 'SIGINT'), (15, 'SIGTERM'))}}
+#: From a telephone to a wide screen [px].
+WIDTHS = (400, 900, 1400)
+
+#: Elements that reach beyond the width of the page.
+OVERFLOWING = """
+    const width = document.documentElement.clientWidth;
+    return [...document.querySelectorAll('body *')].filter(element => {
+        const box = element.getBoundingClientRect();
+        return box.width && (box.right > width + 0.5 || box.left < -0.5);
+    }).map(element => element.outerHTML.slice(0, 120))
+      .concat(document.documentElement.scrollWidth > width ? ['the page scrolls'] : []);
+"""
+#: Cells and headings whose text does not fit, or is broken within a word.
+BROKEN = """
+    const range = document.createRange();
+    return [...document.querySelectorAll('thead th, td.n, dd')].filter(cell => {
+        if (!cell.getClientRects().length) return false;
+        return [...cell.childNodes].filter(node => node.nodeType === 3).some(node =>
+            [...node.data.matchAll(/\\S+/g)].some(word => {
+                range.setStart(node, word.index);
+                range.setEnd(node, word.index + word[0].length);
+                return new Set([...range.getClientRects()].map(box => box.top)).size > 1;
+            }));
+    }).map(cell => cell.textContent);
+"""
+#: Labels of a picture that lie on each other, or are cut off at its edge.
+LABELS = """
+    const bad = [];
+    for (const svg of document.querySelectorAll('figure svg')) {
+        const edge = svg.getBoundingClientRect();
+        const labels = [...svg.querySelectorAll('text')].map(
+            text => [text.textContent, text.getBoundingClientRect()]);
+        labels.forEach(([name, box], place) => {
+            if (box.left < edge.left - 0.5 || box.right > edge.right + 0.5 ||
+                box.top < edge.top - 0.5 || box.bottom > edge.bottom + 0.5)
+                bad.push(`${name} is cut off`);
+            for (const [other, beside] of labels.slice(place + 1))
+                if (Math.min(box.right, beside.right) - Math.max(box.left, beside.left) > 0.5 &&
+                    Math.min(box.bottom, beside.bottom) - Math.max(box.top, beside.top) > 0.5)
+                    bad.push(`${name} lies on ${other}`);
+        });
+    }
+    return bad;
+"""
+
+
+@pytest.fixture(scope='module')
+def browser(tmp_path_factory):
+    """Yield a browser that has never seen anything."""
+    pytest.importorskip('selenium', reason='needs selenium')
+    pytest.importorskip('matplotlib', reason='pictures need matplotlib')
+    if CHROMIUM is None or not DRIVER.exists():
+        pytest.skip('needs chromium and chromedriver in /usr/bin: make browser')
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+    options = webdriver.ChromeOptions()
+    options.binary_location = str(CHROMIUM)
+    for argument in (*ARGUMENTS, f'--user-data-dir={tmp_path_factory.mktemp("profile")}'):
+        options.add_argument(argument)
+    options.set_capability('goog:loggingPrefs', {'performance': 'ALL', 'browser': 'ALL'})
+    driver = webdriver.Chrome(options=options, service=Service(executable_path=str(DRIVER)))
+    try:
+        driver.execute_cdp_cmd('Network.enable', {})
+        yield driver
+    finally:
+        driver.quit()
+
+
+@pytest.fixture(scope='module')
+def reports(tmp_path_factory):
+    """Return a folder with a report for every ending."""
+    folder = tmp_path_factory.mktemp('reports')
+    for name, drive in DRIVES.items():
+        (folder / name).mkdir()
+        write_report(drive(), folder / name, None)
+    return folder
+
+
+def show(browser, file, width=1400):
+    """Open a page at a width."""
+    browser.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', {
+        'width': width, 'height': 900, 'deviceScaleFactor': 1, 'mobile': False})
+    browser.get_log('performance')
+    browser.get(file.as_uri())
+
+
+def requests(browser):
+    """Return the addresses that were asked for since the page was opened."""
+    events = [json.loads(entry['message'])['message'] for entry in browser.get_log('performance')]
+    return [event['params']['request']['url'] for event in events
+            if event['method'] == 'Network.requestWillBeSent']
+
+
+def texts(browser, selector):
+    """Return the visible texts of some elements."""
+    return [element.text for element in browser.find_elements('css selector', selector)]
+
+
+def test_the_page_asks_for_nothing_but_itself(browser, reports):
+    for name in DRIVES:
+        file = reports / name / 'report.html'
+        show(browser, file)
+        assert [url for url in requests(browser) if not url.startswith('data:')] == [file.as_uri()]
+    # Nor does anything in it go against its own policy.
+    assert [entry for entry in browser.get_log('browser') if entry['level'] == 'SEVERE'] == []
+
+
+@pytest.mark.parametrize('name', DRIVES)
+def test_the_verdict_comes_first(browser, reports, name):
+    show(browser, reports / name / 'report.html', 400)
+    summary = Summary(DRIVES[name]())
+    (headline,) = browser.find_elements('css selector', 'h1')
+    assert headline.text == summary.outcome.headline
+    assert headline.rect['y'] + headline.rect['height'] < 200
+    assert texts(browser, '.why') == [' '.join(summary.outcome.why.split())]
+    # Told by a sign and a word as well as by colour.
+    assert headline.find_elements('css selector', 'svg path')
+
+
+def test_the_figures_are_those_of_the_record(browser, reports):
+    show(browser, reports / 'done' / 'report.html')
+    record = done()
+    (motion,) = record.motions
+    own = motion.own_messages
+    figures = dict(zip(texts(browser, '.figures dt'), texts(browser, '.figures dd')))
+    assert figures['Driven for'] == (
+        f'{own[-1].time - own[0].time:.3f} s\nplanned: {motion.plan.duration:.3f} s')
+    assert figures['Late or lost'] == f'0\nof {len(own) - 1} messages due; 0 lost'
+    assert figures['Stop'].startswith('0.12 s')
+    first, last = record.odometry[0].pose, record.odometry[-1].pose
+    # It came back nearly to its start: as far as odometry, which has no noise, says.
+    away = 1e3 * math.hypot(last.x - first.x, last.y - first.y)
+    told = re.match(r'(\S+) mm, (\S+)°', figures['Ended'])
+    assert float(told[1]) == pytest.approx(away, abs=0.1)
+    turned = math.degrees(math.remainder(last.theta - first.theta, math.tau))
+    assert float(told[2]) == pytest.approx(turned, abs=0.1)
+
+
+def test_the_table_has_every_step(browser, reports):
+    for name in ('done', 'lesson', 'faulted'):
+        show(browser, reports / name / 'report.html')
+        told = json.loads((reports / name / 'run.json').read_text())
+        rows = browser.find_elements('css selector', 'table.steps tbody tr')
+        assert len(rows) == len(told['steps'])
+        for row, step in zip(rows, told['steps']):
+            cells = [cell.text.split('\n') for cell in row.find_elements('css selector', 'td.n')]
+            assert cells[0] == [str(step['number'])]
+            for cell, key in zip(cells[1:], ('requested', 'sent', 'odometry', 'error')):
+                scale = 1e3 if key == 'error' else 1.0
+                assert float(cell[0]) == pytest.approx(
+                    scale * step[key]['distance_m'], abs=0.051 if key == 'error' else 5.1e-5)
+                assert float(cell[1].rstrip('°')) == pytest.approx(
+                    math.degrees(step[key]['angle_rad']), abs=0.0051)
+            assert ('cut short' in row.text) == (not step['is_whole'])
+
+
+@pytest.mark.parametrize('width', WIDTHS)
+@pytest.mark.parametrize('name', DRIVES)
+def test_nothing_is_cut_off_or_lies_on_anything(browser, reports, name, width):
+    show(browser, reports / name / 'report.html', width)
+    browser.execute_script(
+        "document.querySelectorAll('details').forEach(part => part.open = true)")
+    assert browser.execute_script(OVERFLOWING) == []
+    assert browser.execute_script(BROKEN) == []
+    assert browser.execute_script(LABELS) == []
+    assert browser.execute_script(
+        "return document.querySelectorAll('figure svg text').length") > 10
+
+
+def test_pictures_and_tables_can_be_heard(browser, reports):
+    show(browser, reports / 'done' / 'report.html')
+    assert browser.execute_script('return document.documentElement.lang') == 'en'
+    pictures = browser.find_elements('css selector', 'figure svg')
+    assert len(pictures) == 4
+    for picture in pictures:
+        assert picture.get_attribute('role') == 'img'
+        assert len(picture.get_attribute('aria-label')) > 40
+    for cell in browser.find_elements('css selector', 'th'):
+        assert cell.get_attribute('scope') in {'col', 'row'}
+
+
+def test_settings_and_versions_are_folded_away(browser, reports):
+    show(browser, reports / 'done' / 'report.html')
+    (part,) = (part for part in browser.find_elements('css selector', 'details')
+               if part.text.startswith('Settings and versions'))
+    assert 'guardian' not in part.text
+    part.find_element('css selector', 'summary').click()
+    assert 'guardian True' in part.text
+    assert 'ROS jazzy' in part.text
+    assert 'max_linear_velocity 0.3' in part.text
+
+
+def test_it_prints_whole(browser, reports):
+    """With what is folded away, on few pages."""
+    show(browser, reports / 'done' / 'report.html')
+    browser.execute_cdp_cmd('Emulation.setEmulatedMedia', {'media': 'print'})
+    try:
+        (folded,) = browser.find_elements('xpath', '//details//td[text()="jazzy"]')
+        assert browser.execute_script('return arguments[0].checkVisibility()', folded)
+        pdf = base64.b64decode(browser.execute_cdp_cmd('Page.printToPDF', {})['data'])
+    finally:
+        browser.execute_cdp_cmd('Emulation.setEmulatedMedia', {'media': ''})
+    assert pdf.startswith(b'%PDF')
+    assert 2 <= len(re.findall(rb'/Type\s*/Page\b', pdf)) <= 5

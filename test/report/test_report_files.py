@@ -1,0 +1,262 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The files of a report: what they say, for every ending, and that they are always there."""
+
+from dataclasses import replace
+import json
+import math
+import re
+import sys
+import time
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Motion, Move, Turn
+from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.report.html_page import page
+from kachaka_simple_control.report.json_export import fields, run_json
+from kachaka_simple_control.report.report_process import write_report
+from kachaka_simple_control.report.summary import outcome, Summary
+from kachaka_simple_control.telemetry.events import (
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    SessionEnded,
+    VelocitySent,
+)
+from outcome_logs import done, faulted, hour, killed, lesson, never_began, stopped
+from plans import EMPTY, LESSON
+import pytest
+from simulated_drive import EPOCH, Rehearsal
+from strategies import UNHURRIED
+
+LIMITS = Limits(1.0, 2.0)
+SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
+EVIL = '<script>alert("x")</script>&$x_1$\x00'
+
+
+def drawn():
+    """Skip a test where there is nothing to draw with."""
+    pytest.importorskip('matplotlib', reason='pictures need matplotlib')
+
+
+def test_run_json_has_the_figures_of_the_record(tmp_path):
+    record = done()
+    write_report(record, tmp_path, None)
+    told = json.loads((tmp_path / 'run.json').read_text())
+    (motion,) = record.motions
+    own = motion.own_messages
+    assert told['format'] == 1
+    assert told['verdict']['ending'] == 'done'
+    assert told['duration'] == {
+        'planned_s': pytest.approx(motion.plan.duration),
+        'driven_s': pytest.approx(own[-1].time - own[0].time)}
+    assert told['timing']['due'] == len(own) - 1
+    assert told['timing']['late'] == told['timing']['lost'] == 0
+    assert [step['step'] for step in told['steps']] == ['forward 0.5 m', 'turn 90 deg'] * 4
+    assert [step['requested']['distance_m'] for step in told['steps']] == [0.5, 0.0] * 4
+    assert all(step['messages'] == len(movement.sent) - 1
+               for step, movement in zip(told['steps'], record.steps))
+    # The robot's gains are 0.985 and 1.012.
+    for step in told['steps'][::2]:
+        assert step['odometry']['distance_m'] == pytest.approx(0.5 * 0.985, abs=0.003)
+        assert step['error']['distance_m'] == pytest.approx(-0.0075, abs=0.003)
+    for step in told['steps'][1::2]:
+        assert step['odometry']['angle_rad'] == pytest.approx(math.pi / 2 * 1.012, abs=0.01)
+    first, last = record.odometry[0].pose, record.odometry[-1].pose
+    seen, end = relative_to(first, last), told['end']['odometry']
+    assert (end['x_m'], end['y_m']) == pytest.approx((seen.x, seen.y), abs=1e-3)
+    assert math.remainder(end['heading_rad'] - seen.theta, math.tau) == pytest.approx(0, abs=1e-3)
+    assert told['end']['odometry_from_planned']['distance_m'] == pytest.approx(
+        math.hypot(end['x_m'] - told['end']['planned']['x_m'],
+                   end['y_m'] - told['end']['planned']['y_m']), abs=1e-6)
+    assert told['stop'] == {'confirmed_after_s': 0.12}
+    assert told['recording'] == {'is_whole': True, 'why_not': None}
+    assert told['settings']['guardian'] is True
+    assert told['limits']['max_linear_velocity'] == 0.3
+    assert told['limits']['max_backward_velocity'] is None
+    assert told['began'].startswith('2026-11-21T')
+    assert EPOCH < motion.began + EPOCH
+
+
+@pytest.mark.parametrize('drive', [done, lesson, stopped, faulted, killed, never_began])
+def test_every_ending_leaves_its_files(drive, tmp_path):
+    drawn()
+    write_report(drive(), tmp_path, None)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        'path.png', 'report.html', 'run.json']
+    text = (tmp_path / 'report.html').read_text()
+    assert outcome(drive()).headline in text
+    assert 'There are no pictures' not in text
+    assert text.count('<figure') >= 2
+    assert (tmp_path / 'path.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_page_refers_to_nothing_outside(tmp_path):
+    drawn()
+    write_report(done(), tmp_path, None)
+    text = (tmp_path / 'report.html').read_text()
+    assert 'http' not in text.replace('http-equiv', '')
+    assert '<script' not in text
+    assert not re.search(r'@import|url\((?!#)', text)
+    assert re.findall(r'(?:href|src)="(?!#)([^"]*)"', text) == ['data:,']
+    ids = re.findall(r'\bid="([^"]*)"', text)
+    assert len(ids) == len(set(ids))
+    # What is referred to within the page is there.
+    assert set(re.findall(r'(?:href="|url\()#([^")]*)', text)) <= set(ids)
+
+
+def test_the_same_drive_leaves_the_same_bytes(tmp_path):
+    drawn()
+    found = []
+    for name in 'ab':
+        (tmp_path / name).mkdir()
+        write_report(done(), tmp_path / name, None)
+        found.append([path.read_bytes() for path in sorted((tmp_path / name).iterdir())])
+    assert found[0] == found[1]
+
+
+def test_without_matplotlib_the_page_says_so(tmp_path, monkeypatch):
+    (tmp_path / 'path.png').write_bytes(b'of the drive before')
+    monkeypatch.setitem(sys.modules, 'matplotlib', None)
+    write_report(done(), tmp_path, None)
+    text = (tmp_path / 'report.html').read_text()
+    assert 'There are no pictures: a plot needs matplotlib: pip install matplotlib' in text
+    assert '<figure' not in text
+    assert 'forward 0.5 m' in text
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['report.html', 'run.json']
+
+
+def test_a_picture_that_fails_does_not_cost_the_page(tmp_path, monkeypatch):
+    drawn()
+    monkeypatch.setattr(
+        'kachaka_simple_control.report.drive_plots.draw_drive_path', lambda *_: 1 / 0)
+    write_report(done(), tmp_path, None)
+    assert 'drawing them failed (ZeroDivisionError' in (tmp_path / 'report.html').read_text()
+    assert json.loads((tmp_path / 'run.json').read_text())['verdict']['ending'] == 'done'
+
+
+def test_a_folder_that_cannot_be_written_to_is_an_os_error(tmp_path):
+    with pytest.raises(OSError, match='nowhere'):
+        write_report(done(), tmp_path / 'nowhere', None)
+
+
+def test_why_there_is_no_recording_is_told():
+    summary = Summary(done())
+    assert 'run.mcap</code>, the recording.' in page(summary, {}, None, None)
+    why = 'It needs mcap-ros2-support: pip install <it>.'
+    assert 'pip install &lt;it&gt;.' in page(summary, {}, None, why)
+    assert json.loads(run_json(summary, why))['recording'] == {'is_whole': False, 'why_not': why}
+
+
+def test_what_comes_from_outside_is_escaped(tmp_path):
+    rehearsal = Rehearsal(title=EVIL)
+    rehearsal.tell(replace(
+        rehearsal.record.opened, robot=EVIL, settings={EVIL: EVIL}, versions={EVIL: EVIL},
+        velocity_topic=EVIL, odometry_topic=EVIL))
+    rehearsal.drive(replace(SECOND, name=EVIL))
+    rehearsal.drive(replace(SECOND, name='other'), 0.5, EVIL)
+    write_report(rehearsal.close(error=EVIL), tmp_path, EVIL)
+    text = (tmp_path / 'report.html').read_text()
+    assert '<script' not in text
+    assert text.count('&lt;script&gt;') >= 10
+    assert json.loads((tmp_path / 'run.json').read_text())['title'] == EVIL
+
+
+def headings(record):
+    """Return the headings in the table of where a drive ended [degrees]."""
+    text = page(Summary(record), {}, None, None)
+    rows = re.findall(r'"row">(?:planned|sent|odometry)</th>(?:<td class="n">([^<]*)</td>)'
+                      r'(?:<td class="n">([^<]*)</td>)(?:<td class="n">([^<]*)</td>)', text)
+    return [float(heading) for _, _, heading in rows]
+
+
+def test_headings_tell_where_it_looks_and_not_how_often_it_turned():
+    assert headings(done()) == [0.0, pytest.approx(0.0, abs=0.1), pytest.approx(4.3, abs=0.1)]
+    assert headings(stopped()) == [0.0, pytest.approx(90.0, abs=0.1), pytest.approx(91.1, abs=0.1)]
+    half = Motion('half', [Turn(3.14)])
+    rehearsal = Rehearsal(20.0)
+    rehearsal.drive(half)
+    planned, _, odometry = headings(rehearsal.close())
+    assert planned == pytest.approx(179.9, abs=0.1)
+    assert odometry == pytest.approx(182.1, abs=0.2)
+
+
+def test_of_very_many_steps_the_first_and_the_last_are_shown(tmp_path):
+    rehearsal = Rehearsal(10.0, odometry_period=0.2)
+    rehearsal.drive(Motion('many', [Move(0.1, 0.0, 0.1), Turn(0.0)] * 200))
+    record = rehearsal.close()
+    text = page(Summary(record), {}, None, None)
+    assert '<td class="n">150</td>' in text
+    assert '<td class="n">151</td>' not in text
+    assert '100 steps left out here' in text
+    assert '<td class="n">400</td>' in text
+    assert len(fields(Summary(record), None)['steps']) == 400
+
+
+@pytest.mark.slow
+def test_an_hour_is_reported_small_and_soon(tmp_path):
+    drawn()
+    record = hour()
+    assert len(record.sent) >= 180_000
+    assert len(record.odometry) >= 72_000
+    begin = time.process_time()
+    write_report(record, tmp_path, None)
+    # The bar is 5 s; docs/report.md says what was measured.  This machine may be any.
+    assert time.process_time() - begin < 20.0
+    assert (tmp_path / 'report.html').stat().st_size < 2_000_000
+
+
+TIMES = st.floats(99.0, 104.0)
+VELOCITIES = st.builds(Velocity, st.floats(-0.3, 0.3), st.floats(-1.5, 1.5)) | st.just(ZERO)
+ODD = st.floats() | st.floats(-2.0, 2.0)
+EVENTS = st.one_of(
+    st.builds(MotionPlanned, st.sampled_from([SECOND, LESSON, EMPTY]), st.just(LIMITS),
+    st.just(10.0)),
+    st.builds(MotionStarted, TIMES),
+    st.builds(VelocitySent, TIMES, VELOCITIES), st.builds(VelocitySent, TIMES, VELOCITIES),
+    st.builds(OdometryReceived, TIMES, st.builds(Pose, ODD, ODD, ODD),
+    st.builds(Velocity, ODD, ODD)),
+    st.builds(MotionEnded, TIMES, st.none() | st.text()),
+    st.builds(SessionEnded, TIMES, st.none() | ODD, st.none() | st.integers(-1, 99),
+              st.none() | st.text()))
+
+
+@given(st.lists(EVENTS, max_size=40))
+@UNHURRIED
+def test_whatever_happened_there_is_a_report(events):
+    """Even what cannot happen, as messages back in time."""
+    record = DriveLog()
+    for event in events:
+        # Before the first plan nothing but odometry comes.
+        if record.motions or isinstance(event, (MotionPlanned, OdometryReceived, SessionEnded)):
+            record.on_event(event)
+    summary = Summary(record)
+    assert json.loads(run_json(summary, None))['verdict']['headline'] == summary.outcome.headline
+    assert '</html>' in page(summary, {}, 'not now', None)
+
+
+@given(st.lists(EVENTS, max_size=30))
+@settings(deadline=None, max_examples=20)
+def test_whatever_happened_there_are_pictures(events):
+    drawn()
+    from kachaka_simple_control.report.drive_plots import draw_pictures
+    record = DriveLog()
+    record.on_event(MotionPlanned(SECOND, LIMITS, 10.0))
+    for event in events:
+        record.on_event(event)
+    assert 'velocities' in draw_pictures(Summary(record)).svg

@@ -1,0 +1,309 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The reporter hears all, holds nobody up, and leaves what it heard, whatever ends whom."""
+
+import os
+from pathlib import Path
+import re
+import signal
+import subprocess
+import sys
+import time
+
+from kachaka_simple_control.control import processes
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.motion.geometry import Pose, Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.report import report_process
+from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.report.report_directory import prepare_report_dir
+from kachaka_simple_control.telemetry.events import (
+    EventBus,
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    SessionEnded,
+    SessionStarted,
+    VelocitySent,
+)
+from kachaka_simple_control.telemetry.subscriber_process import (
+    REPORTER,
+    subscriber_processes,
+    SubscriberProcess,
+)
+import pytest
+from recordings import READERS, sent_velocities, stamp_of, velocities
+
+pytest.importorskip('mcap', reason='needs what writes recordings')
+
+LIMITS = Limits(0.3, 1.5)
+OPENED = SessionStarted('test', 'kachaka', LIMITS, 0.3, 1.7e9, '/cmd_vel', '/odom')
+PLANNED = MotionPlanned(Motion('ahead', (Move(0.1, 0.0, 5.0),)), LIMITS, 10.0)
+BEGINNING = (OPENED, PLANNED, VelocitySent(10.0, Velocity(0.1)), MotionStarted(10.0))
+PATIENCE = 30.0
+
+
+def reporter_of(folder, *before):
+    """Return a teller to a reporter, started by another command if one is given."""
+    return SubscriberProcess(
+        [*before, *processes.python_command(REPORTER), str(folder)], processes.child_environment())
+
+
+def drive(count, first=10.0):
+    """Return the events of a drive at 50 Hz."""
+    return [event for number in range(count) for event in (
+        VelocitySent(first + number / 50.0, Velocity(0.1, number / 1000.0)),
+        OdometryReceived(first + number / 50.0 + 0.003, Pose(number / 500.0)))]
+
+
+def assert_recorded(folder, events):
+    """Assert that both readers find each velocity that was told, and nothing else."""
+    sent = sent_velocities([event for event in events if isinstance(event, VelocitySent)], OPENED)
+    for read in READERS:
+        assert velocities(read(folder / 'run.mcap'), OPENED) == sent
+
+
+def wait_for_file(file, size):
+    """Return when a file is larger than a size."""
+    end = time.monotonic() + PATIENCE
+    while not file.exists() or file.stat().st_size <= size:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_all_that_was_told_is_recorded(tmp_path, capfd):
+    events = [
+        *BEGINNING, *drive(1000, 10.1), MotionEnded(30.0), SessionEnded(31.0, still_after=0.1)]
+    teller = reporter_of(tmp_path)
+    for event in events:
+        teller.send(event)
+    code = teller.close(PATIENCE)
+    assert teller.failure is None
+    assert_recorded(tmp_path, events)
+    assert code == 0
+    assert capfd.readouterr().err == f'report: {tmp_path}/report.html\n'
+    assert {'report.html', 'path.png', 'run.json'} <= {file.name for file in tmp_path.iterdir()}
+
+
+TELL = """
+import os, signal, sys
+from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
+from kachaka_simple_control.control import processes
+from test_report_process import BEGINNING, drive, reporter_of
+teller = reporter_of(sys.argv[1])
+for event in [*BEGINNING, *drive(200, 10.1)]:
+    teller.send(event)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_it_lives_on_when_the_program_is_killed(tmp_path):
+    environment = processes.child_environment()
+    environment['PYTHONPATH'] += os.pathsep + str(Path(__file__).parent) + os.pathsep + str(
+        Path(__file__).parents[1])
+    # The reporter holds on to the pipe; so this returns when it has ended.
+    ended = subprocess.run(
+        [sys.executable, '-c', TELL, str(tmp_path)], env=environment, timeout=PATIENCE,
+        capture_output=True, text=True, check=False)
+    assert ended.returncode == -signal.SIGKILL, ended.stderr
+    assert_recorded(tmp_path, [*BEGINNING, *drive(200, 10.1)])
+    assert ended.stderr == f'report: {tmp_path}/report.html\n'
+
+
+def test_killed_itself_it_leaves_all_but_the_last_second(tmp_path):
+    """So does a machine that kills both at once."""
+    teller = reporter_of(tmp_path)
+    for event in (OPENED, PLANNED):
+        teller.send(event)
+    wait_for_file(tmp_path / 'run.mcap', 0)
+    sent = []
+    end = time.monotonic() + 2.5
+    while time.monotonic() < end:
+        sent.append(VelocitySent(time.monotonic(), Velocity(0.1, len(sent) / 1000.0)))
+        teller.send(sent[-1])
+        time.sleep(0.01)
+    killed = time.monotonic()
+    teller._process.kill()
+    assert teller.close(PATIENCE) == -signal.SIGKILL
+    due = [velocity for velocity in sent_velocities(sent, OPENED)
+           if velocity[0] < stamp_of(OPENED, killed - 1.0)]
+    assert len(due) > 50
+    for read in READERS:
+        found = velocities(read(tmp_path / 'run.mcap'), OPENED)
+        assert found == sent_velocities(sent, OPENED)[:len(found)]
+        assert found[:len(due)] == due
+
+
+def test_what_is_told_reaches_the_disk_while_nothing_more_comes(tmp_path):
+    teller = reporter_of(tmp_path)
+    for event in (OPENED, PLANNED):
+        teller.send(event)
+    wait_for_file(tmp_path / 'run.mcap', 0)
+    size = (tmp_path / 'run.mcap').stat().st_size
+    teller.send(VelocitySent(time.monotonic(), Velocity(0.1)))
+    wait_for_file(tmp_path / 'run.mcap', size)
+    assert len(READERS[0](tmp_path / 'run.mcap')) == 1
+    teller.close(PATIENCE)
+
+
+@pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_all_programs_does_not_end_it(signum, tmp_path):
+    events = [*BEGINNING, *drive(100, 10.1)]
+    teller = reporter_of(tmp_path)
+    for event in events[:50]:
+        teller.send(event)
+    wait_for_file(tmp_path / 'run.mcap', 0)
+    teller._process.send_signal(signum)
+    for event in events[50:]:
+        teller.send(event)
+    assert teller.close(PATIENCE) in (0, 1)
+    assert_recorded(tmp_path, events)
+
+
+def test_it_stands_behind_the_program_that_drives(tmp_path):
+    teller = reporter_of(tmp_path)
+    teller.send(OPENED)
+    wait_for_file(tmp_path / 'run.mcap', 0)
+    own = os.getpriority(os.PRIO_PROCESS, 0)
+    assert os.getpriority(os.PRIO_PROCESS, teller._process.pid) == min(19, own + 10)
+    teller.close(PATIENCE)
+
+
+def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
+    """Here a file may have 20 KiB; what is told before fits in."""
+    folder = tmp_path / 'report'
+    folder.mkdir()
+    teller = reporter_of(folder, 'bash', '-c', 'ulimit -f 20; exec "$@"', 'bash')
+    teller.send(OPENED)
+    wait_for_file(folder / 'run.mcap', 0)
+    size = (folder / 'run.mcap').stat().st_size
+    for event in BEGINNING[1:]:
+        teller.send(event)
+    wait_for_file(folder / 'run.mcap', size)
+    for number in range(40):
+        for event in drive(100, 11.0 + 2.0 * number):
+            teller.send(event)
+        time.sleep(0.05)
+    assert teller.failure is None, 'it goes on hearing'
+    assert teller.close(PATIENCE) == 1
+    assert 'report: run.mcap ends early: File too large\n' in capfd.readouterr().err
+    assert 0 < (folder / 'run.mcap').stat().st_size <= 20 * 1024
+    one, other = (velocities(read(folder / 'run.mcap'), OPENED) for read in READERS)
+    assert one == other
+    assert one[0] == (stamp_of(OPENED, 10.0), 0.1, 0.0)
+
+
+def test_one_that_does_not_keep_up_is_told_no_more_and_says_what_it_heard(tmp_path, capfd):
+    audience = EventBus()
+    with subscriber_processes(audience) as told:
+        told.start(REPORTER, str(tmp_path))
+        (teller,) = told._tellers
+        for event in BEGINNING:
+            audience.publish(event)
+        wait_for_file(tmp_path / 'run.mcap', 0)
+        teller._process.send_signal(signal.SIGSTOP)
+        start = time.monotonic()
+        for event in drive(20_000, 11.0):
+            audience.publish(event)
+        assert time.monotonic() - start < 10.0
+        assert teller.failure == 'it did not keep up'
+        teller._process.send_signal(signal.SIGCONT)
+    printed = capfd.readouterr().err
+    assert ('kachaka_simple_control: what was shown or reported ends early: it did not keep up\n'
+            in printed)
+    for read in READERS:
+        found = velocities(read(tmp_path / 'run.mcap'), OPENED)
+        assert 1000 < len(found) < 20_000
+
+
+def test_a_program_that_ended_before_it_began_is_no_report(tmp_path, capfd):
+    teller = reporter_of(tmp_path)
+    assert teller.close(PATIENCE) == 1
+    assert 'report: there is none: the program ended before anything began' in (
+        capfd.readouterr().err)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize('error, text', [
+    (ValueError('odd'), "there is none: ValueError('odd')"),
+    (OSError(28, 'No space left on device'), 'there is none: No space left on device')])
+def test_a_report_that_fails_is_said_in_a_line(error, text, monkeypatch, tmp_path):
+    def write_report(record, folder, recording):
+        raise error
+
+    monkeypatch.setattr(report_process, 'write_report', write_report)
+    record = DriveLog()
+    record.on_event(OPENED)
+    assert report_process.report(record, tmp_path, None) == text
+
+
+def test_the_report_is_told_what_became_of_the_recording(monkeypatch, tmp_path):
+    calls = []
+    monkeypatch.setattr(report_process, 'write_report', lambda *arguments: calls.append(arguments))
+    record = DriveLog()
+    record.on_event(OPENED)
+    assert report_process.report(record, tmp_path, 'run.mcap ends early') is None
+    assert calls == [(record, tmp_path, 'run.mcap ends early')]
+
+
+def test_a_folder_is_made_and_kept(tmp_path):
+    folder = tmp_path / 'runs' / 'first'
+    with prepare_report_dir(str(folder)):
+        assert list(folder.iterdir()) == []
+    assert folder.is_dir()
+    with prepare_report_dir(str(folder)):
+        pass
+    with pytest.raises(KeyboardInterrupt), prepare_report_dir(str(folder)):
+        raise KeyboardInterrupt
+    assert folder.is_dir()
+
+
+def test_bad_usage_leaves_no_folder_but_what_was_there(tmp_path):
+    there = tmp_path / 'there'
+    there.mkdir()
+    for folder in (there, there / 'runs' / 'first'):
+        with pytest.raises(UsageError, match='rate'), prepare_report_dir(str(folder)):
+            raise UsageError('rate is 0')
+    assert list(there.iterdir()) == []
+
+
+def refused_because(folder):
+    """Return why a folder is refused."""
+    with pytest.raises(UsageError) as caught, prepare_report_dir(str(folder)):
+        pytest.fail('it was not')
+    assert len(str(caught.value).splitlines()) == 1
+    return str(caught.value)
+
+
+def test_a_folder_that_holds_something_is_refused(tmp_path):
+    (tmp_path / 'run.mcap').touch()
+    assert refused_because(tmp_path) == (
+        f'--report {tmp_path} is not empty, it holds run.mcap: name a folder that is new or empty')
+    assert list(tmp_path.iterdir()) == [tmp_path / 'run.mcap']
+
+
+def test_a_file_is_no_folder(tmp_path):
+    (tmp_path / 'file').touch()
+    assert refused_because(tmp_path / 'file') == (
+        f'--report {tmp_path}/file is a file: name a folder that is new or empty')
+    assert re.match(r'.*/file/in cannot be written to \(Not a directory\): name another folder$',
+                    refused_because(tmp_path / 'file' / 'in'))
+
+
+@pytest.mark.skipif(not Path('/proc/self').exists(), reason='needs a place for no files')
+def test_a_place_that_takes_no_files_is_refused():
+    assert 'cannot be written to' in refused_because('/proc/report')
+    assert 'cannot be written to (File name too long)' in refused_because('/tmp/' + 300 * 'x')

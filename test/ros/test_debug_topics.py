@@ -1,0 +1,230 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What a node shows of itself, over real topics, and that none of it gets in the way."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+
+from kachaka_simple_control.errors import MotionRefusedError
+from kachaka_simple_control.motion.steps import Arc, Forward, Motion
+import pytest
+from ros_support import wait_until
+
+pytestmark = pytest.mark.ros
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+pytest.importorskip('diagnostic_msgs', reason='needs diagnostic_msgs')
+
+from topic_observer import figures, ODOMETRY, places, SHOWN, VELOCITY  # noqa: E402, I100
+
+
+def drive(node, *arguments):
+    """Start a movement in another thread, and return that."""
+    thread = threading.Thread(target=node.move_robot, args=arguments)
+    thread.start()
+    return thread
+
+
+def test_the_plan_is_shown_before_the_robot_moves_from_where_it_is(listener, watcher, make):
+    watcher.tell_odometry(ODOMETRY, 1.0, 2.0, math.sin(math.pi / 4), math.cos(math.pi / 4), 'lab')
+    node = make()
+    planned = watcher.planned()
+    thread = threading.Thread(target=node.run, args=[Motion('bow', [Arc(0.2, math.pi / 2)])])
+    thread.start()
+    assert wait_until(lambda: planned and planned[-1].header.frame_id == 'lab')
+    assert not listener.moves()
+    thread.join()
+    # To the left, for the robot looks along y: from (1, 2) by (-0.2, 0.2).
+    assert places(planned[-1])[0] == pytest.approx((1.0, 2.0))
+    assert places(planned[-1])[-1] == pytest.approx((0.8, 2.2))
+    assert len(planned[-1].poses) > 20
+    assert {pose.header.frame_id for pose in planned[-1].poses} == {'lab'}
+    # Who comes later sees it, too.
+    late = watcher.planned()
+    assert wait_until(lambda: late)
+    assert places(late[-1]) == places(planned[-1])
+
+
+def test_a_robot_that_does_not_say_where_it_is_is_planned_from_the_origin(
+        listener, watcher, make):
+    node = make()
+    planned = watcher.planned()
+    node.run(Motion('on', [Forward(0.05)]))
+    assert wait_until(lambda: planned)
+    assert planned[-1].header.frame_id == 'odom'
+    assert places(planned[-1]) == [pytest.approx((0.0, 0.0)), pytest.approx((0.05, 0.0))]
+
+
+def test_each_velocity_is_shown_with_its_time(listener, watcher, make):
+    node = make(rate=20.0)
+    seen = watcher.velocities()
+    assert wait_until(lambda: node.count_subscribers(node.get_name() + '/commanded_velocity'))
+    node.move_robot(0.1, -0.2, 0.5)
+    assert wait_until(lambda: seen and seen[-1].twist.linear.x == 0.0)
+    moving = [message for message in seen if message.twist.linear.x]
+    assert len(moving) == 10
+    assert {(m.twist.linear.x, m.twist.angular.z) for m in moving} == {(0.1, -0.2)}
+    assert {message.header.frame_id for message in seen} == {'base_link'}
+    stamps = [message.header.stamp.sec + message.header.stamp.nanosec * 1e-9 for message in moving]
+    sent = [heard.time for heard in listener.heard if heard.moves]
+    # Stamped by the same machine, right after it was sent.
+    assert stamps == pytest.approx(sent, abs=0.05)
+
+
+def test_the_way_driven_is_shown_as_odometry_tells_it(listener, watcher, make):
+    pose = watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
+    node = make()
+    seen = watcher.driven()
+    thread = drive(node, 0.1, 0.0, 1.0)
+    assert wait_until(lambda: seen)
+    for number in range(1, 11):
+        pose.position.x = 0.1 * number
+        time.sleep(0.1)
+    assert wait_until(lambda: places(seen[-1])[-1][0] == pytest.approx(1.0))
+    assert places(seen[-1])[0] == (0.0, 0.0)
+    assert 8 <= len(seen[-1].poses) <= 11
+    assert all(pose.header.stamp.sec > 1e9 for pose in seen[-1].poses)
+    count, since = len(seen), time.monotonic()
+    time.sleep(1.2)
+    assert len(seen) - count <= (time.monotonic() - since) * 2.0 + 1.0
+    thread.join()
+
+
+def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, watcher, make):
+    node = make(use_sim_time=True)
+    seen = watcher.diagnoses()
+    thread = drive(node, 0.1, 0.0, 2.5)
+    assert wait_until(lambda: any(figures(one)['state'] == 'driving' for one in seen))
+    driving = next(one for one in seen if figures(one)['state'] == 'driving')
+    assert driving.status[0].name == 'kachaka_simple_control: drive'
+    assert driving.status[0].hardware_id == f'kachaka on {VELOCITY}'
+    told = figures(driving)
+    assert list(told) == [
+        'state', 'motion', 'step', 'late ticks', 'skipped ticks', 'listeners',
+        'other publishers', 'guardian', 'odometry age', 'manual control']
+    assert told['motion'] == 'move_robot'
+    assert told['step'] == '1 of 1'
+    assert told['listeners'] == '1'
+    assert told['other publishers'] == 'none'
+    assert told['guardian'] == 'matched'
+    assert told['odometry age'] == 'never heard'
+    assert told['manual control'].startswith('asked for')
+    thread.join()
+    assert wait_until(lambda: figures(seen[-1])['state'] == 'at rest')
+    assert [move.count for move in listener.moves()] == [25]
+
+
+def test_a_diagnosis_tells_of_the_end_of_a_motion(listener, watcher, make):
+    node = make()
+    seen = watcher.diagnoses()
+    stop_soon(node, listener)
+    with pytest.raises(MotionRefusedError):
+        node.move_robot(0.1, 0.0, 10.0)
+    assert wait_until(lambda: seen and figures(seen[-1])['state'] == 'stopped early')
+    assert seen[-1].status[0].level == b'\x01'
+    assert 'ended by stop_robot()' in seen[-1].status[0].message
+    node._session.stop_permanently(MotionRefusedError('enough'))
+    assert wait_until(lambda: figures(seen[-1])['state'] == 'halted')
+    assert seen[-1].status[0].level == b'\x02'
+    assert 'enough' in seen[-1].status[0].message
+
+
+def stop_soon(node, listener):
+    """Stop a node once it moves."""
+    def stop():
+        listener.wait_for(lambda heard: heard.moves)
+        node.stop_robot()
+    threading.Thread(target=stop).start()
+
+
+def test_what_fails_to_show_is_told_once_and_ends_nothing(listener, watcher, make, monkeypatch):
+    from kachaka_simple_control.ros import debug_topics, path_topics, session_status
+
+    def fail(*what):
+        raise RuntimeError('cannot show')
+
+    monkeypatch.setattr(debug_topics.CommandedVelocityPublisher, 'on_sent', fail)
+    monkeypatch.setattr(path_topics.PathSerializer, 'pose', fail)
+    monkeypatch.setattr(session_status.StatusReader, 'read', fail)
+    watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
+    node = make()
+    told = []
+    monkeypatch.setattr(node.get_logger().__class__, 'warning', lambda self, text: told.append(
+        text))
+    watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()
+    node.move_robot(0.1, 0.0, 1.5)
+    assert [move.count for move in listener.moves()] == [15]
+    shown = [text for text in told if 'cannot show' in text]
+    # Once each, and the planned path by its plan and by its place.
+    assert len(shown) == 5
+    assert {text.split()[0] for text in shown} == set(SHOWN)
+
+
+def test_dds_that_takes_its_time_for_what_is_shown_holds_nobody_up(
+        listener, watcher, make, monkeypatch):
+    """As it was seen to, for a third of a second, while somebody joins the graph."""
+    watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
+    node = make(rate=20.0)
+    aside, sent = node._showing._aside, []
+    monkeypatch.setattr(
+        aside, '_publish', lambda *what: sent.append(what) or time.sleep(0.4))
+    watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()
+    node.move_robot(0.1, 0.0, 2.0)
+    assert sent
+    (move,) = listener.moves()
+    assert move.count == 40
+    assert move.duration == pytest.approx(2.0, abs=0.05)
+    began = time.monotonic()
+    node.stop_robot()
+    node.destroy_node()
+    assert time.monotonic() - began < 3.0
+    count = len(sent)
+    time.sleep(0.5)
+    assert len(sent) == count
+
+
+def test_what_cannot_be_shown_in_time_is_left_away(make):
+    node = make()
+    aside, made = node._showing._aside, []
+    aside._publish = lambda publisher, make: (time.sleep(0.05), made.append(make()))
+    began = time.monotonic()
+    for number in range(1000):
+        aside.publish(None, lambda number=number: number)
+    assert time.monotonic() - began < 0.5
+    assert wait_until(aside._waiting.empty)
+    assert len(made) <= 220
+
+
+def test_nothing_is_shown_after_the_node_was_closed(listener, watcher, make):
+    watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
+    node = make()
+    seen = [watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()]
+    node.move_robot(0.1, 0.0, 1.2)
+    assert wait_until(lambda: all(seen))
+    node._session.close()
+    time.sleep(0.2)
+    counts = [len(one) for one in seen]
+    # Somebody else spins it yet.
+    executor = rclpy.executors.SingleThreadedExecutor()
+    executor.add_node(node)
+    end = time.monotonic() + 1.5
+    while time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.1)
+    executor.remove_node(node)
+    assert [len(one) for one in seen] == counts
+
+

@@ -1,0 +1,155 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What can be set of a node and its topics, from outside, and what cannot."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+import threading
+
+from kachaka_simple_control.errors import UsageError
+import pytest
+from ros_support import wait_until
+
+pytestmark = pytest.mark.ros
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
+pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+pytest.importorskip('diagnostic_msgs', reason='needs diagnostic_msgs')
+
+from rcl_interfaces.msg import Parameter as ParameterMessage  # noqa: E402, I100
+from rcl_interfaces.msg import ParameterValue  # noqa: E402, I100
+from rcl_interfaces.srv import DescribeParameters, SetParameters  # noqa: E402, I100
+from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402, I100
+from std_srvs.srv import Trigger  # noqa: E402, I100
+from topic_observer import ODOMETRY, SHOWN, VELOCITY  # noqa: E402, I100
+
+
+@pytest.mark.parametrize('topic', SHOWN)
+@pytest.mark.parametrize('target', [VELOCITY, 'kachaka/manual_control/cmd_vel'])
+def test_nothing_shown_may_be_remapped_to_where_it_would_move_the_robot(make, topic, target):
+    with pytest.raises(UsageError, match=f'^{topic} is remapped to {VELOCITY}, which moves'):
+        make('-r', f'{topic}:={target}')
+
+
+def test_the_quality_of_service_can_be_changed(make, watcher):
+    name = '/kachaka_simple_control/commanded_velocity'
+    make(**{f'qos_overrides.{name}.publisher.reliability': 'reliable'})
+    # A node of the test before may be seen a little longer.
+    assert wait_until(lambda: [
+        info.qos_profile.reliability for info in watcher.node.get_publishers_info_by_topic(name)
+    ] == [ReliabilityPolicy.RELIABLE])
+
+
+def test_odometry_may_be_heard_reliably(make, watcher):
+    make(**{f'qos_overrides.{ODOMETRY}.subscription.reliability': 'reliable'})
+    assert wait_until(lambda: [
+        info.qos_profile.reliability
+        for info in watcher.node.get_subscriptions_info_by_topic(ODOMETRY)
+    ] == [ReliabilityPolicy.RELIABLE])
+
+
+@pytest.mark.parametrize('policy, value, text', [
+    ('history', 'keep_all', 'a slow reader hold up the drive'),
+    ('reliability', 'sometimes', 'sometimes'),
+    ('depth', 'deep', 'depth'),
+])
+def test_a_quality_that_cannot_be_had_is_refused(make, policy, value, text):
+    name = '/kachaka_simple_control/commanded_velocity'
+    with pytest.raises(UsageError, match=text):
+        make(**{f'qos_overrides.{name}.publisher.{policy}': value})
+
+
+def test_the_velocities_keep_their_quality_of_service(make):
+    """The guardian's publisher has the same, and the depth is part of the stop."""
+    node = make(**{f'qos_overrides.{VELOCITY}.publisher.depth': 3})
+    assert node.publisher.qos_profile.depth == 10
+
+
+def test_parameters_cannot_be_changed_while_driving(listener, watcher, make):
+    node = make(rate=20.0)
+    thread = threading.Thread(target=node.move_robot, args=(0.1, 0.0, 2.0))
+    thread.start()
+    listener.wait_for(lambda heard: heard.moves)
+    for name, value in (('rate', ParameterValue(type=3, double_value=5.0)),
+                        ('guardian', ParameterValue(type=1, bool_value=False)),
+                        ('robot_namespace', ParameterValue(type=4, string_value='/other'))):
+        answer = watcher.call(
+            SetParameters, '/kachaka_simple_control/set_parameters',
+            SetParameters.Request(parameters=[ParameterMessage(name=name, value=value)]))
+        (result,) = answer.results
+        assert not result.successful
+        assert 'read-only' in result.reason
+        assert name in result.reason
+    thread.join()
+    assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 40)]
+
+
+def test_parameters_are_described_with_their_ranges(watcher, make):
+    from kachaka_simple_control.ros.parameters import NodeParameters
+    node = make()
+    executor = rclpy.executors.SingleThreadedExecutor()
+    executor.add_node(node)
+    thread = threading.Thread(target=executor.spin, daemon=True)
+    thread.start()
+    names = [setting.name for setting in fields(NodeParameters)]
+    answer = watcher.call(
+        DescribeParameters, '/kachaka_simple_control/describe_parameters',
+        DescribeParameters.Request(names=names))
+    executor.shutdown()
+    thread.join()
+    for setting, told in zip(fields(NodeParameters), answer.descriptors, strict=True):
+        assert told.description == setting.metadata['description']
+        assert told.read_only
+        spans = [(span.from_value, span.to_value) for span in told.floating_point_range]
+        wanted = setting.metadata['range']
+        assert spans == ([pytest.approx(wanted)] if wanted else [])
+
+
+def test_a_name_that_cannot_be_is_an_error_and_no_node(make, watcher):
+    for arguments in (('-r', '__ns:=/' + 'a' * 230), ('-r', '__node:=' + 'a' * 300),
+                      ('-r', f'/rosout:={VELOCITY}')):
+        with pytest.raises(UsageError, match='^[^\n]{1,300}$'):
+            make(*arguments)
+    assert watcher.node.count_publishers(VELOCITY) == 0
+    assert wait_until(lambda: watcher.node.get_node_names() == ['watcher'])
+
+
+@pytest.mark.parametrize('clients', [1, 6])
+def test_every_call_of_a_storm_is_answered(make, watcher, clients):
+    """The default queue keeps ten requests: most of these were never answered."""
+    node = make()
+    executor = rclpy.executors.SingleThreadedExecutor()
+    executor.add_node(node)
+    each = [watcher.node.create_client(
+        Trigger, '/kachaka_simple_control/stop', qos_profile=QoSProfile(depth=600))
+        for _ in range(clients)]
+    for client in each:
+        assert client.wait_for_service(10.0)
+    calls = [client.call_async(Trigger.Request()) for _ in range(600 // clients)
+             for client in each]
+    thread = threading.Thread(target=executor.spin, daemon=True)
+    thread.start()
+    try:
+        assert wait_until(lambda: all(call.done() for call in calls))
+    finally:
+        executor.shutdown()
+        thread.join()
+
+
+def test_a_node_that_was_refused_leaves_nothing_behind(make, watcher):
+    """Its publisher would be taken for somebody else who drives the robot."""
+    for _ in range(3):
+        with pytest.raises(UsageError):
+            make('-r', f'{SHOWN[0]}:={VELOCITY}')
+    assert wait_until(lambda: watcher.node.count_publishers(VELOCITY) == 0)

@@ -1,0 +1,75 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Several robots and nodes beside each other in one domain, each pair in its own namespaces."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+
+import pytest
+from ros_support import bridge
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+pytest.importorskip('diagnostic_msgs', reason='needs diagnostic_msgs')
+
+from program import program  # noqa: E402, I100
+from topic_observer import places, Watcher  # noqa: E402, I100
+
+#: With time before and after, for the watcher may be found late.
+MOTION = """
+name: {name}
+steps:
+  - wait: 3 s
+  - forward: {distance} m
+  - wait: 3 s
+"""
+#: Namespace of the robot, namespace of the node, name of the node, how far it goes [m].
+PAIRS = (('/left/robot', '/lab', 'one', 0.1), ('/right', '/', 'two', -0.05))
+
+
+@contextlib.contextmanager
+def driven(robot, namespace, name, distance, folder):
+    """Drive a robot of its own."""
+    file = folder / f'{name}.yaml'
+    file.write_text(MOTION.format(name=name, distance=distance))
+    (folder / name).mkdir()
+    command = [
+        sys.executable, '-m', 'kachaka_simple_control', str(file), '--ros-args',
+        '-r', f'__ns:={namespace}', '-r', f'__node:={name}', '-p', f'robot_namespace:={robot}']
+    with bridge('--namespace', robot), program(command, folder / name) as started:
+        yield started
+
+
+def test_two_nodes_drive_two_robots_at_once(tmp_path):
+    with Watcher() as watcher, contextlib.ExitStack() as stack:
+        names = [f'{namespace.rstrip("/")}/{name}' for _, namespace, name, _ in PAIRS]
+        planned = [watcher.planned(node, matched=False) for node in names]
+        way = [watcher.driven(node, matched=False) for node in names]
+        sent = [watcher.velocities(node, matched=False) for node in names]
+        diagnoses = watcher.diagnoses(matched=False)
+        programs = [stack.enter_context(driven(*pair, tmp_path)) for pair in PAIRS]
+        assert [one.end() for one in programs] == [0, 0], [one.text for one in programs]
+        for pair, plans, ways, velocities in zip(PAIRS, planned, way, sent):
+            distance = pair[-1]
+            assert places(plans[-1])[-1] == pytest.approx((distance, 0.0))
+            # The last of it may not have been published any more.
+            assert 0.0 <= places(ways[-1])[-1][0] / distance <= 1.05
+            assert {v.twist.linear.x * distance >= 0.0 for v in velocities} == {True}
+            assert any(v.twist.linear.x for v in velocities)
+        told = {(one.status[0].name, one.status[0].hardware_id) for one in diagnoses}
+        assert told == {
+            (f'{node.lstrip("/")}: drive', f'kachaka on {pair[0]}/manual_control/cmd_vel')
+            for node, pair in zip(names, PAIRS)}
