@@ -19,7 +19,8 @@ import os
 import sys
 
 from kachaka_simple_control.cli import Options
-from kachaka_simple_control.control.plan_runner import MAX_RATE, min_rate
+from kachaka_simple_control.control.plan_runner import min_rate
+from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.files.robot_profile import KACHAKA, profile_of, RobotProfile

@@ -28,13 +28,13 @@ import threading
 import time
 
 from kachaka_simple_control.control.processes import is_running
+from kachaka_simple_control.control.timing import (
+    CLAIM_ANSWER_TIMEOUT,
+    CLAIM_RETRY_PERIOD,
+    CLAIM_TIMEOUT,
+    GUARDIAN_LEAVE_TIMEOUT,
+)
 
-#: How long the holder may take to say who it is [s]; one that is frozen never does.
-CLAIM_ANSWER_TIMEOUT = 0.3
-#: How long a claim is waited for whose program has ended [s]: its guardian stops the robot.
-GUARDIAN_LEAVE_TIMEOUT = 3.0
-#: How often it is tried meanwhile [s].
-CLAIM_RETRY_PERIOD = 0.05
 #: What ``SO_PEERCRED`` returns: process, user and group.
 CREDENTIALS = struct.Struct('3i')
 #: How many bytes of an answer are read.
@@ -139,10 +139,6 @@ def _answer(listening: socket.socket, text: str) -> None:
             asking.sendall(text.encode())
 
 
-#: How often a claim is told anew [s].
-CLAIM_PERIOD = 0.5
-#: A claim that was not heard of for this long [s] is over: whoever made it has ended or is frozen.
-CLAIM_TIMEOUT = 3 * CLAIM_PERIOD
 #: No more claims than this are kept: the network may tell anything.
 MAX_CLAIMS = 64
 #: No more of a text than this is shown.

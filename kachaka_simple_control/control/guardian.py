@@ -25,13 +25,9 @@ import threading
 import time
 
 from kachaka_simple_control.control.latch import Latch, SharedFlag
+from kachaka_simple_control.control.timing import GUARDIAN_EXIT_TIMEOUT, HEARTBEAT_PERIOD
 from kachaka_simple_control.control.watchdog import GuardianMessage
 from kachaka_simple_control.errors import RunFaultError
-
-#: Signs of life are not sent more often than this [s].
-HEARTBEAT_PERIOD = 0.015
-#: How long the guardian may take to end by itself [s].
-GUARDIAN_EXIT_TIMEOUT = 1.0
 
 
 class NullGuardian:

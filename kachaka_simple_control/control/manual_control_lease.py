@@ -18,12 +18,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from kachaka_simple_control.control.timing import LEASE_RENEW_AT_REST, LEASE_RENEW_LATEST
 from kachaka_simple_control.errors import RunFaultError
-
-#: Age of manual control [s] from which a rest of the plan is used to renew it.
-LEASE_RENEW_AT_REST = 20.0
-#: Age [s] at which it is renewed even in motion: a Kachaka drops it after 60 s.
-LEASE_RENEW_LATEST = 40.0
 
 
 class PendingResponse(Protocol):

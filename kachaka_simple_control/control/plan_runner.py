@@ -21,6 +21,7 @@ from functools import partial
 import time
 from typing import Protocol
 
+from kachaka_simple_control.control.timing import MAX_LATENESS
 from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
 from kachaka_simple_control.control.waiting import sleep_until
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
@@ -107,12 +108,6 @@ class TickScheduler:
         if not segment.velocity.is_zero:
             return 0.0
         return segment.end - segment.start - self._tick * self._period
-
-
-#: What a run may be late beyond one period [s] before it is given up.
-MAX_LATENESS = 0.1
-#: No use is known for more [Hz].
-MAX_RATE = 1000.0
 
 
 class RunMonitor(Protocol):

@@ -17,13 +17,10 @@ from __future__ import annotations
 
 from collections import deque
 
+from kachaka_simple_control.control.timing import MAX_GUARDIAN_DELAY, MAX_TRANSIT_TIME
+
 #: How many messages are kept that were sent and not heard yet: the highest rate, for seconds.
 MAX_KEPT = 4096
-#: When it is first asked whose a message is, only what was sent within this time [s] can still be
-#: on its way.
-MAX_TRANSIT_TIME = 0.2
-#: A zero that the guardian was asked for comes within this time [s], or was lost.
-MAX_GUARDIAN_DELAY = 1.0
 
 
 class SentMessages:

@@ -26,11 +26,10 @@ import time
 from types import FrameType, TracebackType
 from typing import Any, Protocol
 
+from kachaka_simple_control.control.timing import SIGNAL_DEBOUNCE
+
 #: What asks a program to end.
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-#: After the first signal, more of them are not passed on for this long [s]: a second Ctrl+C must
-#: not cut the stop short.  Afterwards a program that goes on can be interrupted again.
-SIGNAL_DEBOUNCE = 3.0
 
 
 class SignalHandler(Protocol):

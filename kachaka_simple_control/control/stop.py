@@ -20,15 +20,18 @@ import threading
 import time
 from typing import Protocol
 
+from kachaka_simple_control.control.timing import (
+    ODOMETRY_MAX_AGE,
+    STANDSTILL_ANGULAR,
+    STANDSTILL_LINEAR,
+    STOP_BURST_COUNT,
+    STOP_CONFIRM_TIMEOUT,
+    STOP_MARGIN,
+    STOP_REPEAT_PERIOD,
+)
 from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.motion.geometry import Velocity
-
-#: Slower than this is still [m/s], [rad/s]: chosen, above the noise of wheel encoders.
-STANDSTILL_LINEAR = 0.01
-STANDSTILL_ANGULAR = 0.02
-#: Odometry older than this says nothing of now [s]: chosen, ten of its samples and more.
-ODOMETRY_MAX_AGE = 0.3
 
 
 class StandstillDetector:
@@ -82,16 +85,6 @@ class StandstillDetector:
         """
         silence = self.age(now)
         return self._still_since if silence is not None and silence <= ODOMETRY_MAX_AGE else None
-
-
-#: Zeros sent back to back at first: the deepest queue in the way (a publisher of depth 10).
-STOP_BURST_COUNT = 10
-#: Time between the zeros after those [s]: 25 Hz.
-STOP_REPEAT_PERIOD = 0.04
-#: For how much longer zeros are sent while the robot is seen to move [s].
-STOP_CONFIRM_TIMEOUT = 1.0
-#: How much longer than the robot's hold zeros are sent [s].
-STOP_MARGIN = 0.1
 
 
 class GuardianClient(Protocol):

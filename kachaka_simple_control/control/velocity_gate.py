@@ -23,7 +23,7 @@ import time
 
 from kachaka_simple_control.control.latch import Latch, SharedFlag
 from kachaka_simple_control.control.processes import boottime
-from kachaka_simple_control.control.watchdog import PUBLISH_TIMEOUT
+from kachaka_simple_control.control.timing import PUBLISH_TIMEOUT
 from kachaka_simple_control.errors import (
     ControlError,
     InvalidMotionError,

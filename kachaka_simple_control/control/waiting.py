@@ -18,9 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
-#: The longest nap [s]: a waiting motion thread shows a sign of life at least this often, and
-#: hears within this time that it has been stopped.
-POLL_PERIOD = 0.02
+from kachaka_simple_control.control.timing import POLL_PERIOD
 
 
 def sleep_until(
@@ -46,10 +44,6 @@ def sleep_until(
         left = deadline - clock()
 
 
-#: How often the condition is looked at [s].
-CONDITION_POLL_PERIOD = 0.02
-
-
 def wait_until(
         condition: Callable[[], bool], timeout: float,
         check: Callable[[], None] = lambda: None) -> bool:
@@ -65,5 +59,5 @@ def wait_until(
     while not condition():
         if time.monotonic() >= end:
             return False
-        sleep_until(min(end, time.monotonic() + CONDITION_POLL_PERIOD), check)
+        sleep_until(min(end, time.monotonic() + POLL_PERIOD), check)
     return True

@@ -17,16 +17,13 @@ from __future__ import annotations
 
 from enum import Enum
 
-#: A motion thread shows a sign of life every 20 ms; silent for this long [s], it is held up.
-HEARTBEAT_TIMEOUT = 0.1
-#: How long the node may be handing one message to DDS [s].
-PUBLISH_TIMEOUT = 0.5
-#: From the one zero at the end of a run to the last zero of the stop, the node may be silent for
-#: this long [s]: for 0.2 s it waits for a next movement, and DDS, or a user's code that keeps the
-#: interpreter, may hold it up for more than SILENCE.  The robot has had a zero by then.
-REST_TIMEOUT = 1.0
-#: How often silence is looked at [s].
-WATCHDOG_PERIOD = 0.02
+from kachaka_simple_control.control.timing import (
+    HEARTBEAT_TIMEOUT,
+    PUBLISH_TIMEOUT,
+    REST_TIMEOUT,
+    WATCHDOG_PERIOD,
+)
+
 TIME_TOLERANCE = 1e-6
 
 

@@ -219,8 +219,8 @@ def _ignore(publisher: Publisher, error: Exception) -> None:
 
 
 TOPIC = '~/commanded_velocity'
-#: How often to look whether anybody subscribes [s]: asking takes longer than all the rest here.
-SUBSCRIBER_CHECK_PERIOD = 0.2
+#: How often to check whether anybody subscribes [s]: the check takes longer than all the rest.
+VIEWER_CHECK_PERIOD = 0.2
 
 
 class CommandedVelocityPublisher:
@@ -263,7 +263,7 @@ class CommandedVelocityPublisher:
         """
         if not isinstance(event, VelocitySent):
             return
-        if event.time - self._looked >= SUBSCRIBER_CHECK_PERIOD:
+        if event.time - self._looked >= VIEWER_CHECK_PERIOD:
             self._looked = event.time
             self._is_watched = self._publisher.get_subscription_count() > 0
         if self._is_watched:

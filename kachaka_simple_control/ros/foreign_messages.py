@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
+from kachaka_simple_control.control.timing import FOREIGN_MESSAGE_MAX_AGE, LISTEN_TIME
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotTakenError
 from kachaka_simple_control.escaping import escaped
@@ -27,11 +28,6 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-#: For how long whoever may drive the robot is listened to before it is taken, or given back [s]:
-#: longer than a Kachaka keeps a velocity, so whoever drives one sends within it.
-LISTEN_TIME = 0.4
-#: Somebody whose message is older than this [s] does not drive any more.
-FOREIGN_MESSAGE_MAX_AGE = 1.0
 #: Best effort hears everybody; the depth is for a thread that is held up for a moment.
 LISTENER_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 #: What stands in place of a node's name that discovery does not tell, as between distros.

@@ -28,6 +28,7 @@ import sys
 from kachaka_simple_control.control.latch import Latch, SharedFlag
 from kachaka_simple_control.control.processes import boottime, is_stopped
 from kachaka_simple_control.control.stop import send_stop
+from kachaka_simple_control.control.timing import DISCOVERY_RETRY_TIMEOUTS, POLL_PERIOD
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.control.watchdog import GuardianMessage, Watchdog
 from kachaka_simple_control.motion.geometry import ZERO
@@ -35,9 +36,6 @@ from kachaka_simple_control.ros.participants import own_participant
 from kachaka_simple_control.ros.velocity_publisher import VelocityMessage, VelocityPublisher
 from rclpy.context import Context
 from rclpy.node import Node
-
-#: How long to wait for a robot before greeting it anew [s], each time.
-DISCOVERY_RETRY_TIMEOUTS = (0.3, 0.6, 1.2)
 
 
 class GuardianNode:
@@ -101,8 +99,6 @@ def _either(presence: GuardianNode, is_wanted: Callable[[], bool]) -> Callable[[
     return lambda: presence.is_matched or is_wanted()
 
 
-#: How often the graph is looked at until a subscriber was met [s].
-GLANCE = 0.02
 #: Enough for minutes of signs.
 PIPE = 65536
 
@@ -152,7 +148,7 @@ class GuardianProcess:
         patience = self._watchdog.timeout()
         if self._is_matched:
             return patience
-        return GLANCE if patience is None else min(GLANCE, patience)
+        return POLL_PERIOD if patience is None else min(POLL_PERIOD, patience)
 
     def _hear(self, heard: bytes, now: float) -> None:
         if not heard:

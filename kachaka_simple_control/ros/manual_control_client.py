@@ -20,17 +20,13 @@ import math
 import time
 from typing import Any
 
+from kachaka_simple_control.control.timing import REQUEST_RETRY_PERIOD
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotNotFoundError
 from kachaka_simple_control.escaping import escaped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from std_srvs.srv import SetBool
-
-#: A request that nobody answers is repeated after this time [s], then after twice that, and so on:
-#: the first answer may be lost on a path that has just been found, and a slow robot must not be
-#: asked more often than it can answer.
-REQUEST_RETRY_PERIOD = 0.1
 
 
 class ServiceAnswer:

@@ -25,7 +25,8 @@ import platform
 import time
 from typing import Any
 
-from kachaka_simple_control.control.plan_runner import MAX_RATE, min_rate
+from kachaka_simple_control.control.plan_runner import min_rate
+from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped, quoted
 from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile

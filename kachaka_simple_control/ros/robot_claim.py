@@ -24,14 +24,18 @@ import time
 
 from kachaka_simple_control.control.claims import (
     Claim,
-    CLAIM_PERIOD,
-    CLAIM_TIMEOUT,
     ClaimedError,
     Claims,
     HELD,
     MachineClaim,
     NOTHING,
     WANTED,
+)
+from kachaka_simple_control.control.timing import (
+    CLAIM_CONFLICT_TIME,
+    CLAIM_DISCOVERY_TIME,
+    CLAIM_PERIOD,
+    CLAIM_SETTLE_TIME,
 )
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotTakenError
@@ -43,14 +47,6 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-#: How long a newcomer looks for others before it takes a robot [s], from when it joined the graph:
-#: discovery between machines mostly takes less.
-LOOK = CLAIM_TIMEOUT
-#: How long two newcomers that have been there for a while have to hear of each other [s].
-SETTLE = 0.25
-#: For how much longer a claim is told after two were found to be held [s], so that the other
-#: program hears of it, too.
-TELL_ON = 3.0
 #: What is told who comes second, by what is claimed.
 TAKEN = {
     'driver': '{who} drives the robot on {topic}, so nothing was sent; wait until it ends, or '
@@ -180,12 +176,12 @@ class _ToldClaim:
 
         def is_decided() -> bool:
             alone = self._node.count_publishers(self._publisher.topic_name) < 2
-            settled = asked if alone else asked + SETTLE
+            settled = asked if alone else asked + CLAIM_SETTLE_TIME
             return self._rival() is not None or time.monotonic() >= max(
-                settled, self._joined + LOOK)
+                settled, self._joined + CLAIM_DISCOVERY_TIME)
 
         try:
-            wait_until(is_decided, LOOK + SETTLE, check)
+            wait_until(is_decided, CLAIM_DISCOVERY_TIME + CLAIM_SETTLE_TIME, check)
         except BaseException:
             self.withdraw()
             raise
@@ -211,7 +207,7 @@ class _ToldClaim:
     def release(self) -> None:
         """Claim nothing any more; only after the other has heard of ours, if there is another."""
         if self._rival_seen is not None:
-            time.sleep(max(0.0, self._rival_seen + TELL_ON - time.monotonic()))
+            time.sleep(max(0.0, self._rival_seen + CLAIM_CONFLICT_TIME - time.monotonic()))
         self._over.set()
         if self._state != NOTHING and self._node.context.ok():
             self._tell(NOTHING)

@@ -20,17 +20,14 @@ import time
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.stop import StandstillDetector
+from kachaka_simple_control.control.timing import (
+    GRAPH_CHECK_PERIOD,
+    GRAPH_COUNT_PERIOD,
+    SUBSCRIBER_CHECK_PERIOD,
+)
 from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
-
-#: How often to look whether anybody came or left, by numbers alone [s].
-GRAPH_COUNT_PERIOD = 0.2
-#: How often to look who is there, if the numbers stay as they are [s]: that takes as long as five
-#: messages.
-GRAPH_CHECK_PERIOD = 1.0
-#: How often to look whether the robot is still there [s]: asking takes as long as half a message.
-SUBSCRIBER_CHECK_PERIOD = 0.05
 
 
 class RosRunMonitor:

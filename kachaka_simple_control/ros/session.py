@@ -25,10 +25,11 @@ from kachaka_simple_control.control.drive_requests import DriveRequest, DriveReq
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.plan_runner import run_plan
-from kachaka_simple_control.control.stop import (
-    StandstillDetector,
+from kachaka_simple_control.control.stop import StandstillDetector, StopController
+from kachaka_simple_control.control.timing import (
+    GUARDIAN_PRIME_TIMEOUT,
+    RELEASE_TIMEOUT,
     STOP_REPEAT_PERIOD,
-    StopController,
 )
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.control.waiting import wait_until
@@ -47,11 +48,6 @@ from kachaka_simple_control.ros.run_monitor import RosRunMonitor
 from kachaka_simple_control.ros.session_status import StatusReader
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.node import Node
-
-#: How long the robot may take to confirm that manual control was given back [s].
-RELEASE_TIMEOUT = 1.0
-#: How long the guardian may take to publish a zero it was asked for [s].
-GUARDIAN_PRIME_TIMEOUT = 1.0
 
 
 class Session:

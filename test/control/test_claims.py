@@ -15,15 +15,8 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.claims import (
-    Claim,
-    CLAIM_TIMEOUT,
-    Claims,
-    HELD,
-    MAX_CLAIMS,
-    NOTHING,
-    WANTED,
-)
+from kachaka_simple_control.control.claims import Claim, Claims, HELD, MAX_CLAIMS, NOTHING, WANTED
+from kachaka_simple_control.control.timing import CLAIM_TIMEOUT
 import pytest
 
 HOLDER = Claim('bb', HELD, 'somebody')

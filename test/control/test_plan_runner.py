@@ -18,8 +18,8 @@ from itertools import pairwise
 from fake_time import FakeTime, Wire
 from kachaka_simple_control.control.latch import Latch
 from kachaka_simple_control.control.plan_runner import max_gap, run_plan
+from kachaka_simple_control.control.timing import POLL_PERIOD
 from kachaka_simple_control.control.velocity_gate import VelocityGate
-from kachaka_simple_control.control.waiting import POLL_PERIOD
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits

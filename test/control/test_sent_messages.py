@@ -15,11 +15,8 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.sent_messages import (
-    MAX_GUARDIAN_DELAY,
-    MAX_TRANSIT_TIME,
-    SentMessages,
-)
+from kachaka_simple_control.control.sent_messages import SentMessages
+from kachaka_simple_control.control.timing import MAX_GUARDIAN_DELAY, MAX_TRANSIT_TIME
 
 ZERO, FORWARD, LEFT, FOREIGN = b'zero', b'forward', b'left', b'foreign'
 OWN = st.lists(st.sampled_from([ZERO, FORWARD, LEFT]), max_size=40)

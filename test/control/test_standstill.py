@@ -13,7 +13,8 @@
 # limitations under the License.
 """Whether odometry sees the robot stand still."""
 
-from kachaka_simple_control.control.stop import ODOMETRY_MAX_AGE, StandstillDetector
+from kachaka_simple_control.control.stop import StandstillDetector
+from kachaka_simple_control.control.timing import ODOMETRY_MAX_AGE
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 
 FORWARD = Velocity(0.1, 0.0)

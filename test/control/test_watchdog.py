@@ -15,15 +15,13 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.watchdog import (
-    GuardianMessage,
+from kachaka_simple_control.control.timing import (
     HEARTBEAT_TIMEOUT,
     PUBLISH_TIMEOUT,
     REST_TIMEOUT,
-    TIME_TOLERANCE,
-    Watchdog,
     WATCHDOG_PERIOD,
 )
+from kachaka_simple_control.control.watchdog import GuardianMessage, TIME_TOLERANCE, Watchdog
 import pytest
 
 SIGNS = st.lists(

@@ -44,7 +44,7 @@ robot_claim.is_kept_to_this_machine = lambda: False
 UNAWARE = """
 from kachaka_simple_control.control.claims import Claims
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
-robot_claim.LOOK = robot_claim.SETTLE = 0.0
+robot_claim.CLAIM_DISCOVERY_TIME = robot_claim.CLAIM_SETTLE_TIME = 0.0
 Claims.rival = lambda self, now: None
 ForeignMessages.listen = lambda self, *check: False
 """

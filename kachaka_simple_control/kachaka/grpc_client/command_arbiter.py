@@ -19,6 +19,13 @@ from dataclasses import dataclass
 from enum import Enum
 import math
 
+from kachaka_simple_control.control.timing import (
+    MAX_CONSECUTIVE_TIMEOUTS,
+    MAX_STREAM_PERIOD,
+    REARM_IDLE_TIME,
+    STOP_RPC_TIMEOUT,
+    STREAM_TIMEOUT,
+)
 from kachaka_simple_control.kachaka.error_codes import ERROR_NO_MANUAL_CONTROL
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 from kachaka_simple_control.motion.geometry import Velocity
@@ -67,16 +74,6 @@ def velocity_command(velocity: Velocity, limits: Limits, now: float) -> Velocity
 
 def _part(value: float, largest: float) -> float:
     return max(-1.0, min(value / largest, 1.0))
-
-
-#: A robot whose velocities cease is stopped after this time without one [s].  It is below the
-#: hold of 0.3 s, and above the period of the slowest publisher that keeps such a robot moving
-#: (5 Hz, 0.2 s).
-STREAM_TIMEOUT = 0.25
-#: A publisher that ever let this time pass between two velocities of a motion [s] is left to the
-#: hold: a late message of it must not be taken for its end.  Our node gives its run up when it is
-#: more than 0.1 s late, so 0.15 + 0.1 = LIMIT never cuts a run of it short.
-MAX_STREAM_PERIOD = 0.15
 
 
 class CommandTimeout:
@@ -209,14 +206,6 @@ class LatestCommand:
             return None
         motion, self._motion = self._motion, None
         return motion
-
-
-#: How long the robot may take to confirm a stop, or to switch manual control on [s].
-STOP_RPC_TIMEOUT = 1.0
-#: After so many motions in a row without an answer within the hold, no more are sent.
-MAX_CONSECUTIVE_TIMEOUTS = 3
-#: A publisher that was silent for so long [s] has come to rest, as one that sent a zero has.
-REARM_IDLE_TIME = 1.0
 
 
 class RpcKind(Enum):

@@ -18,6 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
+
 SUCCESS = 0
 
 
@@ -55,10 +57,6 @@ class RpcResult:
     def got_response(self) -> bool:
         """Whether the robot was there to answer."""
         return self.failure in (None, RpcFailure.FAILED)
-
-
-#: A robot that has answered nothing for so long [s], though it was asked, is out of reach.
-CONNECTION_TIMEOUT = 1.0
 
 
 class ConnectionEvent(Enum):

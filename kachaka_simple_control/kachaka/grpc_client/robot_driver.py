@@ -21,6 +21,7 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+from kachaka_simple_control.control.timing import SHUTDOWN_RPC_TIMEOUT
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts, Level
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
@@ -41,8 +42,6 @@ if TYPE_CHECKING:
 
 #: A motion may be under way, and beside it a stop that overtakes it.
 WORKERS = 2
-#: How long the robot may take to answer when it is told of the end [s]; asked thrice at most.
-SHUTDOWN_RPC_TIMEOUT = 0.3
 #: How long it may take to switch manual control on or off for somebody else [s].
 MANUAL_CONTROL_DEADLINE = 3.0
 #: How often a worker without work looks at the clock [s].

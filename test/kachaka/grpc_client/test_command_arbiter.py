@@ -17,16 +17,18 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
+from kachaka_simple_control.control.timing import (
+    MAX_CONSECUTIVE_TIMEOUTS,
+    MAX_STREAM_PERIOD,
+    REARM_IDLE_TIME,
+    STREAM_TIMEOUT,
+)
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
     CommandArbiter,
     CommandTimeout,
     LatestCommand,
-    MAX_CONSECUTIVE_TIMEOUTS,
-    MAX_STREAM_PERIOD,
-    REARM_IDLE_TIME,
     RpcKind,
-    STREAM_TIMEOUT,
     VelocityCommand,
 )
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult

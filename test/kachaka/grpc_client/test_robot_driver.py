@@ -20,10 +20,10 @@ import queue
 import threading
 import time
 
+from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts, Level, link_status, robot_status
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import VelocityCommand
 from kachaka_simple_control.kachaka.grpc_client.connection_state import (
-    CONNECTION_TIMEOUT,
     ConnectionEvent,
     ConnectionState,
     RpcFailure,
