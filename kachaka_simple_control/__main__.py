@@ -29,7 +29,7 @@ def act(options: Options) -> None:
     :param options: what was asked
     :raises ControlError: if it could not be done
     """
-    if options.looks_only:
+    if options.is_preview:
         from kachaka_simple_control.preview_command import preview
         preview(options)
         return

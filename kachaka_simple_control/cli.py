@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Arguments and exit codes of the ``kachaka_simple_control`` command; needs no ROS."""
+"""Options of the ``kachaka_simple_control`` command, and how it ends; needs no ROS."""
 
 from __future__ import annotations
 
@@ -22,25 +22,15 @@ import sys
 import traceback
 
 from kachaka_simple_control.control.signals import signal_dispatcher
-from kachaka_simple_control.errors import (
-    ControlError,
-    InvalidMotionError,
-    RobotNotFoundError,
-    UsageError,
-)
+from kachaka_simple_control.errors import ControlError, InvalidMotionError
 from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.exit_codes import code_of, DONE, HELP, SIGNALLED
 from kachaka_simple_control.kachaka.grpc_client.address import Address
 from kachaka_simple_control.one_line_parser import OneLineParser
 
 NAME = 'kachaka_simple_control'
 #: The longest line that is printed of an error [characters]; a path may be long.
 LONGEST_LINE = 1000
-DONE, FAULTED, BAD_USAGE, NO_ROBOT, SIGNALLED = 0, 1, 2, 3, 128
-
-EPILOG = """
-exit codes: 0 done; 1 faulted; 2 bad usage or motion; 3 no robot listens, or another
-program drives it; 128 + N stopped by signal N (130 after Ctrl+C)
-"""
 
 
 @dataclass(frozen=True)
@@ -76,12 +66,12 @@ class Options:
     quiet: bool = False
 
     @property
-    def looks_only(self) -> bool:
+    def is_preview(self) -> bool:
         """Whether nothing is to move."""
         return self.list or self.plan or self.plot is not None
 
     @property
-    def brings_robot(self) -> bool:
+    def starts_bridge(self) -> bool:
         """Whether the command starts a robot's bridge, simulated or not, beside the node."""
         return self.sim or self.address is not None
 
@@ -99,16 +89,16 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     said = vars(parser.parse_args(own))
     said.pop('ros_args', None)
     options = Options(motions=tuple(said.pop('motions')), ros_arguments=tuple(ros), **said)
-    if len(options.motions) > 1 and not options.looks_only:
+    if len(options.motions) > 1 and not options.is_preview:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
-    if options.report is not None and options.looks_only:
+    if options.report is not None and options.is_preview:
         parser.error('--report is about a drive; --list, --plan and --plot drive nothing')
     return options
 
 
 def _parser() -> OneLineParser:
     parser = OneLineParser(
-        prog=NAME, epilog=EPILOG, allow_abbrev=False,
+        prog=NAME, epilog=HELP, allow_abbrev=False,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Drive a motion, exactly timed; without a name, the seven movements of the '
                     'lesson.')
@@ -182,7 +172,7 @@ def exit_code(body: Callable[[], None]) -> int:
     except KeyboardInterrupt:
         code = SIGNALLED + 2
     except Exception as error:
-        code = _code_of(error)
+        code = code_of(error)
         # That a signal stopped the motion is known; anything else is worth a line even then.
         if signal_dispatcher.signum is None or not _is_expected(error):
             print(f'{NAME}: {_text(error)}', file=sys.stderr)
@@ -194,12 +184,6 @@ def _address(text: str) -> str:
         return str(Address.parse(text))
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _code_of(error: Exception) -> int:
-    if isinstance(error, (InvalidMotionError, UsageError)):
-        return BAD_USAGE
-    return NO_ROBOT if isinstance(error, RobotNotFoundError) else FAULTED
 
 
 def _is_expected(error: Exception) -> bool:

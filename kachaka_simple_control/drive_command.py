@@ -64,7 +64,7 @@ def drive(options: Options) -> None:
     with contextlib.ExitStack() as helpers:
         if options.report is not None:
             helpers.enter_context(prepare_report_dir(options.report))
-        if options.brings_robot or is_localhost_requested():
+        if options.starts_bridge or is_localhost_requested():
             use_localhost_only()
         start_ros(options.ros_arguments)
         robot_control = KachakaSimpleControl(parameter_overrides=[
@@ -74,7 +74,7 @@ def drive(options: Options) -> None:
         try:
             _start_listeners(told, options, is_lesson=motion_file is None)
             robot_control.introduce(_title(motion_file))
-            if options.brings_robot:
+            if options.starts_bridge:
                 robot = helpers.enter_context(
                     _robot_of(options, robot_control.settings.robot_namespace))
                 robot_control.expect(robot.require_participant)
@@ -88,7 +88,7 @@ def drive(options: Options) -> None:
                 told.still_after = still_after = robot_control.stop_confirmed_after
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
-    if options.brings_robot and robot_control.record.steps:
+    if options.starts_bridge and robot_control.record.steps:
         print(table(robot_control.record, still_after))
 
 
@@ -123,7 +123,7 @@ def _motion_file(options: Options) -> MotionFile | None:
         motion_file = find(options.motions[0] if options.motions else 'lesson')
         robot = robot or motion_file.robot
     profile = profile_of(robot or KACHAKA.name)
-    if options.brings_robot and profile.velocity_topic != KACHAKA.velocity_topic:
+    if options.starts_bridge and profile.velocity_topic != KACHAKA.velocity_topic:
         raise UsageError(
             f'--sim and --address bring a kachaka along, not a {profile.name}: leave out that '
             'option, or --robot')
@@ -138,7 +138,7 @@ def _motion_file(options: Options) -> MotionFile | None:
 
 def _parameters(options: Options, motion_file: MotionFile | None) -> dict[str, object]:
     # A report needs what the table needs: odometry.
-    summary = options.brings_robot or options.report is not None or None
+    summary = options.starts_bridge or options.report is not None or None
     said = [{'robot': options.robot, 'rate': options.rate, 'summary': summary}]
     if motion_file is not None:
         said.insert(0, {'robot': motion_file.robot, 'rate': motion_file.rate})

@@ -19,8 +19,7 @@ import argparse
 from typing import NoReturn
 
 from kachaka_simple_control.escaping import escaped
-
-BAD_USAGE = 2
+from kachaka_simple_control.exit_codes import BAD_USAGE
 
 
 class OneLineParser(argparse.ArgumentParser):

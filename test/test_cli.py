@@ -33,7 +33,7 @@ import pytest
 
 def test_nothing_said_is_the_lesson_on_a_real_robot():
     assert parse([]) == Options()
-    assert not parse([]).looks_only
+    assert not parse([]).is_preview
 
 
 def test_several_motions_can_be_looked_at_and_one_driven():
@@ -44,7 +44,7 @@ def test_several_motions_can_be_looked_at_and_one_driven():
 @pytest.mark.parametrize('arguments', [
     ['--list'], ['--plan'], ['--plot', 'square.png'], ['--plan', '--sim']])
 def test_who_only_looks_moves_nothing(arguments):
-    assert parse(arguments).looks_only
+    assert parse(arguments).is_preview
 
 
 @pytest.mark.parametrize('arguments', [

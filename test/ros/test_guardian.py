@@ -129,7 +129,7 @@ node.move_robot(0.1, 0.0, 0.5)
 def test_a_node_frozen_while_it_hands_a_message_to_dds_is_no_slow_dds(listener, tmp_path):
     """Its flag stays up; the guardian must not take that for a third of a second of DDS."""
     text = BEGIN + """
-node._session.edge._sending.clear = lambda: None
+node._session.gate._sending.clear = lambda: None
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:

@@ -1,0 +1,40 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Exit codes of the commands, and which error gives which."""
+
+from __future__ import annotations
+
+from kachaka_simple_control.errors import InvalidMotionError, RobotNotFoundError, UsageError
+
+DONE = 0
+#: The run could not go on, or something unexpected happened; the robot was stopped.
+FAULTED = 1
+#: A bad option, parameter, file or motion; nothing moved.
+BAD_USAGE = 2
+#: No robot listens, or another program drives it; nothing moved.
+NO_ROBOT = 3
+#: Stopped by a signal: this and the number of the signal.
+SIGNALLED = 128
+
+HELP = """
+exit codes: 0 done; 1 faulted; 2 bad usage or motion; 3 no robot listens, or another
+program drives it; 128 + N stopped by signal N (130 after Ctrl+C)
+"""
+
+
+def code_of(error: Exception) -> int:
+    """Return the exit code of a command that ended by an error."""
+    if isinstance(error, (InvalidMotionError, UsageError)):
+        return BAD_USAGE
+    return NO_ROBOT if isinstance(error, RobotNotFoundError) else FAULTED
