@@ -11,24 +11,19 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Bytes that two processes may share, and read without a lock."""
+"""Bytes of memory that two processes share, without a lock."""
 
 from __future__ import annotations
 
 
 class SharedByte:
     """
-    A byte that is 0 or 1, so that no lock is needed to read or write it.
+    A byte that is 0 or 1; reading and writing it is atomic.
 
-    The memory is the caller's: in shared memory, another process sees and sets it too.
+    :param memory: one writable byte, 0 at the start; None for memory of this process alone
     """
 
     def __init__(self, memory: bytearray | memoryview | None = None) -> None:
-        """
-        Begin with 0.
-
-        :param memory: a writable byte, 0 at the start; without one the byte has its own
-        """
         self._memory = bytearray(1) if memory is None else memory
 
     @property
@@ -38,20 +33,20 @@ class SharedByte:
 
 
 class Latch(SharedByte):
-    """Only ever goes from 0 to 1: once set, this run never moves again."""
+    """Blocks all motion once it is set; nothing resets it."""
 
     def trip(self) -> None:
-        """Set the latch, for good."""
+        """Set the latch."""
         self._memory[0] = 1
 
 
 class SharedFlag(SharedByte):
-    """Says whether something is going on."""
+    """A flag that can be set and cleared."""
 
     def set(self) -> None:
-        """Say that it begins."""
+        """Set the flag."""
         self._memory[0] = 1
 
     def clear(self) -> None:
-        """Say that it is over."""
+        """Clear the flag."""
         self._memory[0] = 0

@@ -27,18 +27,18 @@ from kachaka_simple_control.control.waiting import sleep_until
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan, Segment
 
-#: A last tick shorter than this part of a period is rounding, not a tick.
+#: A last tick shorter than this part of a period is a rounding error, not a tick.
 TIME_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
 class Tick:
     """
-    What a player answers.
+    What is due at a time.
 
     :param velocity: the velocity to send now
-    :param deadline: when to ask again [s after t = 0]
-    :param skipped: ticks before this one whose time passed without an answer
+    :param deadline: when the next tick is due [s after t = 0]
+    :param skipped: number of ticks before this one that were never asked for
     :param rest: how long the plan stays at rest from the start of this tick [s]; 0 while moving
     """
 
@@ -50,18 +50,15 @@ class Tick:
 
 class TickScheduler:
     """
-    One walk through a plan; pure, so that any clock can drive it.
+    Walks a plan once: told the time, it returns the velocity due.  No clock.
 
-    Deadlines are absolute: they come from the plan alone.  An answer asked for late is what is
-    due by then, and moves no deadline after it.
+    Deadlines are absolute: they follow from the plan alone.  A late call returns what is due by
+    then and moves no later deadline.
+
+    :param plan: the plan to walk
     """
 
     def __init__(self, plan: Plan) -> None:
-        """
-        Stand before the first tick.
-
-        :param plan: what to walk
-        """
         self._segments = iter(plan.segments)
         self._period = plan.period
         self._answered = False
@@ -71,10 +68,10 @@ class TickScheduler:
 
     def due(self, elapsed: float) -> Tick | None:
         """
-        Return what is due; ask at 0 first, then at each deadline.
+        Return the tick that is due; call it at 0 first, then at each deadline.
 
         :param elapsed: time since t = 0 [s], never less than before
-        :returns: the velocity to send, or None when the plan is over
+        :returns: the tick; None when the plan is over
         """
         skipped = 0
         while self._segment is not None and self._deadline <= elapsed:
@@ -111,7 +108,7 @@ class TickScheduler:
 
 
 class RunMonitor(Protocol):
-    """What goes along with a run, in its thread; each call returns as soon as DDS lets it."""
+    """Periodic checks during a run, in its thread; each call must be quick."""
 
     def on_sent(self, rest: float) -> None:
         """
@@ -121,65 +118,67 @@ class RunMonitor(Protocol):
         """
 
     def check(self) -> None:
-        """Raise what ends the run, if anything does."""
+        """
+        Look for faults.
+
+        :raises ControlError: if the run must end
+        """
 
 
-def max_gap(period: float, hold: float) -> float:
+def max_gap(period: float, command_timeout: float) -> float:
     """
-    Return the longest time between two messages that is no fault.
+    Return the longest time between two messages that is no fault [s].
 
-    :param period: time between two messages when all is well [s]
-    :param hold: how long the robot keeps a velocity without a new one [s]
-    :returns: one period and the lateness allowed, but never more than the hold [s]
+    :param period: time between two messages in good conditions [s]
+    :param command_timeout: how long the robot keeps a velocity [s]; the gap is never longer
     """
-    return min(period + MAX_LATENESS, hold)
+    return min(period + MAX_LATENESS, command_timeout)
 
 
-def min_rate(hold: float) -> float:
+def min_rate(command_timeout: float) -> float:
     """
-    Return how often a velocity must be sent at least.
+    Return the lowest rate at which a late message still finds the robot moving [Hz].
 
-    :param hold: how long the robot keeps a velocity without a new one [s]
-    :returns: the rate at which a message may be late, and the robot still moves on [Hz]
+    :param command_timeout: how long the robot keeps a velocity [s]
     """
-    return 1.0 / (hold - MAX_LATENESS)
+    return 1.0 / (command_timeout - MAX_LATENESS)
 
 
 def run_plan(
         plan: Plan,
-        edge: VelocityGate,
-        hold: float,
-        companion: RunMonitor,
+        gate: VelocityGate,
+        command_timeout: float,
+        monitor: RunMonitor,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
         prepared: Run | None = None) -> Run:
     """
-    Drive a plan from its first velocity to the zero after its last.
+    Run a plan from its first velocity to the zero after its last.
 
-    :param plan: what to drive
-    :param edge: where velocities go
-    :param hold: how long the robot keeps a velocity without a new one [s]
-    :param companion: called after each message and at least every 20 ms
+    :param plan: the plan to run
+    :param gate: the velocity gate
+    :param command_timeout: how long the robot keeps a velocity [s]
+    :param monitor: called after each message, and every POLL_PERIOD or more often
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
-    :param prepared: what the edge prepared for it; None for a new one
-    :returns: the run, which has sent its zero; the stop is the caller's
+    :param prepared: the run that the gate prepared for it; None for a new one
+    :returns: the run, which has sent one zero; the whole stop is the caller's
     :raises ControlError: if the run was stopped or could not go on
     """
-    run = edge.begin(max_gap(plan.period, hold), prepared, hold)
+    run = gate.begin(max_gap(plan.period, command_timeout), prepared, command_timeout)
 
-    def beat() -> None:
-        edge.check(run)
-        edge.wait_for_dds(run, companion.check)
+    def check() -> None:
+        gate.check(run)
+        gate.wait_for_dds(run, monitor.check)
 
-    beat()
-    player = TickScheduler(plan)
-    due = player.due(0.0)
-    while due is not None:
-        edge.send(run, due.velocity)
-        edge.wait_for_dds(run, partial(companion.on_sent, due.rest))
-        sleep_until(run.began + due.deadline, beat, clock, sleep)
+    check()
+    scheduler = TickScheduler(plan)
+    tick = scheduler.due(0.0)
+    while tick is not None:
+        gate.send(run, tick.velocity)
+        gate.wait_for_dds(run, partial(monitor.on_sent, tick.rest))
+        sleep_until(run.began + tick.deadline, check, clock, sleep)
         # The deadline has passed, even if the difference of two clock readings rounds below it.
-        due = player.due(max(clock() - run.began, due.deadline))
-    edge.send(run, ZERO)
+        tick = scheduler.due(max(clock() - run.began, tick.deadline))
+    gate.send(run, ZERO)
     return run

@@ -11,11 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The stop sequence, who may start it, and whether odometry confirms it."""
+"""The stop sequence, who starts it, and whether odometry confirms it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 import threading
 import time
 from typing import Protocol
@@ -35,141 +36,124 @@ from kachaka_simple_control.motion.geometry import Velocity
 
 
 class StandstillDetector:
-    """What odometry last said of the robot's velocity."""
+    """Tells from odometry whether the robot stands still.  No clock."""
 
     def __init__(self) -> None:
-        """Have heard nothing yet."""
-        self._heard: float | None = None
+        self._received: float | None = None
         self._still_since: float | None = None
 
     def on_odometry(self, now: float, velocity: Velocity) -> None:
         """
-        Take note of a velocity.
+        Take note of a sample.
 
         :param now: when it arrived [s]
-        :param velocity: the velocity that odometry tells
+        :param velocity: the robot's velocity in it
         """
-        self._heard = now
-        if abs(velocity.linear_x) > STANDSTILL_LINEAR or abs(
-                velocity.angular_z) > STANDSTILL_ANGULAR:
+        self._received = now
+        if (abs(velocity.linear_x) > STANDSTILL_LINEAR
+                or abs(velocity.angular_z) > STANDSTILL_ANGULAR):
             self._still_since = None
         elif self._still_since is None:
             self._still_since = now
 
     def age(self, now: float) -> float | None:
-        """
-        Return for how long odometry has said nothing.
-
-        :param now: the time [s]
-        :returns: the time since it was last heard [s]; None if it never was
-        """
-        return None if self._heard is None else now - self._heard
+        """Return the age of the newest sample [s]; None before the first."""
+        return None if self._received is None else now - self._received
 
     def is_moving(self, now: float) -> bool:
-        """
-        Tell whether the robot is seen to move.
-
-        :param now: the time [s]
-        :returns: true only if odometry is fresh and says so
-        """
-        silence = self.age(now)
-        return silence is not None and silence <= ODOMETRY_MAX_AGE and self._still_since is None
+        """Return whether a fresh sample shows the robot in motion."""
+        return self._is_fresh(now) and self._still_since is None
 
     def still_since(self, now: float) -> float | None:
-        """
-        Return since when the robot is seen to stand still.
+        """Return since when the robot stands still [s]; None if it moves or no sample is fresh."""
+        return self._still_since if self._is_fresh(now) else None
 
-        :param now: the time [s]
-        :returns: when the first sample said so that no moving one followed [s]; None if it moves
-            or nobody can tell
-        """
-        silence = self.age(now)
-        return self._still_since if silence is not None and silence <= ODOMETRY_MAX_AGE else None
+    def _is_fresh(self, now: float) -> bool:
+        age = self.age(now)
+        return age is not None and age <= ODOMETRY_MAX_AGE
 
 
 class GuardianClient(Protocol):
-    """Who stops the robot if this process cannot."""
+    """What a stop reports to the guardian."""
 
     def report_stopping(self) -> None:
-        """Hear that the robot is being sent to rest: with each zero, until the whole stop was."""
+        """Report that a zero is about to leave, and that more will follow."""
 
     def report_stopped(self) -> None:
-        """Hear that the whole stop was sent: silence means nothing from here."""
+        """Report that the stop was sent whole: no heartbeat is due any more."""
 
 
 def send_stop(
-        zero: Callable[[], bool],
-        hold: float,
+        send_zero: Callable[[], bool],
+        command_timeout: float,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep) -> bool:
     """
-    Send a whole stop.
+    Send a stop: STOP_BURST_COUNT zeros at once, then zeros until the command timeout has passed.
 
-    Front-loaded: a reader that was slow or asleep plays its queue, so the first zeros push out
-    whatever velocities are in it.
+    The burst comes first because a reader that was slow or frozen plays its queue: the zeros push
+    the velocities out of it.
 
-    :param zero: publishes one zero; returns whether it may go on
-    :param hold: how long the robot keeps a velocity without a new one [s]
+    :param send_zero: publishes one zero; returns False to end the stop early
+    :param command_timeout: how long the robot keeps a velocity [s]
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
     :returns: whether the stop was sent whole
     """
-    end = clock() + hold + STOP_MARGIN
+    end = clock() + command_timeout + STOP_MARGIN
     for _ in range(STOP_BURST_COUNT):
-        if not zero():
+        if not send_zero():
             return False
     while clock() < end:
         sleep(STOP_REPEAT_PERIOD)
-        if not zero():
+        if not send_zero():
             return False
     return True
 
 
 class StopController:
-    """Stops a run once, whoever asks and how often; a run that begins ends the stop early."""
+    """
+    Sends one stop for each run, however many threads ask; a run that begins ends it early.
+
+    :param gate: the velocity gate
+    :param command_timeout: how long the robot keeps a velocity [s]
+    :param guardian: is told of each zero, and of the end of the stop
+    :param disobeys: returns whether the robot is seen to move although nobody drives it
+    :param clock: the steady clock [s]
+    :param sleep: sleeps for a time [s]
+    """
 
     def __init__(
             self,
-            edge: VelocityGate,
-            hold: float,
-            guard: GuardianClient,
-            still_moves: Callable[[], bool] = lambda: False,
+            gate: VelocityGate,
+            command_timeout: float,
+            guardian: GuardianClient,
+            disobeys: Callable[[], bool] = lambda: False,
             clock: Callable[[], float] = time.monotonic,
             sleep: Callable[[float], None] = time.sleep) -> None:
-        """
-        Make a stopper; nothing needs stopping yet.
-
-        :param edge: where the zeros go
-        :param hold: how long the robot keeps a velocity without a new one [s]
-        :param guard: who is told
-        :param still_moves: whether the robot is seen to move on although it should not, and
-            nobody else drives it
-        :param clock: the steady clock [s]
-        :param sleep: sleeps for a time [s]
-        """
-        self._edge = edge
-        self._hold = hold
-        self._guard = guard
-        self._still_moves = still_moves
+        self._gate = gate
+        self._command_timeout = command_timeout
+        self._guardian = guardian
+        self._disobeys = disobeys
         self._clock = clock
         self._sleep = sleep
         self._lock = threading.Lock()
         self._stopped: Run | None = None
         self._later: threading.Timer | None = None
-        #: when the newest stop began [s on the clock]; None if there was none
+        #: when the newest stop began [s on the clock]; None before the first
         self.stop_started: float | None = None
 
     def stop(self, reason: ControlError) -> None:
         """
-        Stop the newest run, and return when the stop has been sent whole.
+        Stop the newest run, and return when the stop was sent whole.
 
-        :param reason: what the run's own thread hears
+        :param reason: what the run's own thread raises
         """
-        self._send_stop(self._edge.cancel(reason))
+        self._send_stop(self._gate.cancel(reason))
 
     def stop_after_idle(self, run: Run, within: float) -> None:
         """
-        Stop in the background unless another run begins soon; at once if nothing can wait there.
+        Stop in the background unless another run begins soon.
 
         :param run: the run that has just ended
         :param within: how long to wait for the next [s]
@@ -178,17 +162,17 @@ class StopController:
         self._later.daemon = True
         try:
             self._later.start()
-        except RuntimeError:  # no thread can start, as at Python's end from 3.12 on
+        except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
             self._stop_if_newest(run)
 
     def cancel_pending(self) -> None:
-        """Forget a stop that waits for its time: another run begins at once."""
+        """Cancel what ``stop_after_idle`` has planned: another run begins."""
         if self._later is not None:
             self._later.cancel()
 
     def _stop_if_newest(self, run: Run) -> None:
-        # Not by stop(): a run that begins right now is not the one to be ended.
-        if self._edge.run is run:
+        # Not by stop(): it would also end a run that begins just now.
+        if self._gate.run is run:
             self._send_stop(run)
 
     def _send_stop(self, run: Run | None) -> None:
@@ -196,18 +180,20 @@ class StopController:
             if self._stopped is run:
                 return
             self.stop_started = self._clock()
-            if send_stop(lambda: self._send_zero(run), self._hold, self._clock, self._sleep):
+            send_zero = partial(self._send_zero, run)
+            if send_stop(send_zero, self._command_timeout, self._clock, self._sleep):
                 self._repeat_until_still(run)
                 self._stopped = run
-                self._guard.report_stopped()
+                self._guardian.report_stopped()
 
     def _send_zero(self, run: Run | None) -> bool:
-        # Told first: whoever is held up before its last zero is not to be taken for done.
-        self._guard.report_stopping()
-        return self._edge.send_zero(run)
+        # Reported before: if this process hangs before its last zero, the guardian must not take
+        # the stop for complete.
+        self._guardian.report_stopping()
+        return self._gate.send_zero(run)
 
     def _repeat_until_still(self, run: Run | None) -> None:
-        """Send more zeros while the robot does not obey: a lossy link may have lost them all."""
+        """Send more zeros while the robot moves: a lossy link may have lost the others."""
         end = self._clock() + STOP_CONFIRM_TIMEOUT
-        while self._still_moves() and self._clock() < end and self._send_zero(run):
+        while self._disobeys() and self._clock() < end and self._send_zero(run):
             self._sleep(STOP_REPEAT_PERIOD)

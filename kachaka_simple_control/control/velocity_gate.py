@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The only way out for a velocity: latch and gap, limits, publish, record."""
+"""The velocity gate: the one object through which velocities leave."""
 
 from __future__ import annotations
 
@@ -35,44 +35,51 @@ from kachaka_simple_control.motion.limits import Limits
 
 
 class GateState(Enum):
-    """What may be published."""
+    """Whether velocities may leave."""
 
-    #: the robot has not been taken: not even a zero, for a zero takes a Kachaka off its dock
+    #: The robot has not been taken.  Not even a zero may leave: it takes a Kachaka off its dock.
     NOT_OPENED = 'not yet'
-    #: the robot is ours
+    #: This program has taken the robot.
     OPEN = 'open'
-    #: the robot was given back: nothing, for a zero would take it again
+    #: The robot was given back.  Nothing may leave: a zero would take it again.
     CLOSED = 'closed'
 
 
 class Run:
     """
-    One stretch of motion, from the call that asks for it; only the newest one may send.
+    One motion, from the call that asks for it; only the newest run may send.
 
-    :param max_gap: the longest time between two of its messages, without DDS's share [s]
-    :param hold: the longest time with it: how long the robot keeps a velocity [s]
+    :param max_gap: longest time between two messages, without the time that DDS takes [s]
+    :param command_timeout: longest time with it: how long the robot keeps a velocity [s]
     """
 
-    def __init__(self, max_gap: float = math.inf, hold: float = math.inf) -> None:
-        """Begin with nothing sent."""
+    def __init__(
+            self, max_gap: float = math.inf, command_timeout: float = math.inf) -> None:
         self.max_gap = max_gap
-        self.hold = hold
+        self.command_timeout = command_timeout
         #: when the first message left [s on the steady clock]: t = 0; nan before
         self.began = math.nan
-        #: when the last one was out [s on the clock for gaps]
+        #: when DDS had taken the last one [s on the clock for gaps]; None before
         self.last_sent: float | None = None
-        #: for how long since then this program has waited for DDS [s]
+        #: time spent in DDS since then [s]
         self.waited = 0.0
-        #: why it may not send, or send any more; None as long as it may
+        #: why the run was ended; None as long as it may send
         self.ended_by: ControlError | None = None
 
 
 class VelocityGate:
     """
-    Every velocity of this program passes here, one at a time.
+    The one way out for velocities: latch, gap, limits, publish, telemetry.
 
-    Checks and publishing happen under one lock: once a stop has sent its first zero, no velocity
-    of the run that it stopped can follow, whichever threads are at work.
+    Checking and publishing happen under one lock.  Once a stop has sent its first zero, no
+    velocity of the run that it stopped can follow, from any thread.
+
+    :param transmit: publishes a velocity
+    :param limits: the robot's limits; no velocity beyond them leaves, whatever planned it
+    :param latch: once set, only zeros leave
+    :param sending: set while DDS takes a message or answers a question
+    :param clock: the steady clock [s]
+    :param gap_clock: the clock for gaps [s]; it also counts while the machine sleeps
     """
 
     def __init__(
@@ -83,18 +90,6 @@ class VelocityGate:
             sending: SharedFlag | None = None,
             clock: Callable[[], float] = time.monotonic,
             gap_clock: Callable[[], float] = boottime) -> None:
-        """
-        Make an edge that lets nothing out yet.
-
-        :param transmit: puts a velocity on the wire
-        :param limits: what is never exceeded, whoever planned it
-        :param latch: once set, nothing but zeros leaves
-        :param sending: up while DDS is handed a message or asked something, which may take its
-            time
-        :param clock: the steady clock [s]
-        :param gap_clock: the clock that gaps are measured with [s]; it runs on while the machine
-            sleeps
-        """
         self._transmit = transmit
         self._limits = limits
         self._within_limits = ZERO
@@ -103,66 +98,62 @@ class VelocityGate:
         self._clock = clock
         self._gap_clock = gap_clock
         self._lock = threading.Lock()
-        self._access = GateState.NOT_OPENED
+        self._state = GateState.NOT_OPENED
         self._run: Run | None = None
-        #: a run that was asked for and has not begun: it waits for the robot, for example
+        #: a run that was prepared and has not begun: it waits for the robot, for example
         self._pending: Run | None = None
         #: called with the time [s on the clock] and the velocity of each message sent
-        self.on_sent: Callable[[float, Velocity], None] = _ignore
-        #: called with the time [s on the clock] when the first message of a run was sent: t = 0
-        self.on_began: Callable[[float], None] = _ignore
+        self.on_sent: Callable[[float, Velocity], None] = lambda *_: None
+        #: called with the time [s on the clock] of a run's first message: t = 0
+        self.on_began: Callable[[float], None] = lambda *_: None
 
     @property
     def state(self) -> GateState:
-        """Return what may be published now."""
-        return self._access
+        """Return whether velocities may leave."""
+        return self._state
 
     @property
     def run(self) -> Run | None:
-        """Return the newest run, which may be over; None if nothing ever moved."""
+        """Return the newest run that began, which may be over; None before the first."""
         return self._run
 
     def open(self) -> None:
-        """Let velocities out from now on: the robot is ours."""
+        """Let velocities out: the robot is taken.  Without effect once the gate was closed."""
         with self._lock:
-            if self._access is GateState.NOT_OPENED:
-                self._access = GateState.OPEN
+            if self._state is GateState.NOT_OPENED:
+                self._state = GateState.OPEN
 
     def close(self) -> None:
-        """Let nothing out any more, for good."""
+        """Let nothing out any more; it cannot be undone."""
         with self._lock:
-            self._access = GateState.CLOSED
+            self._state = GateState.CLOSED
 
     def prepare(self) -> Run:
-        """
-        Make a run that has not begun; ``cancel`` ends it from now on, whatever it waits for.
-
-        :returns: the run, for ``begin``
-        """
+        """Return a run that has not begun; ``cancel`` ends it from now on."""
         run = Run()
         with self._lock:
             self._pending = run
         return run
 
-    def begin(self, max_gap: float, run: Run | None = None, hold: float = math.inf) -> Run:
+    def begin(
+            self, max_gap: float, run: Run | None = None,
+            command_timeout: float = math.inf) -> Run:
         """
-        Begin a run; the one before it may send no more.
+        Begin a run; the run before it may send no more.
 
-        :param max_gap: the longest time between two of its messages [s]; waiting for DDS is not
-            counted
-        :param run: what ``prepare`` returned; None for a run that nobody had to wait for
-        :param hold: how long the robot keeps a velocity without a new one [s]: no gap may be
-            longer, whatever it was spent on, for the robot has stopped by itself by then
-        :returns: the run, which ``send`` asks for
-        :raises ControlError: if it was cancelled already, the robot is not ours or the latch is
-            set
+        :param max_gap: longest time between two messages, without the time that DDS takes [s]
+        :param run: what ``prepare`` returned; None for a new run
+        :param command_timeout: how long the robot keeps a velocity [s]: a longer gap ends the run
+            whatever caused it, for the robot has stopped by itself
+        :returns: the run, for ``send``
+        :raises ControlError: if the run was cancelled, the gate is not open or the latch is set
         """
         run = run or Run()
         with self._lock:
             if run.ended_by is not None:
                 raise run.ended_by
             self._require_permission()
-            run.max_gap, run.hold = max_gap, hold
+            run.max_gap, run.command_timeout = max_gap, command_timeout
             self._run, self._pending = run, None
         return run
 
@@ -170,10 +161,8 @@ class VelocityGate:
         """
         Publish a velocity of a run.
 
-        :param run: the run it belongs to
-        :param velocity: what to send
-        :raises ControlError: if this run may not send any more, or was late, or the velocity is
-            beyond the limits
+        :raises ControlError: if the run may not send any more or the gap was too long, or the
+            velocity is beyond the limits; nothing was published
         """
         with self._lock:
             self._require_limits(velocity)
@@ -183,21 +172,19 @@ class VelocityGate:
             if run.last_sent is None:
                 run.began = sent
                 self.on_began(sent)
-            # Afterwards: what DDS takes while somebody joins the graph, 0.3 s at worst, is no sign
-            # that this program was held up.
+            # After publishing: what DDS takes while a node joins the graph, 0.3 s at worst, does
+            # not mean that this program was held up.
             run.last_sent, run.waited = self._gap_clock(), 0.0
-            # Frozen while DDS had the message, this program has been stopped by now: then nothing
-            # is to be waited for, and the stop follows at once.
+            # A program that was frozen while DDS had the message has been stopped by now.  Without
+            # this check it would wait for the next tick before its own stop.
             self._check(run)
 
     def wait_for_dds(self, run: Run, ask: Callable[[], None]) -> None:
         """
-        Do what may have to wait for DDS: that is no sign that this program was held up.
+        Call a function that may have to wait for DDS, and do not count that time as a gap.
 
-        While others join or leave, asking the graph was seen to take a sixth of a second.
-
-        :param run: the run in whose thread it is done
-        :param ask: what to do; what it raises is passed on
+        :param run: the run in whose thread it is called
+        :param ask: the function; measured: 0.17 s to ask the graph while nodes join or leave
         """
         began = self._gap_clock()
         self._sending.set()
@@ -209,20 +196,19 @@ class VelocityGate:
 
     def check(self, run: Run) -> None:
         """
-        Raise what ``send`` would raise if the run has been stopped.
+        Check that a run may still send.
 
-        :param run: the run to look at
-        :raises ControlError: if this run may not send any more
+        :raises ControlError: if it may not
         """
         with self._lock:
             self._check(run)
 
     def cancel(self, reason: ControlError) -> Run | None:
         """
-        End the newest run, and the one that has not begun: neither sends from now on.
+        End the newest run and the pending one: neither sends from now on.
 
-        :param reason: what ``begin``, ``send`` and ``check`` raise for them from now on
-        :returns: the newest run that began, or None if there never was one
+        :param reason: what ``begin``, ``send`` and ``check`` raise for them
+        :returns: the newest run that began; None before the first
         """
         with self._lock:
             for run in (self._run, self._pending):
@@ -232,19 +218,19 @@ class VelocityGate:
 
     def send_zero(self, after: Run | None) -> bool:
         """
-        Publish a zero, unless the robot is not ours or has begun a newer run.
+        Publish a zero, unless the gate is not open or a newer run has begun.
 
-        :param after: the run that this zero follows; None before the first one
+        :param after: the run that this zero follows; None before the first
         :returns: whether it was published
         """
         with self._lock:
-            if self._access is not GateState.OPEN or self._run is not after:
+            if self._state is not GateState.OPEN or self._run is not after:
                 return False
             self._publish(ZERO)
             return True
 
     def _publish(self, velocity: Velocity) -> float:
-        # Read directly before: DDS stamps a message as it takes it.
+        # The time is read directly before: DDS stamps a message when it takes it.
         now = self._clock()
         self._sending.set()
         try:
@@ -265,11 +251,11 @@ class VelocityGate:
         if self._latch.is_set:
             raise MotionRefusedError(
                 'the robot was stopped for good; only a new node moves it again')
-        if self._access is not GateState.OPEN:
-            raise MotionRefusedError(f'the robot is not ours ({self._access.value})')
+        if self._state is not GateState.OPEN:
+            raise MotionRefusedError(f'the robot is not ours ({self._state.value})')
 
     def _require_limits(self, velocity: Velocity) -> None:
-        # The same one comes again and again, and never changes.
+        # A velocity object never changes, and the same one is sent many times.
         if velocity is self._within_limits:
             return
         try:
@@ -282,13 +268,10 @@ class VelocityGate:
         if run.last_sent is None:
             return
         gap = self._gap_clock() - run.last_sent
-        # DDS may take no longer than the guardian lets it, however often it is asked.
-        allowed = min(run.max_gap + min(run.waited, PUBLISH_TIMEOUT), run.hold)
+        # DDS may take no longer than the guardian allows, and the robot's command timeout bounds
+        # the sum.
+        allowed = min(run.max_gap + min(run.waited, PUBLISH_TIMEOUT), run.command_timeout)
         if gap > allowed:
             raise RunFaultError(
                 f'nothing was sent for {gap * 1e3:.0f} ms, more than the {allowed * 1e3:.0f} '
                 'ms allowed: the program was held up, so the motion was given up')
-
-
-def _ignore(*what: object) -> None:
-    """Record nothing."""

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Wait until a time, or until a condition holds."""
+"""Wait until a time, or until a condition holds, with checks meanwhile."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from kachaka_simple_control.control.timing import POLL_PERIOD
 
 def sleep_until(
         deadline: float,
-        beat: Callable[[], None],
+        check: Callable[[], None],
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep) -> None:
     """
-    Sleep until a deadline, in naps; nobody sleeps for one that has passed.
+    Sleep until a deadline, and check every POLL_PERIOD.
 
-    :param deadline: when to wake [s on the clock]
-    :param beat: called after each nap, and once if there is none: a motion that is always late,
-        because publishing takes longer than a period, is alive, too; what it raises ends the wait
+    :param deadline: when to return [s on the clock]
+    :param check: called after each sleep, and once if the deadline has passed already: a motion
+        that is always late needs its heartbeats, too.  What it raises ends the wait
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
     """
     left = deadline - clock()
     if left <= 0.0:
-        beat()
+        check()
     while left > 0.0:
         sleep(min(left, POLL_PERIOD))
-        beat()
+        check()
         left = deadline - clock()
 
 
@@ -48,12 +48,11 @@ def wait_until(
         condition: Callable[[], bool], timeout: float,
         check: Callable[[], None] = lambda: None) -> bool:
     """
-    Wait for something, and look at it often.
+    Wait until a condition holds, asked every POLL_PERIOD.
 
-    :param condition: what to wait for
-    :param timeout: how long [s]
+    :param timeout: how long to wait [s]
     :param check: called while waiting; what it raises ends the wait
-    :returns: whether it came to be
+    :returns: whether the condition held in time
     """
     end = time.monotonic() + timeout
     while not condition():

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Playing a plan through the edge, on a clock that the test moves."""
+"""Playing a plan through the gate, on a clock that the test moves."""
 
 from itertools import pairwise
 
@@ -47,24 +47,24 @@ class Alone:
 
 
 class Bench:
-    """A plan, an edge and a clock, ready to play."""
+    """A plan, an gate and a clock, ready to play."""
 
     def __init__(self, *moves, rate=10.0):
-        """Open the edge: the robot is ours."""
+        """Open the gate: the robot is ours."""
         self.time = FakeTime()
         self.wire = Wire(self.time)
         self.latch = Latch()
-        self.edge = VelocityGate(
+        self.gate = VelocityGate(
             self.wire.transmit, LIMITS, self.latch, None,
             self.time.clock, self.time.clock)
-        self.edge.open()
+        self.gate.open()
         self.plan = plan(Motion('test', moves), LIMITS, rate)
         self.companion = Alone()
 
     def play(self):
         """Play the plan."""
         return run_plan(
-            self.plan, self.edge, HOLD, self.companion, self.time.clock, self.time.sleep)
+            self.plan, self.gate, HOLD, self.companion, self.time.clock, self.time.sleep)
 
 
 def test_a_move_is_held_for_its_duration_and_ends_in_a_zero():
@@ -95,13 +95,13 @@ def test_it_shows_a_sign_of_life_every_20_ms():
 def test_a_motion_that_is_always_late_shows_signs_of_life_all_the_same():
     """Others join and leave, and handing over each message takes longer than a period."""
     bench = Bench(Move(0.1, 0.0, 1.0), rate=50.0)
-    transmit, beats, late = bench.edge._transmit, [], 0.03
+    transmit, beats, late = bench.gate._transmit, [], 0.03
 
     def held_up(velocity):
         transmit(velocity)
         bench.time.now += late
 
-    bench.edge._transmit = held_up
+    bench.gate._transmit = held_up
     bench.companion.check = lambda: beats.append(bench.time.now)
     bench.play()
     gaps = [after - before for before, after in pairwise(beats)]
@@ -113,7 +113,7 @@ def test_a_graph_that_answers_slowly_ends_no_healthy_run():
     flags = []
 
     def ask():
-        flags.append(bench.edge._sending.is_set)
+        flags.append(bench.gate._sending.is_set)
         bench.time.now += 0.25 if len(flags) % 10 == 5 else 0.0
 
     bench.companion.check = ask

@@ -51,16 +51,16 @@ class Bench:
         """Send one velocity."""
         self.time = FakeTime()
         self.wire = Wire(self.time)
-        self.edge = VelocityGate(
+        self.gate = VelocityGate(
             self.wire.transmit, Limits(0.3, 1.57), Latch(), None,
             self.time.clock, self.time.clock)
         self.guard = Guard()
         self.moves = lambda: False
         self.stopper = StopController(
-            self.edge, HOLD, self.guard, self.still_moves, self.time.clock, self.time.sleep)
-        self.edge.open()
-        self.run = self.edge.begin(0.2)
-        self.edge.send(self.run, Velocity(0.1, 0.0))
+            self.gate, HOLD, self.guard, self.still_moves, self.time.clock, self.time.sleep)
+        self.gate.open()
+        self.run = self.gate.begin(0.2)
+        self.gate.send(self.run, Velocity(0.1, 0.0))
 
     def still_moves(self):
         """Tell what odometry sees."""
@@ -115,10 +115,10 @@ def test_a_stop_that_was_cut_short_is_sent_whole_by_the_next():
 def test_nothing_is_sent_when_nothing_ever_moved():
     time = FakeTime()
     wire = Wire(time)
-    edge = VelocityGate(wire.transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
-    stopper = StopController(edge, HOLD, Guard(), clock=time.clock, sleep=time.sleep)
+    gate = VelocityGate(wire.transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
+    stopper = StopController(gate, HOLD, Guard(), clock=time.clock, sleep=time.sleep)
     stopper.stop(REASON)
-    edge.open()
+    gate.open()
     stopper.stop(REASON)
     assert wire.sent == []
 
@@ -127,7 +127,7 @@ def test_the_run_in_another_thread_hears_why():
     bench = Bench()
     bench.stopper.stop(REASON)
     with pytest.raises(MotionRefusedError, match='test'):
-        bench.edge.check(bench.run)
+        bench.gate.check(bench.run)
 
 
 def test_a_new_run_ends_the_stop_of_the_one_before():
@@ -136,7 +136,7 @@ def test_a_new_run_ends_the_stop_of_the_one_before():
 
     def begin():
         bench.time.on_sleep = lambda: None
-        bench.edge.send(bench.edge.begin(0.2), Velocity(0.2, 0.0))
+        bench.gate.send(bench.gate.begin(0.2), Velocity(0.2, 0.0))
 
     bench.time.on_sleep = begin
     bench.stopper.stop(REASON)
@@ -163,7 +163,7 @@ def test_the_stop_does_not_wait_where_no_thread_can_start(monkeypatch):
 
 def test_with_another_run_following_it_does_not():
     bench = Bench()
-    bench.edge.begin(0.2)
+    bench.gate.begin(0.2)
     bench.stopper.stop_after_idle(bench.run, within=0.0)
     bench.stopper._later.join(5.0)
     assert bench.zeros == []
@@ -189,7 +189,7 @@ def test_the_guardian_hears_of_each_zero_before_it_leaves():
         told.append(bench.guard.heard.count('rest'))
         transmit(velocity)
 
-    bench.edge._transmit = count
+    bench.gate._transmit = count
     bench.stopper.stop(REASON)
     assert told == [*range(1, len(told) + 1)]
     assert 'stopped' not in bench.guard.heard[:-1]
@@ -197,25 +197,25 @@ def test_the_guardian_hears_of_each_zero_before_it_leaves():
 
 def test_a_stop_that_comes_late_does_not_end_the_run_that_begins_just_then():
     bench = Bench()
-    edge, begun = bench.edge, []
+    gate, begun = bench.gate, []
 
     class Late:
         """Has another run begin after it was asked for the newest."""
 
         def __getattr__(self, name):
-            found = getattr(edge, name)
+            found = getattr(gate, name)
             if name == 'run' and not begun:
-                begun.append(edge.begin(0.2))
+                begun.append(gate.begin(0.2))
             return found
 
-    bench.stopper._edge = Late()
+    bench.stopper._gate = Late()
     bench.stopper._stop_if_newest(bench.run)
-    edge.send(begun[0], Velocity(0.2, 0.0))
+    gate.send(begun[0], Velocity(0.2, 0.0))
 
 
 def test_a_stop_that_was_cut_short_leaves_the_guardian_ready():
     bench = Bench()
-    bench.time.on_sleep = bench.edge.close
+    bench.time.on_sleep = bench.gate.close
     bench.stopper.stop(REASON)
     assert set(bench.guard.heard) == {'rest'}
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The edge: what leaves it, and what never does."""
+"""The gate: what leaves it, and what never does."""
 
 import contextlib
 import threading
@@ -46,113 +46,113 @@ def latch():
 
 
 @pytest.fixture
-def edge(time, wire, latch):
-    """Return an edge to a robot that has not been taken."""
+def gate(time, wire, latch):
+    """Return an gate to a robot that has not been taken."""
     return VelocityGate(wire.transmit, Limits(0.3, 1.57), latch, None, time.clock, time.clock)
 
 
-def test_before_the_robot_is_ours_not_even_a_zero_leaves(edge, wire):
+def test_before_the_robot_is_ours_not_even_a_zero_leaves(gate, wire):
     """A zero switches a Kachaka's manual control on, and drives it off its dock."""
-    assert not edge.send_zero(after=None)
+    assert not gate.send_zero(after=None)
     with pytest.raises(MotionRefusedError, match='not ours'):
-        edge.begin(0.2)
+        gate.begin(0.2)
     assert wire.sent == []
 
 
-def test_after_the_robot_was_given_back_nothing_leaves(edge, wire):
-    edge.open()
-    run = edge.begin(0.2)
-    edge.close()
-    assert not edge.send_zero(after=run)
+def test_after_the_robot_was_given_back_nothing_leaves(gate, wire):
+    gate.open()
+    run = gate.begin(0.2)
+    gate.close()
+    assert not gate.send_zero(after=run)
     with pytest.raises(MotionRefusedError, match='not ours'):
-        edge.send(run, FORWARD)
-    edge.open()
+        gate.send(run, FORWARD)
+    gate.open()
     with pytest.raises(MotionRefusedError, match='not ours'):
-        edge.begin(0.2)
+        gate.begin(0.2)
     assert wire.sent == []
 
 
 @pytest.mark.parametrize('velocity', [
     Velocity(0.31, 0.0), Velocity(0.0, -1.6), Velocity(float('nan'), 0.0),
     Velocity(0.0, float('inf'))])
-def test_limits_hold_whoever_planned_the_velocity(edge, wire, velocity):
-    edge.open()
+def test_limits_hold_whoever_planned_the_velocity(gate, wire, velocity):
+    gate.open()
     with pytest.raises(RunFaultError, match='not sent: .* outside the robot'):
-        edge.send(edge.begin(0.2), velocity)
+        gate.send(gate.begin(0.2), velocity)
     assert wire.sent == []
 
 
-def test_a_set_latch_lets_zeros_out_and_nothing_else(edge, wire, latch):
-    edge.open()
-    run = edge.begin(0.2)
+def test_a_set_latch_lets_zeros_out_and_nothing_else(gate, wire, latch):
+    gate.open()
+    run = gate.begin(0.2)
     latch.trip()
     with pytest.raises(MotionRefusedError, match='for good'):
-        edge.send(run, FORWARD)
+        gate.send(run, FORWARD)
     with pytest.raises(MotionRefusedError, match='for good'):
-        edge.begin(0.2)
-    assert edge.send_zero(after=run)
+        gate.begin(0.2)
+    assert gate.send_zero(after=run)
     assert [v for _, v in wire.sent] == [ZERO]
 
 
-def test_a_cancelled_run_hears_the_reason_and_sends_no_more(edge, wire):
-    edge.open()
-    run = edge.begin(0.2)
-    edge.send(run, FORWARD)
-    edge.cancel(RunFaultError('because'))
+def test_a_cancelled_run_hears_the_reason_and_sends_no_more(gate, wire):
+    gate.open()
+    run = gate.begin(0.2)
+    gate.send(run, FORWARD)
+    gate.cancel(RunFaultError('because'))
     with pytest.raises(RunFaultError, match='because'):
-        edge.send(run, FORWARD)
+        gate.send(run, FORWARD)
     with pytest.raises(RunFaultError, match='because'):
-        edge.check(run)
+        gate.check(run)
     assert len(wire.sent) == 1
 
 
-def test_only_the_newest_run_sends(edge, wire):
-    edge.open()
-    old = edge.begin(0.2)
-    new = edge.begin(0.2)
+def test_only_the_newest_run_sends(gate, wire):
+    gate.open()
+    old = gate.begin(0.2)
+    new = gate.begin(0.2)
     with pytest.raises(MotionRefusedError, match='another one has begun'):
-        edge.send(old, FORWARD)
-    assert not edge.send_zero(after=old)
-    edge.send(new, FORWARD)
+        gate.send(old, FORWARD)
+    assert not gate.send_zero(after=old)
+    gate.send(new, FORWARD)
     assert [v for _, v in wire.sent] == [FORWARD]
 
 
-def test_the_gap_is_checked_directly_before_publishing(edge, time, wire):
-    edge.open()
-    run = edge.begin(0.2)
-    edge.send(run, FORWARD)
+def test_the_gap_is_checked_directly_before_publishing(gate, time, wire):
+    gate.open()
+    run = gate.begin(0.2)
+    gate.send(run, FORWARD)
     time.now += 0.2001
     with pytest.raises(RunFaultError, match='200 ms'):
-        edge.send(run, FORWARD)
+        gate.send(run, FORWARD)
     assert len(wire.sent) == 1
 
 
 def test_a_machine_that_slept_is_a_gap_although_the_steady_clock_stood_still(wire, latch):
     steady, awake = FakeTime(), FakeTime()
-    edge = VelocityGate(wire.transmit, Limits(0.3, 1.57), latch, None, steady.clock, awake.clock)
-    edge.open()
-    run = edge.begin(0.2)
-    edge.send(run, FORWARD)
+    gate = VelocityGate(wire.transmit, Limits(0.3, 1.57), latch, None, steady.clock, awake.clock)
+    gate.open()
+    run = gate.begin(0.2)
+    gate.send(run, FORWARD)
     awake.now += 3600.0
     with pytest.raises(RunFaultError, match='nothing was sent for 3600000 ms'):
-        edge.send(run, FORWARD)
+        gate.send(run, FORWARD)
     assert len(wire.sent) == 1
 
 
-def test_the_first_message_of_a_run_has_no_gap_before_it(edge, time, wire):
-    edge.open()
+def test_the_first_message_of_a_run_has_no_gap_before_it(gate, time, wire):
+    gate.open()
     time.now += 3600.0
-    edge.send(edge.begin(0.2), FORWARD)
+    gate.send(gate.begin(0.2), FORWARD)
     assert len(wire.sent) == 1
 
 
-def test_what_leaves_is_recorded_with_its_time(edge, time):
+def test_what_leaves_is_recorded_with_its_time(gate, time):
     noted = []
-    edge.on_sent = lambda at, velocity: noted.append((at, velocity))
-    edge.open()
-    run = edge.begin(0.2)
-    edge.send(run, FORWARD)
-    edge.send_zero(after=run)
+    gate.on_sent = lambda at, velocity: noted.append((at, velocity))
+    gate.open()
+    run = gate.begin(0.2)
+    gate.send(run, FORWARD)
+    gate.send_zero(after=run)
     assert noted == [(time.now, FORWARD), (time.now, ZERO)]
 
 
@@ -160,77 +160,77 @@ def test_no_motion_follows_the_first_zero_of_a_stop_in_another_thread():
     """Two threads, one stopping the other, many times: order on the wire is what counts."""
     for _ in range(200):
         sent = []
-        edge = VelocityGate(sent.append, Limits(0.3, 1.57), Latch())
-        edge.open()
-        run = edge.begin(10.0)
+        gate = VelocityGate(sent.append, Limits(0.3, 1.57), Latch())
+        gate.open()
+        run = gate.begin(10.0)
         begun = threading.Event()
 
-        def drive(edge=edge, run=run, begun=begun):
+        def drive(gate=gate, run=run, begun=begun):
             with contextlib.suppress(MotionRefusedError):
                 while True:
-                    edge.send(run, FORWARD)
+                    gate.send(run, FORWARD)
                     begun.set()
 
         thread = threading.Thread(target=drive)
         thread.start()
         begun.wait()
-        edge.cancel(MotionRefusedError('enough'))
-        edge.send_zero(after=run)
+        gate.cancel(MotionRefusedError('enough'))
+        gate.send_zero(after=run)
         thread.join()
         assert sent[-1] == ZERO
 
 
 def test_the_flag_is_up_while_dds_has_the_message():
     flag, seen = SharedFlag(), []
-    edge = VelocityGate(lambda _: seen.append(flag.is_set), Limits(0.3, 1.57), Latch(), flag)
-    edge.open()
-    edge.send(edge.begin(0.2), FORWARD)
+    gate = VelocityGate(lambda _: seen.append(flag.is_set), Limits(0.3, 1.57), Latch(), flag)
+    gate.open()
+    gate.send(gate.begin(0.2), FORWARD)
     assert seen == [True]
     assert not flag.is_set
 
 
-def test_the_flag_is_up_while_dds_is_asked_something_and_down_again_when_that_fails(edge):
+def test_the_flag_is_up_while_dds_is_asked_something_and_down_again_when_that_fails(gate):
     flag, seen = SharedFlag(), []
-    edge = VelocityGate(lambda _: None, Limits(0.3, 1.57), Latch(), flag)
-    edge.open()
-    run = edge.begin(0.2)
+    gate = VelocityGate(lambda _: None, Limits(0.3, 1.57), Latch(), flag)
+    gate.open()
+    run = gate.begin(0.2)
 
     def ask():
         seen.append(flag.is_set)
         raise RunFaultError('the robot left')
 
     with pytest.raises(RunFaultError, match='the robot left'):
-        edge.wait_for_dds(run, ask)
+        gate.wait_for_dds(run, ask)
     assert seen == [True]
     assert not flag.is_set
 
 
 @pytest.mark.parametrize('waits, ends', [([0.3], False), ([0.1] * 4, False), ([0.8], True),
                                          ([0.3] * 3, True)])
-def test_what_dds_takes_to_answer_is_no_gap_within_a_bound(edge, time, wire, waits, ends):
+def test_what_dds_takes_to_answer_is_no_gap_within_a_bound(gate, time, wire, waits, ends):
     """The bound is for all questions between two messages together."""
-    edge.open()
-    run = edge.begin(0.12)
-    edge.send(run, FORWARD)
+    gate.open()
+    run = gate.begin(0.12)
+    gate.send(run, FORWARD)
     for wait in waits:
-        edge.wait_for_dds(run, lambda wait=wait: time.sleep(wait))
+        gate.wait_for_dds(run, lambda wait=wait: time.sleep(wait))
     if ends:
         with pytest.raises(RunFaultError, match='nothing was sent for .* more than the 620 ms'):
-            edge.send(run, FORWARD)
+            gate.send(run, FORWARD)
     else:
-        edge.send(run, FORWARD)
+        gate.send(run, FORWARD)
     assert len(wire.sent) == 1 + (not ends)
 
 
-def test_a_wait_for_dds_before_a_message_excuses_no_gap_after_it(edge, time):
-    edge.open()
-    run = edge.begin(0.12)
-    edge.send(run, FORWARD)
-    edge.wait_for_dds(run, lambda: time.sleep(0.3))
-    edge.send(run, FORWARD)
+def test_a_wait_for_dds_before_a_message_excuses_no_gap_after_it(gate, time):
+    gate.open()
+    run = gate.begin(0.12)
+    gate.send(run, FORWARD)
+    gate.wait_for_dds(run, lambda: time.sleep(0.3))
+    gate.send(run, FORWARD)
     time.sleep(0.2)
     with pytest.raises(RunFaultError, match='more than the 120 ms'):
-        edge.send(run, FORWARD)
+        gate.send(run, FORWARD)
 
 
 def test_what_dds_takes_is_no_gap(time):
@@ -238,38 +238,38 @@ def test_what_dds_takes_is_no_gap(time):
     def transmit(_):
         time.now += 0.33
 
-    edge = VelocityGate(
+    gate = VelocityGate(
         transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
-    edge.open()
-    run = edge.begin(0.2)
-    edge.send(run, FORWARD)
-    edge.send(run, FORWARD)
+    gate.open()
+    run = gate.begin(0.2)
+    gate.send(run, FORWARD)
+    gate.send(run, FORWARD)
 
 
-def test_a_run_that_was_cancelled_before_it_began_never_begins(edge, wire):
+def test_a_run_that_was_cancelled_before_it_began_never_begins(gate, wire):
     """It may wait for its robot: a stop ends it all the same."""
-    run = edge.prepare()
-    edge.cancel(MotionRefusedError('enough'))
-    edge.open()
+    run = gate.prepare()
+    gate.cancel(MotionRefusedError('enough'))
+    gate.open()
     with pytest.raises(MotionRefusedError, match='enough'):
-        edge.begin(0.2, run)
+        gate.begin(0.2, run)
     assert wire.sent == []
 
 
-def test_a_cancel_ends_the_run_under_way_and_the_one_that_waits(edge):
-    edge.open()
-    under_way, waiting = edge.begin(0.2), edge.prepare()
-    assert edge.cancel(MotionRefusedError('enough')) is under_way
+def test_a_cancel_ends_the_run_under_way_and_the_one_that_waits(gate):
+    gate.open()
+    under_way, waiting = gate.begin(0.2), gate.prepare()
+    assert gate.cancel(MotionRefusedError('enough')) is under_way
     for run in (under_way, waiting):
         assert str(run.ended_by) == 'enough'
 
 
-def test_a_run_that_waits_takes_nothing_from_the_one_before(edge, wire):
+def test_a_run_that_waits_takes_nothing_from_the_one_before(gate, wire):
     """Its whole stop goes on until the next run really begins."""
-    edge.open()
-    first = edge.begin(0.2)
-    second = edge.prepare()
-    assert edge.send_zero(after=first)
-    edge.begin(0.2, second)
-    assert not edge.send_zero(after=first)
+    gate.open()
+    first = gate.begin(0.2)
+    second = gate.prepare()
+    assert gate.send_zero(after=first)
+    gate.begin(0.2, second)
+    assert not gate.send_zero(after=first)
     assert len(wire.sent) == 1
