@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A second process that stops the robot when this one no longer can."""
+"""The node's side of the guardian, the process that stops the robot when this one cannot."""
 
 from __future__ import annotations
 
@@ -31,95 +31,87 @@ from kachaka_simple_control.errors import RunFaultError
 
 
 class NullGuardian:
-    """In place of a guardian where none is wanted."""
+    """Takes the place of a guardian where none is wanted (parameter ``guardian: false``)."""
 
     participants: frozenset[bytes] = frozenset()
     is_matched = True
     stopped_because: str | None = None
 
     def __init__(self) -> None:
-        """Have a latch that only this process can set."""
         self.latch, self.sending = Latch(), SharedFlag()
         self.prime_count = 0
 
     def prime(self) -> None:
-        """Publish nothing, and be done at once."""
+        """Count the request as served."""
         self.prime_count += 1
 
     def heartbeat(self) -> None:
-        """Tell nobody."""
+        """Do nothing."""
 
     def report_stopping(self) -> None:
-        """Tell nobody."""
+        """Do nothing."""
 
     def report_stopped(self) -> None:
-        """Tell nobody."""
+        """Do nothing."""
 
     def shutdown(self) -> None:
-        """Dismiss nobody."""
+        """Do nothing."""
 
 
 class Guardian:
     """
-    One process's side of its guardian.
+    Starts the guardian's program and sends it heartbeats over a pipe.
 
-    The guardian hears signs of life over a pipe.  The pipe's end or silence, before the whole stop
-    was told, makes it set the latch and stop the robot.  The pipe
-    belongs to this process alone: it is closed in every child, so that its end is this process's
-    end.
+    When the pipe closes, or no heartbeat comes, before the stop was reported whole, the guardian
+    sets the latch and stops the robot.  The program runs in a session of its own, which Ctrl+C
+    does not reach.  Every child of this process closes the pipe, so its end is the end of this
+    process.
+
+    :param command: the program; it gets two descriptors as its last arguments: the pipe to read,
+        and a file of memory whose first two bytes are the latch and the flag ``sending``
+    :param environment: the program's environment
+    :param kept: descriptors that the program keeps open as long as it runs
     """
 
     def __init__(
             self, command: Sequence[str], environment: dict[str, str], *kept: int) -> None:
-        """
-        Start it; a fresh program, in a session of its own that Ctrl+C does not reach.
-
-        :param command: what to run; it gets two descriptors as its last arguments, one to read
-            signs from and one whose first two bytes are the latch and the flag
-        :param environment: what it runs in
-        :param kept: descriptors that it keeps open as long as it is there
-        """
         with tempfile.TemporaryFile() as memory:
             memory.truncate(mmap.PAGESIZE)
             shared = memoryview(mmap.mmap(memory.fileno(), mmap.PAGESIZE))
             self.latch, self.sending = Latch(shared[:1]), SharedFlag(shared[1:2])
-            signs, self._pipe = os.pipe()
+            messages, self._pipe = os.pipe()
             os.set_blocking(self._pipe, False)
             os.register_at_fork(after_in_child=self._close_in_child)
             self._process = subprocess.Popen(
-                [*command, str(signs), str(memory.fileno())], env=environment,
-                pass_fds=(signs, memory.fileno(), *kept), stdin=subprocess.DEVNULL,
+                [*command, str(messages), str(memory.fileno())], env=environment,
+                pass_fds=(messages, memory.fileno(), *kept), stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE, start_new_session=True, text=True)
-            os.close(signs)
+            os.close(messages)
         self._writing = threading.Lock()
         self._last_heartbeat = float('-inf')
-        self._primed = 0
-        #: what tells its publishers from others on the ROS graph: it may leave and come anew
+        #: number of zeros it has published on request
+        self.prime_count = 0
+        #: its DDS participants: it may leave the graph and join it anew
         self.participants: set[bytes] = set()
-        #: whether its publisher has met a subscriber
+        #: whether its publisher has matched a subscriber
         self.is_matched = False
         #: why it stopped the robot; None if it did not
         self.stopped_because: str | None = None
-        threading.Thread(target=self._listen, name='guardian', daemon=True).start()
+        threading.Thread(target=self._read_output, name='guardian', daemon=True).start()
 
     def prime(self) -> None:
         """
-        Have it publish one zero.
+        Ask it to publish one zero.
 
-        :raises RunFaultError: if it is gone
+        :raises RunFaultError: if it has ended
         """
         self._send(GuardianMessage.PRIME)
 
-    @property
-    def prime_count(self) -> int:
-        """Return how many zeros it has published on request."""
-        return self._primed
-
     def heartbeat(self) -> None:
         """
-        Show a sign of life: a run is on.
+        Send a heartbeat: a run is on.
 
-        :raises RunFaultError: if it is gone
+        :raises RunFaultError: if it has ended
         """
         now = time.monotonic()
         if now - self._last_heartbeat >= HEARTBEAT_PERIOD:
@@ -127,15 +119,15 @@ class Guardian:
             self._send(GuardianMessage.BEAT)
 
     def report_stopping(self) -> None:
-        """Say that the run is over, and that its stop goes on."""
+        """Report that the run is over and its stop goes on."""
         self._send_if_alive(GuardianMessage.REST)
 
     def report_stopped(self) -> None:
-        """Say that the whole stop was sent."""
+        """Report that the stop was sent whole."""
         self._send_if_alive(GuardianMessage.STOPPED)
 
     def shutdown(self) -> None:
-        """Close the pipe, and return when its publisher is gone; first it stops what moves yet."""
+        """Close the pipe, and return when its publisher is gone; it stops a robot that moves."""
         self._close()
         try:
             self._process.wait(GUARDIAN_EXIT_TIMEOUT)
@@ -143,27 +135,27 @@ class Guardian:
             self._process.kill()
             self._process.wait()
 
-    def _send_if_alive(self, sign: GuardianMessage) -> None:
+    def _send_if_alive(self, message: GuardianMessage) -> None:
         self._last_heartbeat = float('-inf')
         with contextlib.suppress(RunFaultError):
-            self._send(sign)
+            self._send(message)
 
-    def _send(self, sign: GuardianMessage) -> None:
+    def _send(self, message: GuardianMessage) -> None:
         try:
             with self._writing:
-                os.write(self._pipe, sign.value)
+                os.write(self._pipe, message.value)
         except OSError as error:
-            # Broken: it has ended.  Full: it has not read for minutes.
+            # A broken pipe: it has ended.  A full one: it has not read for minutes.
             raise RunFaultError(
                 f'the guardian is gone ({error.strerror}), so the motion was given up') from None
 
-    def _listen(self) -> None:
+    def _read_output(self) -> None:
         assert self._process.stdout is not None
         with self._process.stdout as lines:
             for line in lines:
                 word, _, value = line.strip().partition(' ')
                 if word == 'primed':
-                    self._primed += 1
+                    self.prime_count += 1
                 elif word == 'participant':
                     self.participants.add(bytes.fromhex(value))
                 elif word == 'matched':

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Keep manual control while a run lasts; pure, told the time."""
+"""Renew manual control, which a Kachaka grants for a time, while a run lasts.  No clock."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from kachaka_simple_control.errors import RunFaultError
 
 
 class PendingResponse(Protocol):
-    """The answer to a request for manual control, which may still be on its way."""
+    """The response to a request for manual control; it may not have come yet."""
 
     @property
     def done(self) -> bool:
@@ -36,57 +36,51 @@ class PendingResponse(Protocol):
 
 class LeaseRenewer:
     """
-    Asks for manual control again in time.
+    Requests manual control again before it runs out, at rest if the plan rests in time.
 
-    The robot serves that request between velocities, so that an answer which takes long is a hole
-    in them: longer than its hold, and it has stopped in mid-motion.
+    The robot serves the request between velocities.  A response that takes longer than its command
+    timeout means that it has stopped in the middle of the motion.
+
+    :param request: sends a request, without waiting
+    :param response_timeout: how long a response may take in a run [s]
     """
 
-    def __init__(self, request: Callable[[], PendingResponse], patience: float) -> None:
-        """
-        Make a renewal for a robot that has not been asked yet.
-
-        :param request: asks for manual control, without waiting
-        :param patience: how long an answer may take in a run [s]
-        """
+    def __init__(
+            self, request: Callable[[], PendingResponse], response_timeout: float) -> None:
         self._request = request
-        self._patience = patience
-        self._asked = float('-inf')
+        self._response_timeout = response_timeout
+        self._requested = float('-inf')
         self._pending: PendingResponse | None = None
 
-    def granted(self, asked: float) -> None:
+    def granted(self, requested: float) -> None:
         """
         Take note that manual control was granted.
 
-        :param asked: when it was asked for [s]; it lasts at least from then
+        :param requested: when it was requested [s]; it lasts at least from then
         """
-        self._asked = asked
+        self._requested = requested
         self._pending = None
 
     def is_stale(self, now: float) -> bool:
-        """
-        Tell whether manual control should be asked for before a run begins.
-
-        :param now: the time [s]
-        :returns: whether the last request is old enough to use a rest for the next
-        """
-        return now - self._asked >= LEASE_RENEW_AT_REST
+        """Return whether to renew manual control before a run begins."""
+        return now - self._requested >= LEASE_RENEW_AT_REST
 
     def on_sent(self, now: float, rest: float) -> None:
         """
-        Ask again if it is time to.
+        Send a request if it is time to.
 
         :param now: the time [s]
         :param rest: how long the plan stays at rest from here [s]; 0 while moving
         """
-        age = now - self._asked
-        if age >= LEASE_RENEW_LATEST or (age >= LEASE_RENEW_AT_REST and rest >= self._patience):
-            self._asked = now
+        age = now - self._requested
+        can_wait = rest >= self._response_timeout
+        if age >= LEASE_RENEW_LATEST or (age >= LEASE_RENEW_AT_REST and can_wait):
+            self._requested = now
             self._pending = self._request()
 
     def poll(self, now: float) -> None:
         """
-        Look at the answer that is on its way, if one is.
+        Check the pending response, if there is one.
 
         :param now: the time [s]
         :raises RunFaultError: if it took too long, or manual control was refused
@@ -94,14 +88,12 @@ class LeaseRenewer:
         if self._pending is None:
             return
         if not self._pending.done:
-            self._require_response(now - self._asked)
+            if now - self._requested > self._response_timeout:
+                raise RunFaultError(
+                    'manual control was not renewed within '
+                    f'{self._response_timeout * 1e3:.0f} ms; the robot may have stopped '
+                    'meanwhile, so the motion was given up')
             return
         refusal, self._pending = self._pending.refusal, None
         if refusal is not None:
             raise RunFaultError(f'the robot took manual control away: {refusal}')
-
-    def _require_response(self, waited: float) -> None:
-        if waited > self._patience:
-            raise RunFaultError(
-                f'manual control was not renewed within {self._patience * 1e3:.0f} ms; the robot '
-                'may have stopped meanwhile, so the motion was given up')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Signals that end a program, and waiting for them."""
+"""Signals that end a program: told to handlers at once, or waited for."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ import contextlib
 import os
 import select
 import signal
-import socket
 import sys
 import threading
 import time
@@ -28,76 +27,73 @@ from typing import Any, Protocol
 
 from kachaka_simple_control.control.timing import SIGNAL_DEBOUNCE
 
-#: What asks a program to end.
+#: The signals that ask a program to end.
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
+def wakeup_pipe() -> tuple[int, int]:
+    """
+    Make Python write the number of each signal that it handles to a pipe; main thread only.
+
+    :returns: the descriptor to read from, and the one to write to, which never blocks
+    """
+    reader, writer = os.pipe()
+    # Python writes from within the signal handler, which must not wait.
+    os.set_blocking(writer, False)
+    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    return reader, writer
+
+
 class SignalHandler(Protocol):
-    """Who must know of a signal."""
+    """Reacts to the signals that end a program."""
 
     def on_signal(self, signum: int) -> None:
-        """
-        React at once; runs in a thread of its own and may take its time.
-
-        :param signum: the signal's number
-        """
+        """React to a signal; runs in a thread of its own and may take its time."""
 
     def wake(self) -> None:
         """Make a main thread that waits in foreign code return to Python."""
 
     def uncaught(self, error: BaseException) -> None:
-        """
-        React to an exception that ends the main thread.
-
-        :param error: what nobody caught
-        """
+        """React to an exception that ends the main thread."""
 
 
 class SignalDispatcher:
     """
-    Watches for the signals that end a program; one for the whole process.
+    Passes the ending signals on to handlers; one for the whole process.
 
-    Each signal is heard twice.  A thread reads it from the wake-up descriptor, at once, even
-    while the main thread sits in foreign code, and tells the listeners.  Then Python's own
-    handler runs in the main thread: it raises KeyboardInterrupt for SIGINT, as Python does, and
+    Each signal has two effects.  A thread reads it from the wake-up pipe, at once, even while the
+    main thread waits in foreign code, and calls the handlers.  Then Python's own handler runs in
+    the main thread.  It raises KeyboardInterrupt for SIGINT, as Python does, and
     SystemExit(128 + N) for the others, so that ``finally`` and ``with`` blocks run.
     """
 
     def __init__(self) -> None:
-        """Make a watch that hears nothing yet."""
-        self._listeners: list[SignalHandler] = []
+        self._handlers: list[SignalHandler] = []
         self._previous: dict[int, Any] = {}
         self._first: float | None = None
-        self._reader: socket.socket | None = None
-        self._writer: socket.socket | None = None
         self._excepthook = sys.excepthook
-        #: the first signal that was heard; None before it
+        #: the first signal that came; None before
         self.signum: int | None = None
 
-    def register(self, listener: SignalHandler) -> bool:
+    def register(self, handler: SignalHandler) -> bool:
         """
-        Tell somebody of each ending signal from now on.
+        Call a handler for each ending signal from now on.
 
-        :param listener: who is told
-        :returns: whether signals can be heard; false outside the main thread before the first
-            listener, for Python sets handlers in its main thread alone
+        :returns: whether signals can be received: False outside the main thread before the first
+            handler, for Python sets signal handlers in its main thread only
         """
         if not self._previous and not self._install():
             return False
-        self._listeners.append(listener)
+        self._handlers.append(handler)
         return True
 
-    def unregister(self, listener: SignalHandler) -> None:
-        """
-        Tell somebody no more.
-
-        :param listener: as given to ``register``
-        """
+    def unregister(self, handler: SignalHandler) -> None:
+        """Call a handler no more."""
         with contextlib.suppress(ValueError):
-            self._listeners.remove(listener)
+            self._handlers.remove(handler)
 
     def reinstall(self) -> None:
-        """Take the signals back from whoever took them after ``register``; main thread only."""
+        """Take the signals back from code that took them after ``register``; main thread only."""
         if self._previous and threading.current_thread() is threading.main_thread():
             for signum in self._previous:
                 if signal.getsignal(signum) == self._handle:
@@ -106,33 +102,30 @@ class SignalDispatcher:
     def _install(self) -> bool:
         if threading.current_thread() is not threading.main_thread():
             return False
-        self._reader, self._writer = socket.socketpair()
-        self._writer.setblocking(False)
-        signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
+        reader, _ = wakeup_pipe()
         for signum in ENDING_SIGNALS:
-            # Ignored from the start (nohup): stays ignored.
+            # A signal that was ignored at start (nohup) stays ignored.
             if signal.getsignal(signum) != signal.SIG_IGN:
                 self._previous[signum] = signal.signal(signum, self._handle)
         self._excepthook, sys.excepthook = sys.excepthook, self._except
-        threading.Thread(target=self._read, name='signals', daemon=True).start()
+        threading.Thread(target=self._read, args=(reader,), name='signals', daemon=True).start()
         return True
 
-    def _read(self) -> None:
-        assert self._reader is not None
-        while heard := self._reader.recv(64):
-            for signum in heard:
+    def _read(self, reader: int) -> None:
+        while signums := os.read(reader, 64):
+            for signum in signums:
                 if signum in self._previous:
                     self._dispatch(signum)
 
     def _dispatch(self, signum: int) -> None:
         self._note(signum)
-        for listener in [*self._listeners]:
-            # A thread each: one robot's stop must not wait for another's.
+        for handler in [*self._handlers]:
+            # One thread for each handler: one robot's stop must not wait for another's.
             try:
-                threading.Thread(target=listener.on_signal, args=(signum,), daemon=True).start()
-            except RuntimeError:  # no thread can start, as at Python's end from 3.12 on
-                listener.on_signal(signum)
-            listener.wake()
+                threading.Thread(target=handler.on_signal, args=(signum,), daemon=True).start()
+            except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
+                handler.on_signal(signum)
+            handler.wake()
 
     def _note(self, signum: int) -> None:
         if self.signum is None:
@@ -157,40 +150,31 @@ class SignalDispatcher:
             kind: type[BaseException],
             error: BaseException,
             traceback: TracebackType | None) -> None:
-        # A prompt survives its errors, and so do its robots.
-        for listener in [] if hasattr(sys, 'ps1') else [*self._listeners]:
-            listener.uncaught(error)
-        # After Ctrl+C Python ends with the right status by itself; a traceback would help nobody.
+        # An interactive prompt goes on after an error, and so do its robots.
+        for handler in [] if hasattr(sys, 'ps1') else [*self._handlers]:
+            handler.uncaught(error)
+        # After Ctrl+C Python ends with the right status by itself, and a traceback does not help.
         if not (kind is KeyboardInterrupt and self.signum == signal.SIGINT):
             self._excepthook(kind, error, traceback)
 
 
-#: Python has one set of handlers and one wake-up descriptor, so there is one watch.
+#: Python has one set of signal handlers and one wake-up descriptor, hence one dispatcher.
 signal_dispatcher = SignalDispatcher()
-
-
-#: What asks a program to end.
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class ShutdownEvent:
     """
-    Something to wait for; enter it in the main thread, before anything that takes its time.
+    Waits for a signal, for ``end()``, or for the end of standard input.
 
-    Signals are noted in a pipe and otherwise left without effect, so that none of them interrupts
-    a start or leaves a traceback.  One that was ignored (nohup) stays ignored.
+    Enter it in the main thread, before anything that takes time: from then on, for the rest of the
+    process, signals are noted and have no other effect, so that none of them interrupts a start or
+    leaves a traceback.  A signal that was ignored at start (nohup) stays ignored.
     """
 
-    def __init__(self) -> None:
-        """Wait for nothing yet."""
-        self._reader, self._writer = os.pipe()
-        # Python writes to it from within the signal, where waiting is no choice.
-        os.set_blocking(self._writer, False)
-
     def __enter__(self) -> ShutdownEvent:
-        """Listen to signals from now on, for the rest of the process."""
-        signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
-        for signum in SIGNALS:
+        """Handle signals from now on, for the rest of the process."""
+        self._reader, self._writer = wakeup_pipe()
+        for signum in ENDING_SIGNALS:
             if signal.getsignal(signum) != signal.SIG_IGN:
                 signal.signal(signum, lambda *_: None)
         return self
@@ -200,10 +184,10 @@ class ShutdownEvent:
             kind: type[BaseException] | None,
             error: BaseException | None,
             traceback: TracebackType | None) -> None:
-        """Keep the handlers, so that a second signal does not cut the ending short."""
+        """Keep the handlers, so that a second signal does not cut the shutdown short."""
 
     def end(self) -> None:
-        """End; from any thread."""
+        """Make ``wait`` return; from any thread."""
         with contextlib.suppress(BlockingIOError):
             os.write(self._writer, b'\0')
 
@@ -211,7 +195,7 @@ class ShutdownEvent:
         """
         Return when it is time to end.
 
-        :param with_parent: whether to end, too, when standard input does: a parent that holds
+        :param with_parent: whether to end with standard input as well: then a parent that holds
             its other end can be killed without leaving this process behind
         """
         sources = [self._reader] + with_parent * [sys.stdin.fileno()]

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a guardian makes of what it hears; pure, told the time."""
+"""When the guardian has to stop the robot.  No clock: it is told the time."""
 
 from __future__ import annotations
 
@@ -24,19 +24,20 @@ from kachaka_simple_control.control.timing import (
     WATCHDOG_PERIOD,
 )
 
+#: Differences of times below this are rounding errors [s].
 TIME_TOLERANCE = 1e-6
 
 
 class GuardianMessage(bytes, Enum):
-    """What a node tells its guardian, a byte each."""
+    """What a node sends its guardian; one byte each."""
 
-    #: publish one zero and say so: the robot's reader is being met
+    #: publish one zero and report it, so that the robot's reader is matched before a run
     PRIME = b'p'
-    #: a run is on, and its thread is alive
+    #: heartbeat: a run is on, and its thread is alive
     BEAT = b'b'
-    #: the run is over, a zero of its end or of the stop is sent, and more will follow
+    #: the run is over; a zero is about to leave, and more will follow
     REST = b'r'
-    #: the whole stop was sent: nothing to do if the node ends now
+    #: the stop was sent whole: no heartbeat is due any more
     STOPPED = b's'
 
 
@@ -44,77 +45,76 @@ class Watchdog:
     """
     Decides when the guardian stops the robot: once, and never after the node's own whole stop.
 
-    From the first sign of a run to the last zero of its stop, the node must go on showing signs.
+    From the first heartbeat of a run to the last zero of its stop, messages have to come.
 
-    Silence counts only while the guardian itself is awake.  A machine that stands still for a
-    moment holds up node and guardian alike, and is no reason to end a healthy run; what the robot
-    got meanwhile, the node looks at by itself.  Nor is a node silent that waits for DDS: while
-    somebody joins the graph, publishing was seen to take a third of a second.
+    Time without a message counts only while the guardian itself is awake: a machine that stands
+    still for a moment holds up both processes and must not end a healthy run.  The node checks its
+    gaps by itself.  Time that the node spends in DDS counts against PUBLISH_TIMEOUT instead:
+    publishing took a third of a second while a node joined the graph (measured).
 
-    :param silence: how long a run may show no sign of life [s]
+    :param heartbeat_timeout: how long a run may go without a heartbeat [s]
     """
 
-    def __init__(self, silence: float = HEARTBEAT_TIMEOUT) -> None:
-        """Watch over a node that has not moved anything."""
-        self._silence = self._allowed = silence
+    def __init__(self, heartbeat_timeout: float = HEARTBEAT_TIMEOUT) -> None:
+        self._heartbeat_timeout = self._allowed = heartbeat_timeout
         self._silent = 0.0
-        self._stalled = 0.0
-        self._looked: float | None = None
-        self._unstopped = False
-        #: whether nothing is left to do: the process may end
+        self._publishing = 0.0
+        #: when the time without a message was last added up [s]; None if no message is due
+        self._counted: float | None = None
+        self._must_stop = False
+        #: whether the process may end
         self.is_over = False
 
-    def on_message(self, sign: bytes, now: float) -> None:
+    def on_message(self, message: bytes, now: float) -> None:
         """
-        Take note of a sign.
+        Take note of a message of the node.
 
-        :param sign: one byte
-        :param now: when it was heard [s]
+        :param message: one byte
+        :param now: when it was read [s]
         """
-        if sign == GuardianMessage.BEAT or (sign == GuardianMessage.REST and self._unstopped):
-            self._looked, self._silent, self._stalled = now, 0.0, 0.0
-            self._allowed = self._silence if sign == GuardianMessage.BEAT else REST_TIMEOUT
-            self._unstopped = True
-        elif sign == GuardianMessage.STOPPED:
-            self._unstopped, self._looked = False, None
+        if message == GuardianMessage.BEAT or (
+                message == GuardianMessage.REST and self._must_stop):
+            self._counted, self._silent, self._publishing = now, 0.0, 0.0
+            is_heartbeat = message == GuardianMessage.BEAT
+            self._allowed = self._heartbeat_timeout if is_heartbeat else REST_TIMEOUT
+            self._must_stop = True
+        elif message == GuardianMessage.STOPPED:
+            self._must_stop, self._counted = False, None
 
     def on_disconnect(self) -> bool:
         """
-        Take note that the node is gone, or that the guardian is to go.
+        Take note that the node is gone, or that the guardian was told to end.
 
         :returns: whether the robot must be stopped now
         """
-        must_stop = self._unstopped
-        self._unstopped, self._looked, self.is_over = False, None, True
+        must_stop = self._must_stop
+        self._must_stop, self._counted, self.is_over = False, None, True
         return must_stop
 
-    def has_timed_out(self, now: float, sending: bool = False) -> bool:
+    def has_timed_out(self, now: float, is_publishing: bool = False) -> bool:
         """
-        Tell, once, that a run or its stop fell silent; asked after each patience without a sign.
+        Return, once, that messages have stayed away too long; ask after each ``timeout()``.
 
         :param now: the time [s]
-        :param sending: whether the node is awake, and handing a message to DDS
+        :param is_publishing: whether the node is awake and in DDS
         :returns: whether the robot must be stopped now
         """
-        if self._looked is None:
+        if self._counted is None:
             return False
-        awake = min(now - self._looked, WATCHDOG_PERIOD)
-        self._looked = now
-        if sending:
-            self._stalled += awake
+        awake = min(now - self._counted, WATCHDOG_PERIOD)
+        self._counted = now
+        if is_publishing:
+            self._publishing += awake
         else:
             self._silent += awake
-        # A difference of floats may leave a sliver, which no wait would ever make up for.
         if (self._silent < self._allowed - TIME_TOLERANCE
-                and self._stalled < PUBLISH_TIMEOUT - TIME_TOLERANCE):
+                and self._publishing < PUBLISH_TIMEOUT - TIME_TOLERANCE):
             return False
-        self._unstopped, self._looked = False, None
+        self._must_stop, self._counted = False, None
         return True
 
     def timeout(self) -> float | None:
-        """
-        Return how long to wait for the next sign.
-
-        :returns: the time after which to ask ``has_timed_out`` [s]; None for ever
-        """
-        return None if self._looked is None else min(WATCHDOG_PERIOD, self._allowed - self._silent)
+        """Return how long to wait for the next message [s]; None if none is due."""
+        if self._counted is None:
+            return None
+        return min(WATCHDOG_PERIOD, self._allowed - self._silent)

@@ -94,7 +94,7 @@ class Session:
         self._stopper = StopController(self.gate, profile.hold, self._guardian, self._still_moves)
         self._renewal = LeaseRenewer(
             lambda: self._manual_control.request(True),
-            patience=profile.hold - 1.0 / settings.rate)
+            response_timeout=profile.hold - 1.0 / settings.rate)
         self._attendant = RosRunMonitor(
             self._guardian, self._renewal, self._link, self._foreign, self.odometry,
             settings.odometry_timeout, self._manual_control.is_needed)

@@ -35,13 +35,13 @@ class Noting:
         self.woken += 1
 
 
-def test_where_no_thread_can_start_listeners_are_told_all_the_same(monkeypatch):
+def test_where_no_thread_can_start_handlers_are_told_all_the_same(monkeypatch):
     """As at the end of Python 3.12 and later, while a thread still drives."""
     def refuse(self):
         raise RuntimeError("can't create new thread at interpreter shutdown")
 
     watch, first, second = SignalDispatcher(), Noting(), Noting()
-    watch._listeners += [first, second]
+    watch._handlers += [first, second]
     monkeypatch.setattr('threading.Thread.start', refuse)
     watch._dispatch(signal.SIGTERM)
     assert first.heard == second.heard == [signal.SIGTERM]

@@ -86,14 +86,15 @@ def test_a_node_that_waits_for_dds_is_given_more_time():
     watchdog, now = hear(GuardianMessage.BEAT)
     looks = round(0.4 / 0.02)
     assert not any(
-        watchdog.has_timed_out(now + 0.02 * (k + 1), sending=True) for k in range(looks))
+        watchdog.has_timed_out(now + 0.02 * (k + 1), is_publishing=True) for k in range(looks))
     # Back from there, it has the usual time for its next sign.
     assert wait(watchdog, now + 0.4, 1.0) == pytest.approx(now + 0.4 + HEARTBEAT_TIMEOUT)
 
 
 def test_a_node_that_never_comes_back_from_dds_is_found_out():
     watchdog, now = hear(GuardianMessage.BEAT)
-    told = [k for k in range(100) if watchdog.has_timed_out(now + 0.02 * (k + 1), sending=True)]
+    told = [
+        k for k in range(100) if watchdog.has_timed_out(now + 0.02 * (k + 1), is_publishing=True)]
     assert told == [pytest.approx(PUBLISH_TIMEOUT / 0.02 - 1, abs=1)]
 
 
