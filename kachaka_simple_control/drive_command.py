@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import contextlib
 import sys
 import threading
@@ -32,7 +31,7 @@ from kachaka_simple_control.report.recording import lacking
 from kachaka_simple_control.report.report_directory import prepare_report_dir
 from kachaka_simple_control.report.text_tables import table
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
-from kachaka_simple_control.ros.parameters import check_names
+from kachaka_simple_control.ros.parameters import check_names, session_started
 from kachaka_simple_control.ros.qos import SERVICE_QOS
 from kachaka_simple_control.ros.startup import start_ros
 from kachaka_simple_control.telemetry.subscriber_process import (
@@ -41,13 +40,15 @@ from kachaka_simple_control.telemetry.subscriber_process import (
     SubscriberProcesses,
 )
 import rclpy
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 if TYPE_CHECKING:
+    from kachaka_simple_control.control.drive_requests import DriveRequest
     from kachaka_simple_control.files.motion_file import MotionFile
     from kachaka_simple_control.kachaka.bridge_process import BridgeProcess
+    from kachaka_simple_control.motion.limits import Limits
+    from kachaka_simple_control.motion.steps import Motion
 
 def drive(options: Options) -> None:
     """
@@ -70,14 +71,16 @@ def drive(options: Options) -> None:
         robot_control = KachakaSimpleControl(parameter_overrides=[
             Parameter(name, value=value)
             for name, value in _parameters(options, motion_file).items()])
-        told = helpers.enter_context(subscriber_processes(robot_control.audience))
+        told = helpers.enter_context(subscriber_processes(robot_control.event_bus))
         try:
             _start_listeners(told, options, is_lesson=motion_file is None)
-            robot_control.introduce(_title(motion_file))
+            robot_control.event_bus.publish(session_started(
+                robot_control, _title(motion_file), robot_control.profile,
+                robot_control.robot_names, robot_control.node_parameters))
             if options.starts_bridge:
                 robot = helpers.enter_context(
-                    _robot_of(options, robot_control.settings.robot_namespace))
-                robot_control.expect(robot.require_participant)
+                    _robot_of(options, robot_control.node_parameters.robot_namespace))
+                robot_control.session.require_robot(robot.require_participant)
             _play(robot_control, motion_file, options.wait)
         except KeyboardInterrupt:
             robot_control.get_logger().info('Program was interrupted')
@@ -88,8 +91,8 @@ def drive(options: Options) -> None:
                 told.still_after = still_after = robot_control.stop_confirmed_after
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
-    if options.starts_bridge and robot_control.record.steps:
-        print(table(robot_control.record, still_after))
+    if options.starts_bridge and robot_control.drive_log.steps:
+        print(table(robot_control.drive_log, still_after))
 
 
 def _start_listeners(told: SubscriberProcesses, options: Options, is_lesson: bool) -> None:
@@ -153,25 +156,25 @@ def _play(
     profile = robot_control.profile
     limits = motion_file.check(profile.limits, profile.name)
     if wait:
-        RunService(robot_control, lambda: robot_control.prepare(motion_file.motion, limits))
-        robot_control.serve_until_halted()
+        RunService(robot_control, motion_file.motion, limits)
+        robot_control.session.serve_until_stopped()
     else:
         robot_control.run(motion_file.motion, limits)
 
 
 class RunService:
-    """The service ``~/run``: starts a drive, one at a time, and answers at once."""
+    """
+    The service ``~/run``: starts a drive in a thread of its own, and responds at once.
 
-    def __init__(self, node: Node, prepare: Callable[[], Callable[[], None]]) -> None:
-        """
-        Offer it.
+    :param node: the node that drives
+    :param motion: the motion to drive
+    :param limits: what to plan it with
+    """
 
-        :param node: whose service it is
-        :param prepare: accepts a drive for each request, or raises why not, and returns what
-            drives; a stop ends the drive from then on
-        """
+    def __init__(self, node: KachakaSimpleControl, motion: Motion, limits: Limits) -> None:
         self._node = node
-        self._prepare = prepare
+        self._motion = motion
+        self._limits = limits
         service = node.create_service(
             Trigger, '~/run', self._on_request, qos_profile=SERVICE_QOS)
         node.get_logger().info(f'Standing by: call {service.srv_name} to start, ~/stop to stop')
@@ -180,17 +183,17 @@ class RunService:
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request
         try:
-            drive = self._prepare()
+            # Requested here: a stop ends the drive from the response on.
+            drive = self._node.session.request(elsewhere=True)
         except ControlError as error:
             response.message = str(error)
             return response
-        # A callback must return soon, so the drive gets a thread of its own.
         threading.Thread(target=self._run, args=(drive,), name='drive', daemon=True).start()
         response.success, response.message = True, 'started'
         return response
 
-    def _run(self, drive: Callable[[], None]) -> None:
+    def _run(self, request: DriveRequest) -> None:
         try:
-            drive()
+            self._node.run(self._motion, self._limits, request)
         except ControlError as error:
             self._node.get_logger().error(str(error))

@@ -13,12 +13,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The lesson's node, and the lesson's movements played with it."""
+"""The node of the lesson, and the lesson itself."""
 
 from __future__ import annotations
 
 import atexit
-from collections.abc import Callable
 import signal
 import sys
 import threading
@@ -45,11 +44,7 @@ from kachaka_simple_control.ros.debug_topics import IntrospectionPublishers
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.names import names_of
 from kachaka_simple_control.ros.odometry import listen_to_odometry
-from kachaka_simple_control.ros.parameters import (
-    declare_parameters,
-    declare_robot,
-    session_started,
-)
+from kachaka_simple_control.ros.parameters import declare_parameters, declare_robot
 from kachaka_simple_control.ros.qos import SERVICE_QOS
 from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
@@ -70,7 +65,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 NAME = 'kachaka_simple_control'
-#: What the node has of its own, beside what every node has.
+#: The node's own topics and services, besides those that every node has.
 TOPICS = ('~/planned_path', '~/driven_path', '~/commanded_velocity', '/diagnostics')
 SERVICES = ('~/stop', '~/run')
 
@@ -81,6 +76,13 @@ class KachakaSimpleControl(Node):
 
     Positive ``linear_x`` is forward [m/s], positive ``angular_z`` turns left [rad/s] (REP-103).
     Whatever ends the program (its end, a signal, an exception), the robot is stopped first.
+
+    :ivar profile: the kind of robot
+    :ivar node_parameters: the values of the node's parameters
+    :ivar event_bus: publishes the events of each drive
+    :ivar drive_log: keeps the events, if the parameter ``summary`` is true
+    :ivar session: the connection with the robot, for the command; a user needs the methods only
+    :ivar publisher: can be looked at; refuses to publish
     """
 
     def __init__(self, **node_options: Any) -> None:
@@ -88,7 +90,7 @@ class KachakaSimpleControl(Node):
         Make the node; nothing is sent before the first movement.
 
         :param node_options: options of ``rclpy.node.Node``, such as ``namespace``
-        :raises UsageError: if a parameter has a value, or something a name, that cannot work
+        :raises UsageError: if the value of a parameter, or a name, cannot work
         """
         use_udp_transport()
         make_log_nonblocking()
@@ -97,46 +99,49 @@ class KachakaSimpleControl(Node):
         try:
             self._set_up()
         except BaseException:
-            # Nobody else has it; its publisher would be taken for somebody who drives the robot.
+            # A publisher that is left over would be taken for another program that drives.
             super().destroy_node()
             raise
         self.get_logger().info('Robot control node has started')
 
     def _set_up(self) -> None:
         self.profile = profile_of(declare_robot(self))
-        self.settings = declare_parameters(self, self.profile)
-        self.names = names = names_of(
-            self.profile, self.settings.robot_namespace, self.settings.manual_control)
-        check_node_names(self, names, TOPICS, SERVICES)
+        self.node_parameters = declare_parameters(self, self.profile)
+        self.robot_names = names_of(
+            self.profile, self.node_parameters.robot_namespace,
+            self.node_parameters.manual_control)
+        check_node_names(self, self.robot_names, TOPICS, SERVICES)
         message = VelocityMessage(
             self.profile.message_type, self.profile.frame,
             lambda: self.get_clock().now().to_msg())
-        self.publisher = VelocityPublisher(self, names.velocity, message)
-        self._showing = IntrospectionPublishers(self, self.publisher, self.profile)
-        if self.settings.summary or self.settings.odometry_timeout:
-            listen_to_odometry(self, names, self._on_odometry, self._showing.in_frame)
-        self._session = Session(self, self.publisher, self.profile, names, self.settings)
-        #: who is told what happens
-        self.audience = EventBus()
-        self.record = DriveLog()
-        if self.settings.summary:
-            self.audience.subscribe(self.record.on_event)
-        self._showing.attach(self.audience, self._session.status_reader)
-        self._session.gate.on_sent = self._on_sent
-        self._session.gate.on_began = self._on_began
-        # In a group of its own: its callback waits for the stop, and others go on meanwhile.
+        self.publisher = VelocityPublisher(self, self.robot_names.velocity, message)
+        self._introspection = IntrospectionPublishers(self, self.publisher, self.profile)
+        if self.node_parameters.summary or self.node_parameters.odometry_timeout:
+            listen_to_odometry(
+                self, self.robot_names, self._on_odometry, self._introspection.in_frame)
+        self.session = Session(
+            self, self.publisher, self.profile, self.robot_names, self.node_parameters)
+        self.event_bus = EventBus()
+        self.drive_log = DriveLog()
+        if self.node_parameters.summary:
+            self.event_bus.subscribe(self.drive_log.on_event)
+        self._introspection.attach(self.event_bus, self.session.status_reader)
+        self.session.gate.on_sent = self._on_sent
+        self.session.gate.on_began = self._on_began
+        # In a callback group of its own: the callback waits for the stop, and others go on.
         self.create_service(
             Trigger, '~/stop', self._on_stop, qos_profile=SERVICE_QOS,
             callback_group=MutuallyExclusiveCallbackGroup())
         self._wake = self.create_guard_condition(lambda: None)
-        self._leave_nothing_moving()
+        self._signal_handler = _SignalHandler(self)
+        self._stop_on_every_exit()
 
     def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
         """
         Hold a velocity for a time, exactly, then send a zero; returns when that is done.
 
-        The first movement waits for the robot and switches its manual control on.  The next one
-        may follow at once; when none does, a whole stop is sent.
+        The first movement waits for the robot and enables its manual control.  The next one may
+        follow at once; when none does, a whole stop is sent.
 
         :param linear_x: forward velocity [m/s], negative backwards
         :param angular_z: turning velocity [rad/s], positive to the left
@@ -147,45 +152,30 @@ class KachakaSimpleControl(Node):
         :raises ControlError: if the run could not go on; the robot was stopped
         """
         step = Move(linear_x, angular_z, duration)
-        # The planner would name the step's place in a motion that nobody has seen.
+        # The planner would name the step's place in a motion that the caller never wrote.
         self.profile.limits.check(step.velocity)
-        self._drive(Motion('move_robot', (step,)), None, self._session.request())
+        self._drive(Motion('move_robot', (step,)), None, self.session.request())
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
             f'Movement completed: Forward={linear_x}, Rotation={angular_z}, '
             f'Time={duration} seconds')
 
-    def run(self, motion: Motion, limits: Limits | None = None) -> None:
+    def run(self, motion: Motion, limits: Limits | None = None,
+            request: DriveRequest | None = None) -> None:
         """
         Drive a motion, exactly timed; returns when its last zero was sent.
 
-        The first drive waits for the robot and switches its manual control on.  The next one may
+        The first drive waits for the robot and enables its manual control.  The next one may
         follow at once; when none does, a whole stop is sent.
 
-        :param motion: what to do
-        :param limits: what to plan it with; None for what the robot can do
+        :param motion: the motion
+        :param limits: what to plan it with; None for the robot's limits
+        :param request: a request that ``session.request`` accepted before, in another thread
         :raises InvalidMotionError: if the robot cannot do it; nothing has moved
         :raises RobotNotFoundError: if no robot listens; nothing has moved
         :raises ControlError: if the run could not go on; the robot was stopped
         """
-        self._run(motion, limits, self._session.request())
-
-    def prepare(self, motion: Motion, limits: Limits | None = None) -> Callable[[], None]:
-        """
-        Accept a drive that another thread is to begin; a stop ends it from now on.
-
-        May be called in a callback of the node, where a drive itself cannot run.
-
-        :param motion: what to do
-        :param limits: what to plan it with; None for what the robot can do
-        :returns: what drives the motion, as ``run`` does; to be called once
-        :raises ControlError: if a motion is running already, or nothing may move any more
-        """
-        request = self._session.request(elsewhere=True)
-        return lambda: self._run(motion, limits, request)
-
-    def _run(self, motion: Motion, limits: Limits | None, request: DriveRequest) -> None:
-        driven = self._drive(motion, limits, request)
+        driven = self._drive(motion, limits, request or self.session.request())
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
             f'Motion completed: {motion.name}, {len(driven.steps)} steps, '
@@ -193,108 +183,58 @@ class KachakaSimpleControl(Node):
 
     def stop_robot(self) -> None:
         """
-        Stop the robot, and end the movement that another thread is in, if one is.
+        Stop the robot, and end the movement of another thread, running or waiting.
 
-        A robot that this node never met is left alone: even a zero would take it.  A movement
-        that still waits for its robot is ended as well.
+        Nothing is sent to a robot that this node has not taken: even a zero would take it.
 
         :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
         """
-        if self._session.stop(MotionRefusedError('the movement was ended by stop_robot()')):
+        if self.session.stop(MotionRefusedError('the movement was ended by stop_robot()')):
             self.get_logger().info('Robot has stopped')
-
-    def serve_until_halted(self) -> None:
-        """
-        Serve callbacks in the background, and wait until nothing may move any more.
-
-        :raises ControlError: why that is so
-        """
-        self._session.serve_until_halted()
-
-    def introduce(self, title: str) -> None:
-        """
-        Tell the audience what begins now; the first event of all.
-
-        :param title: what people call what is driven
-        """
-        self.audience.publish(
-            session_started(self, title, self.profile, self.names, self.settings))
-
-    def expect(self, brought: Callable[[], bytes | None]) -> None:
-        """
-        Meet no other robot than one that was brought along.
-
-        :param brought: returns its DDS participant; None as long as it is not known
-        """
-        self._session.require_robot(brought)
 
     @property
     def is_heard(self) -> bool:
-        """Whether somebody subscribes to the velocities of this node and of its guardian."""
-        return self._session.has_subscriber
+        """Whether the velocities of this node and of its guardian have a subscriber."""
+        return self.session.has_subscriber
 
     @property
     def stop_confirmed_after(self) -> float | None:
         """
-        Return how long after the last stop began odometry saw the robot still [s].
+        Return how long after the last stop began odometry saw the robot stand still [s].
 
-        None if it still moves, or nobody can tell.
+        None if it still moves, or there is no odometry.
         """
-        return self._session.stop_confirmed_after
+        return self.session.stop_confirmed_after
 
     def destroy_node(self) -> None:
         """Stop the robot, give it back, and destroy the node."""
-        self._session.close()
-        self._showing.close()
-        signal_dispatcher.unregister(self)
-        atexit.unregister(self._session.close)
+        self.session.close()
+        self._introspection.close()
+        signal_dispatcher.unregister(self._signal_handler)
+        atexit.unregister(self.session.close)
         super().destroy_node()
-
-    def on_signal(self, signum: int) -> None:
-        """
-        Stop at once and for good; called in a thread of its own.
-
-        :param signum: the signal that asks the program to end
-        """
-        self._session.stop_permanently(
-            MotionRefusedError(f'stopped by {signal.Signals(signum).name}'))
-
-    def wake(self) -> None:
-        """Make a main thread that spins return to Python, whose signal handlers run there."""
-        self._wake.trigger()
-        wake_main_thread()
-
-    def uncaught(self, error: BaseException) -> None:
-        """
-        Stop, for the main thread ends by an exception; others may still be driving.
-
-        :param error: what nobody caught
-        """
-        if isinstance(error, KeyboardInterrupt):
-            self.get_logger().info('Program was interrupted')
-        self._session.stop_permanently(MotionRefusedError(f'the program ended by {error!r}'))
 
     def _drive(self, motion: Motion, limits: Limits | None, request: DriveRequest) -> Plan:
         limits = limits or self.profile.limits
-        with self._session.exclusive(request):
-            planned = plan(motion, limits, self.settings.rate)
-            self._showing.on_plan(planned)
-            self.audience.publish(MotionPlanned(motion, limits, self.settings.rate))
+        with self.session.exclusive(request):
+            planned = plan(motion, limits, self.node_parameters.rate)
+            self._introspection.on_plan(planned)
+            self.event_bus.publish(MotionPlanned(motion, limits, self.node_parameters.rate))
             try:
-                self._session.drive(planned, request)
+                self.session.drive(planned, request)
             except BaseException as error:
                 is_fault = not isinstance(error, (MotionRefusedError, KeyboardInterrupt))
-                self.audience.publish(MotionEnded(time.monotonic(), _reason(error), is_fault))
+                self.event_bus.publish(MotionEnded(time.monotonic(), _reason(error), is_fault))
                 raise
-            self.audience.publish(MotionEnded(time.monotonic()))
+            self.event_bus.publish(MotionEnded(time.monotonic()))
         return planned
 
     def _on_sent(self, now: float, velocity: Velocity) -> None:
-        if self.audience:
-            self.audience.publish(VelocitySent(now, velocity))
+        if self.event_bus:
+            self.event_bus.publish(VelocitySent(now, velocity))
 
     def _on_began(self, now: float) -> None:
-        self.audience.publish(MotionStarted(now))
+        self.event_bus.publish(MotionStarted(now))
 
     async def _on_stop(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -305,37 +245,62 @@ class KachakaSimpleControl(Node):
             try:
                 self.stop_robot()
                 response.success = True
-            except Exception as error:  # whoever asked must have an answer
+            except Exception as error:  # the caller must get a response
                 response.message = str(error)
             stopped.set_result(None)
             self._wake.trigger()
 
-        # In a thread of its own: odometry is heard meanwhile, and tells whether the robot obeys.
+        # In a thread: odometry is received meanwhile, and tells whether the robot obeys.
         try:
             threading.Thread(target=stop, name='stop', daemon=True).start()
-        except RuntimeError:  # no thread can start, as at Python's end from 3.12 on
+        except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
             stop()
         await stopped
         return response
 
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
-        self._session.odometry.on_odometry(now, velocity)
-        if self.audience:
-            self.audience.publish(OdometryReceived(now, pose, velocity))
+        self.session.odometry.on_odometry(now, velocity)
+        if self.event_bus:
+            self.event_bus.publish(OdometryReceived(now, pose, velocity))
 
-    def _leave_nothing_moving(self) -> None:
+    def _stop_on_every_exit(self) -> None:
         # rclpy's own handlers would shut the context down before anything could be published.
         rclpy.signals.uninstall_signal_handlers()
-        if not signal_dispatcher.register(self):
+        if not signal_dispatcher.register(self._signal_handler):
             self.get_logger().warning(
                 'Made outside the main thread, this node does not hear signals: make it in the '
                 'main thread, or call stop_robot() on the way out')
         signal_dispatcher.reinstall()
-        before_shutdown(self.context, self._session.close)
-        # The last registered is the first called: the robot is given back before.
+        before_shutdown(self.context, self.session.close)
+        # Called in reverse order: the robot is given back first.
         atexit.unregister(_discard_if_stopped)
         atexit.register(_discard_if_stopped)
-        atexit.register(self._session.close)
+        atexit.register(self.session.close)
+
+
+class _SignalHandler:
+    """Stops a node's robot when a signal or an exception ends the program."""
+
+    def __init__(self, node: KachakaSimpleControl) -> None:
+        self._node = node
+        self._guard_condition = node.create_guard_condition(lambda: None)
+
+    def on_signal(self, signum: int) -> None:
+        """Stop at once and permanently; called in a thread of its own."""
+        name = signal.Signals(signum).name
+        self._node.session.stop_permanently(MotionRefusedError(f'stopped by {name}'))
+
+    def wake(self) -> None:
+        """Make a main thread that spins return to Python, whose signal handlers run there."""
+        self._guard_condition.trigger()
+        wake_main_thread()
+
+    def uncaught(self, error: BaseException) -> None:
+        """Stop: an exception ends the main thread, and other threads may still drive."""
+        if isinstance(error, KeyboardInterrupt):
+            self._node.get_logger().info('Program was interrupted')
+        self._node.session.stop_permanently(
+            MotionRefusedError(f'the program ended by {error!r}'))
 
 
 def _discard_if_stopped() -> None:

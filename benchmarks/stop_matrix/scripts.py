@@ -170,7 +170,7 @@ node.move_robot(0.1, 0.0, DURATION)
 """
 
 SUSPENDED = USER + """
-edge = node._session.gate
+edge = node.session.gate
 clock = edge._gap_clock
 
 def suspend():

@@ -18,15 +18,16 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 import contextlib
+from functools import partial
 import mmap
 import os
 import select
 import signal
-import socket
 import sys
 
 from kachaka_simple_control.control.latch import Latch, SharedFlag
 from kachaka_simple_control.control.processes import boottime, is_stopped
+from kachaka_simple_control.control.signals import wakeup_pipe
 from kachaka_simple_control.control.stop import send_stop
 from kachaka_simple_control.control.timing import DISCOVERY_RETRY_TIMEOUTS, POLL_PERIOD
 from kachaka_simple_control.control.waiting import wait_until
@@ -37,35 +38,37 @@ from kachaka_simple_control.ros.velocity_publisher import VelocityMessage, Veloc
 from rclpy.context import Context
 from rclpy.node import Node
 
+#: How many messages are read from the pipe at once [bytes]: more than a minute's.
+PIPE_SIZE = 65536
+
 
 class GuardianNode:
-    """A publisher of velocities with a hidden node and a DDS participant of its own."""
+    """
+    A hidden node with a DDS participant and a publisher of velocities of its own.
+
+    :param topic: the topic, resolved already
+    :param message_type: Twist or TwistStamped
+    :param frame: the frame in the header of a stamped message
+    :param domain: the ROS domain
+    :param on_participant: called with its DDS participant before the publisher can be seen
+    """
 
     def __init__(
             self, topic: str, message_type: str, frame: str, domain: int,
-            introduced: Callable[[bytes], None]) -> None:
-        """
-        Be there.
-
-        :param topic: where velocities go, resolved already
-        :param message_type: Twist or TwistStamped
-        :param frame: the frame in the header of a stamped message
-        :param domain: the ROS domain
-        :param introduced: told its DDS participant, before the publisher is seen
-        """
+            on_participant: Callable[[bytes], None]) -> None:
         self._context = Context()
-        # No arguments: the topic must not be remapped again.
+        # Without arguments: the topic must not be remapped again.
         self._context.init(args=[], domain_id=domain)
         self._node = node = Node(
             f'_guardian_{os.getpid()}', context=self._context, use_global_arguments=False,
             enable_rosout=False, start_parameter_services=False)
-        introduced(own_participant(node))
+        on_participant(own_participant(node))
         message = VelocityMessage(message_type, frame, lambda: node.get_clock().now().to_msg())
         self.publisher = VelocityPublisher(node, topic, message)
 
     @property
     def is_matched(self) -> bool:
-        """Whether somebody subscribes to what it publishes."""
+        """Whether its publisher has a subscriber."""
         return bool(self.publisher.get_subscription_count() > 0)
 
     def end(self) -> None:
@@ -75,157 +78,145 @@ class GuardianNode:
 
 
 def create_matched_node(
-        enter: Callable[[], GuardianNode], is_wanted: Callable[[], bool]) -> GuardianNode:
+        create: Callable[[], GuardianNode], is_needed: Callable[[], bool]) -> GuardianNode:
     """
-    Be there, and be there anew if no robot answers soon.
+    Create the node, and create it anew when no robot is discovered soon.
 
-    Fast DDS sends its greeting before it listens.  A robot on the same machine may be quicker
-    with its answer than that, answers each newcomer once, and is next heard of when it announces
-    itself: up to 3 s later.  Every fourth newcomer was seen to wait for that.
+    Fast DDS announces a participant before it listens.  A robot on the same machine may answer
+    before that, answers each newcomer once, and is next discovered when it announces itself, up to
+    3 s later.  This happened to every fourth participant (measured).
 
-    :param enter: makes a new presence
-    :param is_wanted: whether there is something else to do, so that it stays as it is
-    :returns: the presence that is left
+    :param create: creates a node
+    :param is_needed: returns whether there is something to do, so that the node must stay
     """
-    for patience in DISCOVERY_RETRY_TIMEOUTS:
-        presence = enter()
-        if wait_until(_either(presence, is_wanted), patience):
-            return presence
-        presence.end()
-    return enter()
+    for timeout in DISCOVERY_RETRY_TIMEOUTS:
+        node = create()
+        if wait_until(partial(_may_stay, node, is_needed), timeout):
+            return node
+        node.end()
+    return create()
 
 
-def _either(presence: GuardianNode, is_wanted: Callable[[], bool]) -> Callable[[], bool]:
-    return lambda: presence.is_matched or is_wanted()
-
-
-#: Enough for minutes of signs.
-PIPE = 65536
+def _may_stay(node: GuardianNode, is_needed: Callable[[], bool]) -> bool:
+    return node.is_matched or is_needed()
 
 
 class GuardianProcess:
-    """Listens to its node's signs, and publishes zeros: on request, or when signs fail."""
+    """
+    Reads the node's messages, and publishes zeros on request or when heartbeats fail.
 
-    def __init__(self, publisher: VelocityPublisher, shared: memoryview, hold: float) -> None:
-        """
-        Have heard nothing yet.
+    :param publisher: the publisher of zeros
+    :param shared: memory shared with the node: the latch, set before the first zero of a stop, and
+        the flag that is set while the node is in DDS
+    :param command_timeout: how long the robot keeps a velocity [s]
+    """
 
-        :param publisher: where zeros go
-        :param shared: the node's memory: the latch, which is set before the first zero of a stop,
-            and the flag that is up while the node hands a message to DDS or asks it something
-        :param hold: how long the robot keeps a velocity without a new one [s]
-        """
+    def __init__(
+            self, publisher: VelocityPublisher, shared: memoryview,
+            command_timeout: float) -> None:
         self._publisher = publisher
-        self._latch, self._sending = Latch(shared[:1]), SharedFlag(shared[1:2])
-        self._hold = hold
-        self._node = os.getppid()
+        self._latch, self._publishing = Latch(shared[:1]), SharedFlag(shared[1:2])
+        self._command_timeout = command_timeout
+        self._node_pid = os.getppid()
         self._watchdog = Watchdog()
         self._is_matched = False
 
-    def serve(self, signs: int, endings: int) -> None:
+    def serve(self, messages: int, signals: int) -> None:
         """
         Serve until the node is gone or has closed the pipe.
 
-        :param signs: the descriptor that signs are read from
-        :param endings: a descriptor that becomes readable when this program is to end
+        :param messages: the descriptor to read the node's messages from
+        :param signals: a descriptor that becomes readable when this program is to end
         """
         while not self._watchdog.is_over:
-            readable, _, _ = select.select([signs, endings], [], [], self._patience())
+            readable, _, _ = select.select([messages, signals], [], [], self._timeout())
             now = boottime()
-            if endings in readable:
-                self._lost('the guardian was told to end')
-            elif signs in readable:
-                self._hear(os.read(signs, PIPE), now)
-            elif self._watchdog.has_timed_out(now, self._waits_for_dds()):
+            if signals in readable:
+                self._on_disconnect('the guardian was told to end')
+            elif messages in readable:
+                self._on_messages(os.read(messages, PIPE_SIZE), now)
+            elif self._watchdog.has_timed_out(now, self._node_is_publishing()):
                 self._stop('the node fell silent')
-            self._look_for_a_subscriber()
+            self._report_match()
 
-    def _waits_for_dds(self) -> bool:
-        # One that was frozen just then only seems to wait.
-        return self._sending.is_set and not is_stopped(self._node)
+    def _node_is_publishing(self) -> bool:
+        # A node that was frozen while it published only seems to publish.
+        return self._publishing.is_set and not is_stopped(self._node_pid)
 
-    def _patience(self) -> float | None:
-        patience = self._watchdog.timeout()
+    def _timeout(self) -> float | None:
+        timeout = self._watchdog.timeout()
         if self._is_matched:
-            return patience
-        return POLL_PERIOD if patience is None else min(POLL_PERIOD, patience)
+            return timeout
+        return POLL_PERIOD if timeout is None else min(POLL_PERIOD, timeout)
 
-    def _hear(self, heard: bytes, now: float) -> None:
-        if not heard:
-            self._lost('the node is gone')
-        for value in heard:
-            sign = bytes([value])
-            self._watchdog.on_message(sign, now)
-            if sign == GuardianMessage.PRIME:
-                self._zero()
-                _say('primed')
+    def _on_messages(self, data: bytes, now: float) -> None:
+        if not data:
+            self._on_disconnect('the node is gone')
+        for value in data:
+            message = bytes([value])
+            self._watchdog.on_message(message, now)
+            if message == GuardianMessage.PRIME:
+                self._send_zero()
+                _report('primed')
 
-    def _lost(self, why: str) -> None:
+    def _on_disconnect(self, reason: str) -> None:
         if self._watchdog.on_disconnect():
-            self._stop(why)
+            self._stop(reason)
 
-    def _stop(self, why: str) -> None:
+    def _stop(self, reason: str) -> None:
         self._latch.trip()
-        _say(f'stopped {why}')
-        send_stop(self._zero, self._hold)
+        _report(f'stopped {reason}')
+        send_stop(self._send_zero, self._command_timeout)
 
-    def _zero(self) -> bool:
+    def _send_zero(self) -> bool:
         self._publisher.transmit(ZERO)
         return True
 
-    def _look_for_a_subscriber(self) -> None:
+    def _report_match(self) -> None:
         if not self._is_matched and self._publisher.get_subscription_count() > 0:
             self._is_matched = True
-            _say('matched')
+            _report('matched')
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Be a guardian.
+    Run the guardian.
 
-    :param args: topic, ROS domain, hold [s], type of message and its frame, and two descriptors:
-        signs and the memory shared with the node
+    :param args: topic, ROS domain, command timeout [s], type of message and its frame, and two
+        descriptors: the node's messages and the memory shared with it
     :returns: the exit code
     """
     parser = argparse.ArgumentParser()
     for name, kind in (
-            ('topic', str), ('domain', int), ('hold', float), ('type', str), ('frame', str),
-            ('signs', int), ('shared', int)):
+            ('topic', str), ('domain', int), ('command_timeout', float), ('type', str),
+            ('frame', str), ('messages', int), ('shared', int)):
         parser.add_argument(name, type=kind)
     options = parser.parse_args(args)
-    endings = _hear_signals()
+    signals = _handle_signals()
     shared = memoryview(mmap.mmap(options.shared, mmap.PAGESIZE))
-    presence = create_matched_node(
-        lambda: GuardianNode(options.topic, options.type, options.frame, options.domain,
-        _introduced),
-        lambda: _is_readable(options.signs, endings))
+    node = create_matched_node(
+        lambda: GuardianNode(
+            options.topic, options.type, options.frame, options.domain,
+            lambda participant: _report(f'participant {participant.hex()}')),
+        lambda: bool(select.select([options.messages, signals], [], [], 0.0)[0]))
     try:
-        GuardianProcess(presence.publisher, shared, options.hold).serve(options.signs, endings)
+        process = GuardianProcess(node.publisher, shared, options.command_timeout)
+        process.serve(options.messages, signals)
     finally:
-        presence.end()
+        node.end()
     return 0
 
 
-def _introduced(participant: bytes) -> None:
-    _say(f'participant {participant.hex()}')
-
-
-def _is_readable(*descriptors: int) -> bool:
-    return bool(select.select(descriptors, [], [], 0.0)[0])
-
-
-def _say(line: str) -> None:
+def _report(line: str) -> None:
     # Not print(): the node may be gone, and its end of the pipe with it.
     with contextlib.suppress(OSError):
         os.write(sys.stdout.fileno(), f'{line}\n'.encode())
 
 
-def _hear_signals() -> int:
-    """Make SIGTERM readable on a descriptor; leave Ctrl+C to the node."""
-    reader, writer = socket.socketpair()
-    writer.setblocking(False)
-    signal.set_wakeup_fd(writer.detach(), warn_on_full_buffer=False)
+def _handle_signals() -> int:
+    """Make SIGTERM readable on the returned descriptor, and leave Ctrl+C to the node."""
+    reader, _ = wakeup_pipe()
     signal.signal(signal.SIGTERM, lambda *_: None)
     for signum in (signal.SIGINT, signal.SIGHUP):
         signal.signal(signum, signal.SIG_IGN)
-    return reader.detach()
+    return reader

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What goes along with a run, and ends it when something is wrong."""
+"""The fault checks during a run."""
 
 from __future__ import annotations
 
@@ -32,34 +32,29 @@ from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 
 class RosRunMonitor:
     """
-    Called by a run after each message, and at least every 20 ms; each call is short.
+    Sends heartbeats, renews manual control and raises the faults that end a run.
 
-    :param guardian: who is shown signs of life
-    :param renewal: what keeps manual control
-    :param link: what the graph tells of the robot
-    :param foreign: listens while others have a publisher of velocities
-    :param odometry: what odometry tells
-    :param odometry_timeout: how long odometry may be silent [s]; 0 for ever
-    :param needs_renewal: whether this robot needs manual control at all
+    Called after each message and at least every 20 ms; each call is short.
+
+    :param guardian: gets the heartbeats
+    :param lease: renews manual control; None for a robot that needs none
+    :param discovery: what the ROS graph tells of the robot
+    :param foreign: listens to other publishers of velocities
+    :param odometry: what odometry tells of the robot
+    :param odometry_timeout: how long odometry may be silent [s]; 0 for no limit
     """
 
     def __init__(
-            self, guardian: Guardian | NullGuardian, renewal: LeaseRenewer, link: RobotDiscovery,
-            foreign: ForeignMessages, odometry: StandstillDetector, odometry_timeout: float,
-            needs_renewal: bool) -> None:
-        """Have looked at nothing yet."""
+            self, guardian: Guardian | NullGuardian, lease: LeaseRenewer | None,
+            discovery: RobotDiscovery, foreign: ForeignMessages, odometry: StandstillDetector,
+            odometry_timeout: float) -> None:
         self._guardian = guardian
-        self._renewal = renewal
-        self._link = link
+        self._lease = lease
+        self._discovery = discovery
         self._foreign = foreign
         self._odometry = odometry
         self._odometry_timeout = odometry_timeout
-        self._needs_renewal = needs_renewal
-        self._looked = self._glanced = self._listened = float('-inf')
-
-    def on_connected(self) -> None:
-        """Take note that a robot has just been met."""
-        self._link.remember_robot()
+        self._subscriber_checked = self._graph_counted = self._graph_checked = float('-inf')
 
     def on_sent(self, rest: float) -> None:
         """
@@ -67,48 +62,38 @@ class RosRunMonitor:
 
         :param rest: how long the plan stays at rest from here [s]; 0 while moving
         """
-        if self._needs_renewal:
-            self._renewal.on_sent(time.monotonic(), rest)
+        if self._lease is not None:
+            self._lease.on_sent(time.monotonic(), rest)
 
     def check(self) -> None:
         """
-        Show a sign of life, and look around.
+        Send a heartbeat, and look for faults.
 
         :raises RunFaultError: if the run must end
         """
         now = time.monotonic()
         self._guardian.heartbeat()
-        self._renewal.poll(now)
-        if now - self._listened >= SUBSCRIBER_CHECK_PERIOD:
-            self._listened = now
-            self._link.check_subscribed()
-        self._require_odometry(now)
-        if now - self._glanced >= GRAPH_COUNT_PERIOD:
-            self._glanced = now
-            self._look(now)
+        if self._lease is not None:
+            self._lease.poll(now)
+        if now - self._subscriber_checked >= SUBSCRIBER_CHECK_PERIOD:
+            self._subscriber_checked = now
+            self._discovery.check_subscribed()
+        if self.has_lost_robot(now):
+            raise RunFaultError(
+                f'odometry has been silent for {self._odometry.age(now):.1f} s: the robot or the '
+                'link to it is lost')
+        if now - self._graph_counted >= GRAPH_COUNT_PERIOD:
+            self._graph_counted = now
+            self._check_graph(now)
 
     def has_lost_robot(self, now: float) -> bool:
-        """
-        Tell whether odometry has fallen silent, which was heard at least once.
+        """Return whether odometry, received before, has been silent for too long."""
+        age = self._odometry.age(now)
+        return age is not None and 0.0 < self._odometry_timeout < age
 
-        :param now: the time [s]
-        :returns: whether it has been silent for longer than it may
-        """
-        silence = self._odometry.age(now)
-        if silence is None or not self._odometry_timeout:
-            return False
-        return silence > self._odometry_timeout
-
-    def _look(self, now: float) -> None:
-        if self._link.has_changed() or now - self._looked >= GRAPH_CHECK_PERIOD:
-            self._looked = now
-            self._link.check_identity()
-            self._link.check_exclusive()
+    def _check_graph(self, now: float) -> None:
+        if self._discovery.has_changed() or now - self._graph_checked >= GRAPH_CHECK_PERIOD:
+            self._graph_checked = now
+            self._discovery.check_identity()
+            self._discovery.check_exclusive()
             self._foreign.update()
-
-    def _require_odometry(self, now: float) -> None:
-        if self.has_lost_robot(now):
-            silence = self._odometry.age(now)
-            raise RunFaultError(
-                f'odometry has been silent for {silence:.1f} s: the robot or the link to it is '
-                'lost')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""One node's hold of a robot: met, driven, stopped, given back."""
+"""A session with one robot: connect, drive, stop, give back."""
 
 from __future__ import annotations
 
@@ -52,203 +52,210 @@ from rclpy.node import Node
 
 class Session:
     """
-    Everything between a plan and a robot; every way out of it stops the robot.
+    Connects a node with a robot; every way out of it stops the robot.
 
-    Runs are driven in the thread that asks for them, one at a time.  ``stop``,
-    ``stop_permanently`` and ``close`` may be called from any thread.
+    Plans run in the thread that calls ``drive``, one at a time.  ``stop``, ``stop_permanently``
+    and ``close`` may be called from any thread.
+
+    :param node: the node that publishes
+    :param publisher: its publisher of velocities; only the velocity gate uses it from now on
+    :param profile: the kind of robot
+    :param names: the names of this robot
+    :param parameters: the node's parameters
     """
 
     def __init__(
             self, node: Node, publisher: VelocityPublisher, profile: RobotProfile,
-            names: RobotNames, settings: NodeParameters) -> None:
-        """
-        Make a session with a robot that has not been met.
-
-        :param node: the node that publishes
-        :param publisher: its publisher of velocities, which belongs to the edge from now on
-        :param profile: the kind of robot
-        :param names: where this one is found
-        :param settings: how to treat it
-        """
+            names: RobotNames, parameters: NodeParameters) -> None:
         self._node = node
-        self._hold = profile.hold
-        #: where odometry should come from; None if nobody waits for it
-        self._odometry_topic = names.odometry if settings.odometry_timeout else None
-        self._settings = settings
+        self._command_timeout = profile.hold
+        #: the odometry topic; None if odometry is not checked
+        self._odometry_topic = names.odometry if parameters.odometry_timeout else None
+        self._parameters = parameters
         #: what odometry tells of the robot's velocity
         self.odometry = StandstillDetector()
-        self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._rival_found)
+        self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._on_rival)
         self._publisher = publisher
-        self._guardian = start_guardian(node, publisher, profile, settings, self._claim.fileno())
+        self._guardian = _start_guardian(
+            node, publisher, profile, parameters, self._claim.fileno())
         self.gate = VelocityGate(
             publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending)
         self._manual_control = ManualControlClient(
             node, names.manual_control, self._require_wanted, profile.manual_control_timeout)
-        self._link = RobotDiscovery(
+        self._discovery = RobotDiscovery(
             node, names, publisher, self._manual_control, self._guardian)
         self._foreign = ForeignMessages(
             node, publisher,
-            list if settings.allow_other_publishers else self._link.other_publishers,
-            # Who halts this node sets the latch, too; the guardian is silent then.
-            lambda: self._guardian.latch.is_set and self._halted_by is None, self._foreign_heard)
-        self._stopper = StopController(self.gate, profile.hold, self._guardian, self._still_moves)
-        self._renewal = LeaseRenewer(
+            list if parameters.allow_other_publishers else self._discovery.other_publishers,
+            # A permanent stop of this node sets the latch, too; the guardian sends nothing then.
+            lambda: self._guardian.latch.is_set and self._stopped_by is None,
+            self._on_foreign_message)
+        self._stopper = StopController(
+            self.gate, profile.hold, self._guardian, self._disobeys)
+        self._lease = LeaseRenewer(
             lambda: self._manual_control.request(True),
-            response_timeout=profile.hold - 1.0 / settings.rate)
-        self._attendant = RosRunMonitor(
-            self._guardian, self._renewal, self._link, self._foreign, self.odometry,
-            settings.odometry_timeout, self._manual_control.is_needed)
-        self._spinner = BackgroundExecutor(node, self._callback_failed)
-        self._requests = DriveRequests(self.gate, 1.0 / settings.rate)
+            response_timeout=profile.hold - 1.0 / parameters.rate)
+        self._monitor = RosRunMonitor(
+            self._guardian, self._lease if self._manual_control.is_needed else None,
+            self._discovery, self._foreign, self.odometry, parameters.odometry_timeout)
+        self._executor = BackgroundExecutor(node, self._on_callback_error)
+        self._requests = DriveRequests(self.gate, 1.0 / parameters.rate)
         self._request: DriveRequest | None = None
         self._closing = threading.Lock()
-        self._halted_by: ControlError | None = None
-        self._halted = threading.Event()
-        self._is_met = False
-        self._is_given_back = False
-        #: whether somebody was told that the last stop could not be confirmed
-        self._is_told = False
-        #: how it stands with the robot, for those who show it
+        #: why nothing may move any more; None as long as it may
+        self._stopped_by: ControlError | None = None
+        self._stopped = threading.Event()
+        self._is_connected = False
+        self._is_closed = False
+        #: whether an error said already that the last stop is unconfirmed
+        self._has_reported = False
+        #: the state of the session, for diagnostics
         self.status_reader = StatusReader(
-            self.gate, self._link, self._guardian, self.odometry, self._manual_control,
-            lambda: self._halted_by)
+            self.gate, self._discovery, self._guardian, self.odometry, self._manual_control,
+            lambda: self._stopped_by)
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
         """
-        Ask for a drive; a stop ends it from now on, whatever it waits for.
+        Request a drive; a stop ends it from now on, whatever it waits for.
 
         :param elsewhere: whether another thread will drive
         :returns: the request, for ``exclusive`` and ``drive``
         :raises ControlError: if another drive is under way, nothing may move any more, or this is
-            no thread to drive in
+            a thread that must not drive
         """
-        self._require_not_halted()
-        if not elsewhere:
-            self._require_other_thread()
+        self._require_not_stopped()
+        if not elsewhere and self._executor.is_executor_thread():
+            raise MotionRefusedError(
+                'a motion cannot run in a callback of its own node: it would wait for callbacks '
+                'that wait for it. Start it in a thread, or from the main program')
         return self._requests.accept()
 
     @contextlib.contextmanager
     def exclusive(self, request: DriveRequest) -> Iterator[None]:
         """
-        Have the robot to oneself for the drive that was asked for.
+        Keep other drives out for the length of a block, in which ``drive`` may be called.
 
         :param request: what ``request`` returned; it is over at the end of the block
-        :returns: a context manager, in which ``drive`` may be called
         """
-        is_whole = False
+        is_complete = False
         try:
             yield
-            is_whole = True
+            is_complete = True
         finally:
-            self._requests.finish(request, is_whole)
+            self._requests.finish(request, is_complete)
 
     def drive(self, plan: Plan, request: DriveRequest) -> None:
         """
-        Drive a plan, and leave the robot at rest; to be called while serving a request.
+        Run a plan, and leave the robot at rest.
 
-        :param plan: what to drive
-        :param request: the request
+        :param plan: the plan
+        :param request: the request that the block is ``exclusive`` for
         :raises ControlError: if the robot cannot be taken or the run could not go on
         """
-        self._request, self._is_told = request, False
+        self._request, self._has_reported = request, False
         try:
             self._take()
-            # Only now: until the robot is taken, the stop of the movement before must not wait.
+            # Not before: the stop of the movement before must not wait until the robot is taken.
             self._stopper.cancel_pending()
-            run = run_plan(plan, self.gate, self._hold, self._attendant, prepared=request.run)
+            run = run_plan(
+                plan, self.gate, self._command_timeout, self._monitor, prepared=request.run)
             self._guardian.report_stopping()
             self._stopper.stop_after_idle(run, within=plan.period)
         except BaseException as error:
-            # KeyboardInterrupt and SystemExit too: whoever leaves here leaves a robot at rest.
-            self._is_met = False
+            # KeyboardInterrupt and SystemExit as well: no way out leaves the robot moving.
+            self._is_connected = False
             self._stop(_reason(error))
-            self._require_no_intervention()
+            if self._guardian.stopped_because is not None:
+                raise RunFaultError(
+                    'the guardian stopped the robot: '
+                    f'{self._guardian.stopped_because}') from error
             raise
 
     def stop(self, reason: ControlError) -> bool:
         """
         Stop the robot, and return when that is done; nothing is sent if it never moved.
 
-        :param reason: what a motion under way, or about to begin, in another thread is told
-        :returns: whether there was anything to stop: not before the robot was taken
+        :param reason: what a drive in another thread, running or waiting, raises
+        :returns: whether there was anything to stop: False before the robot was taken
         :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
         """
         self._requests.note_stop(reason)
         if (failure := self._stop(reason)) is not None:
-            self._is_told = True
+            self._has_reported = True
             raise RunFaultError(failure)
         return self.gate.state is not GateState.NOT_OPENED
 
     def stop_permanently(self, reason: ControlError) -> None:
         """
-        Stop the robot, and never move it again.
+        Stop the robot, and refuse every later motion.
 
-        :param reason: what every later motion is refused with
+        :param reason: what later motions are refused with
         """
-        self._halted_by = self._halted_by or reason
-        self._halted.set()
+        self._stopped_by = self._stopped_by or reason
+        self._stopped.set()
         self._guardian.latch.trip()
-        if (failure := self._stop(reason)) is not None and not self._is_told:
-            self._is_told = True
+        if (failure := self._stop(reason)) is not None and not self._has_reported:
+            self._has_reported = True
             self._node.get_logger().error(failure)
 
     def close(self) -> None:
-        """Stop the robot, give it back, and serve callbacks no more; nothing is sent after."""
+        """Stop the robot, give it back and end the executor; nothing is sent afterwards."""
         with self._closing:
-            if not self._is_given_back:
+            if not self._is_closed:
                 self.stop_permanently(MotionRefusedError('the node is closed'))
                 self.gate.close()
-                # Its publisher must be gone, too, before the robot is given back.
+                # The guardian's publisher must be gone as well before the robot is given back.
                 self._guardian.shutdown()
-                self._give_back()
-                self._is_given_back = True
+                self._release_manual_control()
+                self._is_closed = True
                 self._claim.release()
-            self._spinner.stop()
+            self._executor.stop()
 
-    def serve_until_halted(self) -> None:
+    def serve_until_stopped(self) -> None:
         """
-        Serve the node's callbacks in the background, and wait until nothing may move any more.
+        Serve the node's callbacks in the background until nothing may move any more.
 
-        :raises ControlError: why that is so
+        :raises ControlError: the reason
         """
-        self._spinner.ensure_spinning()
-        # Not served here: a signal that interrupts the main thread while rclpy makes a message
-        # for a callback comes out of it as a TypeError, and leaves the node's callbacks blocked.
-        self._halted.wait()
-        self._require_not_halted()
+        self._executor.ensure_spinning()
+        # Not served in this thread: a signal that interrupts rclpy while it makes a message for a
+        # callback appears as a TypeError, and leaves the node's callbacks blocked.
+        self._stopped.wait()
+        self._require_not_stopped()
 
-    def require_robot(self, brought: Callable[[], bytes | None]) -> None:
+    def require_robot(self, participant: Callable[[], bytes | None]) -> None:
         """
-        Meet no other robot than one that was brought along.
+        Accept no other robot than the one that the command has started.
 
-        :param brought: returns its participant; None as long as it is not known
+        :param participant: returns its DDS participant; None until it is known
         """
-        self._link.require_participant(brought)
+        self._discovery.require_participant(participant)
 
     @property
     def has_subscriber(self) -> bool:
-        """Whether somebody subscribes to what this node and its guardian publish."""
-        return self._link.is_subscribed and self._guardian.is_matched
+        """Whether the publishers of this node and of its guardian have a subscriber."""
+        return self._discovery.is_subscribed and self._guardian.is_matched
 
     @property
     def stop_confirmed_after(self) -> float | None:
-        """Return how long after the last stop began odometry saw the robot still [s]."""
-        begun, still = self._stopper.stop_started, self.odometry.still_since(time.monotonic())
-        return None if begun is None or still is None else max(0.0, still - begun)
+        """Time from the start of the last stop until odometry saw standstill [s], or None."""
+        started, still = self._stopper.stop_started, self.odometry.still_since(time.monotonic())
+        return None if started is None or still is None else max(0.0, still - started)
 
     def _take(self) -> None:
-        """Meet the robot and switch its manual control on; at once if that was done already."""
-        self._require_not_halted()
-        self._spinner.ensure_spinning()
+        """Connect with the robot and enable manual control, unless that is still so."""
+        self._require_not_stopped()
+        self._executor.ensure_spinning()
         self._claim.require()
-        if not (self._is_met and self._link.is_subscribed):
-            self._meet()
-        elif self._manual_control.is_needed and self._renewal.is_stale(time.monotonic()):
-            self._switch_manual_control_on()
+        if not (self._is_connected and self._discovery.is_subscribed):
+            self._connect()
+        elif self._manual_control.is_needed and self._lease.is_stale(time.monotonic()):
+            self._enable_manual_control()
 
-    def _meet(self) -> None:
-        self._link.wait(self._settings.robot_timeout, self._require_wanted)
-        # Nothing may have been published or asked for before this is settled.
+    def _connect(self) -> None:
+        timeout = self._parameters.robot_timeout
+        self._discovery.wait(timeout, self._require_wanted)
+        # The claim comes before any message and any request.
         self._claim.take(self._require_wanted)
         try:
             self._foreign.require_silence(self._require_wanted)
@@ -257,66 +264,65 @@ class Session:
             raise
         self._claim.hold()
         if self._manual_control.is_needed:
-            self._switch_manual_control_on()
-        self._link.wait_for_guardian(self._settings.robot_timeout, self._require_wanted)
+            self._enable_manual_control()
+        self._discovery.wait_for_guardian(timeout, self._require_wanted)
         self.gate.open()
         self._prime()
-        self._attendant.on_connected()
-        self._is_met = True
+        self._discovery.remember_robot()
+        self._is_connected = True
         if self._odometry_topic is not None and self.odometry.age(time.monotonic()) is None:
             self._node.get_logger().warning(
                 f'No odometry has come on {self._odometry_topic} yet: until some does, a robot '
                 'that is lost is noticed only when its subscription goes, which may take 20 s')
 
-    def _switch_manual_control_on(self) -> None:
-        asked = time.monotonic()
-        self._manual_control.enable(self._settings.robot_timeout)
-        self._renewal.granted(asked)
+    def _enable_manual_control(self) -> None:
+        requested = time.monotonic()
+        self._manual_control.enable(self._parameters.robot_timeout)
+        self._lease.granted(requested)
 
     def _prime(self) -> None:
-        """Send zeros for a while: a reader matches later than its writer sees it."""
-        end, wanted = time.monotonic() + self._settings.prime_time, self._guardian.prime_count
+        """Send zeros for ``prime_time``: a reader matches later than its writer."""
+        end, count = time.monotonic() + self._parameters.prime_time, self._guardian.prime_count
         while time.monotonic() < end:
             self._require_wanted()
             self.gate.send_zero(after=self.gate.run)
             self._publisher.sent.note_guardian(time.monotonic())
             self._guardian.prime()
-            wanted += 1
+            count += 1
             time.sleep(STOP_REPEAT_PERIOD)
-        # A zero of the guardian that came late would fall into the motion.
-        if not wait_until(lambda: self._guardian.prime_count >= wanted, GUARDIAN_PRIME_TIMEOUT):
+        # A late zero of the guardian would fall into the motion.
+        if not wait_until(lambda: self._guardian.prime_count >= count, GUARDIAN_PRIME_TIMEOUT):
             raise RunFaultError(f'the guardian did not answer within {GUARDIAN_PRIME_TIMEOUT:g} s')
 
-    def _give_back(self) -> None:
-        wanted = self._settings.release_manual_control and self._manual_control.was_requested
+    def _release_manual_control(self) -> None:
+        wanted = self._parameters.release_manual_control and self._manual_control.was_requested
         if not (wanted and self._node.context.ok()):
             return
-        self._spinner.ensure_spinning(take_over=True)
-        # Somebody else may drive the robot by now, under manual control.
+        self._executor.ensure_spinning(take_over=True)
+        # Another program may drive the robot by now, under manual control.
         if self._foreign.is_heard(time.monotonic()) or self._foreign.listen():
             return
         if not self._manual_control.release(RELEASE_TIMEOUT):
             self._node.get_logger().warning(
                 f'The robot did not confirm within {RELEASE_TIMEOUT:g} s that manual control is '
-                'off; it '
-                'goes off by itself')
+                'off; it goes off by itself')
 
-    def _still_moves(self) -> bool:
-        """Tell whether zeros are still wanted: the robot is seen to move, or not seen any more."""
+    def _disobeys(self) -> bool:
+        """Return whether more zeros are needed: the robot moves, or its odometry is lost."""
         now = time.monotonic()
-        # What a dead link has not delivered waits in the kernel for 3 s, velocities too.  They
-        # must have gone before our publisher does: with it, a reader drops the zeros after them.
-        wanted = self.odometry.is_moving(now) or self._attendant.has_lost_robot(now)
-        return wanted and not self._foreign.is_heard(now)
+        # A dead link keeps messages in the kernel for 3 s, velocities included.  They must be gone
+        # before our publisher is: a reader drops the zeros that follow them with the publisher.
+        needed = self.odometry.is_moving(now) or self._monitor.has_lost_robot(now)
+        return needed and not self._foreign.is_heard(now)
 
     def _stop(self, reason: ControlError) -> str | None:
-        """Stop the robot, and return what went wrong, if anything did."""
+        """Stop the robot, and return what went wrong; None if it stands still."""
         try:
             self._stopper.stop(reason)
-        except Exception as error:  # the context is gone: nobody can publish any more
+        except Exception as error:  # the context is gone: nothing can be published any more
             return f'the stop could not be sent: {error}'
         now = time.monotonic()
-        # It may well move if it is not ours, or somebody else drives it by now.
+        # Another robot's motion, or one that another program drives, is no failure of ours.
         is_ours = self.gate.state is GateState.OPEN and not self._foreign.is_heard(now)
         if is_ours and self.odometry.is_moving(now):
             return ('the stop is unconfirmed: zeros were sent, and odometry still sees the robot '
@@ -324,45 +330,34 @@ class Session:
         return None
 
     def _require_wanted(self) -> None:
-        """Raise what ended the drive that waits for the robot, if anything did."""
-        self._require_not_halted()
+        """Raise the reason if the drive that waits for the robot was stopped."""
+        self._require_not_stopped()
         if self._request is not None and self._request.run.ended_by is not None:
             raise self._request.run.ended_by
 
-    def _require_not_halted(self) -> None:
-        if self._halted_by is not None:
-            raise self._halted_by
+    def _require_not_stopped(self) -> None:
+        if self._stopped_by is not None:
+            raise self._stopped_by
 
-    def _require_no_intervention(self) -> None:
-        if self._guardian.stopped_because is not None:
-            raise RunFaultError(
-                f'the guardian stopped the robot: {self._guardian.stopped_because}')
-
-    def _require_other_thread(self) -> None:
-        if self._spinner.is_executor_thread():
-            raise MotionRefusedError(
-                'a motion cannot run in a callback of its own node: it would wait for callbacks '
-                'that wait for it. Start it in a thread, or from the main program')
-
-    def _foreign_heard(self, sender: str) -> None:
-        """End the run at once; the thread that drives sends the stop."""
+    def _on_foreign_message(self, sender: str) -> None:
         self._end_run(RunFaultError(
             f'{sender} sends velocities on {self._publisher.topic_name}, so the motion was given '
             'up; stop that program, or set the parameter allow_other_publishers to true'))
 
-    def _rival_found(self, rival: str) -> None:
+    def _on_rival(self, rival: str) -> None:
         self._end_run(RunFaultError(
             f'another program drives the robot as well: {rival}; both stop'))
 
     def _end_run(self, reason: ControlError) -> None:
-        # Without a drive nothing of ours moves, and whoever drives is not to be fought.
+        """End the run at once, with one zero; the thread that drives sends the whole stop."""
+        # Without a drive nothing of ours moves, and another program is not to be disturbed.
         if not self._requests.is_busy:
             return
         run = self.gate.cancel(reason)
         if run is not None and run.ended_by is reason:
             self.gate.send_zero(after=run)
 
-    def _callback_failed(self, error: BaseException) -> None:
+    def _on_callback_error(self, error: BaseException) -> None:
         self.stop_permanently(
             RunFaultError(f'a callback failed: {type(error).__name__}: {escaped(error)}'))
 
@@ -373,25 +368,20 @@ def _reason(error: BaseException) -> ControlError:
     return MotionRefusedError(f'the motion was ended by {error!r}')
 
 
-def start_guardian(
-        node: Node, publisher: VelocityPublisher, profile: RobotProfile, settings: NodeParameters,
-        claim: int) -> Guardian | NullGuardian:
+def _start_guardian(
+        node: Node, publisher: VelocityPublisher, profile: RobotProfile,
+        parameters: NodeParameters, claim: int) -> Guardian | NullGuardian:
     """
-    Start a guardian for a publisher, unless none is wanted.
+    Start the guardian of a publisher, if the parameters want one.
 
-    :param node: the node that publishes
-    :param publisher: the publisher of velocities; the guardian's is of the same kind
-    :param profile: the kind of robot
-    :param settings: whether a guardian is wanted
-    :param claim: a descriptor that it keeps open as long as it is there: the claim on the robot
-    :returns: the guardian, or what stands in for it
+    :param claim: a descriptor that it keeps open as long as it runs: the claim on the robot
     """
-    if not settings.guardian:
+    if not parameters.guardian:
         return NullGuardian()
     arguments = [
         publisher.topic_name, node.context.get_domain_id(), profile.hold, profile.message_type,
         profile.frame]
     return Guardian(
         [*processes.python_command('kachaka_simple_control.ros.guardian_process'),
-        *map(str, arguments)],
+         *map(str, arguments)],
         processes.child_environment(), claim)

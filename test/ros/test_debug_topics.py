@@ -137,7 +137,7 @@ def test_a_diagnosis_tells_of_the_end_of_a_motion(listener, watcher, make):
     assert wait_until(lambda: seen and figures(seen[-1])['state'] == 'stopped early')
     assert seen[-1].status[0].level == b'\x01'
     assert 'ended by stop_robot()' in seen[-1].status[0].message
-    node._session.stop_permanently(MotionRefusedError('enough'))
+    node.session.stop_permanently(MotionRefusedError('enough'))
     assert wait_until(lambda: figures(seen[-1])['state'] == 'halted')
     assert seen[-1].status[0].level == b'\x02'
     assert 'enough' in seen[-1].status[0].message
@@ -179,7 +179,7 @@ def test_dds_that_takes_its_time_for_what_is_shown_holds_nobody_up(
     """As it was seen to, for a third of a second, while somebody joins the graph."""
     watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make(rate=20.0)
-    aside, sent = node._showing._aside, []
+    aside, sent = node._introspection._aside, []
     monkeypatch.setattr(
         aside, '_publish', lambda *what: sent.append(what) or time.sleep(0.4))
     watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()
@@ -199,7 +199,7 @@ def test_dds_that_takes_its_time_for_what_is_shown_holds_nobody_up(
 
 def test_what_cannot_be_shown_in_time_is_left_away(make):
     node = make()
-    aside, made = node._showing._aside, []
+    aside, made = node._introspection._aside, []
     aside._publish = lambda publisher, make: (time.sleep(0.05), made.append(make()))
     began = time.monotonic()
     for number in range(1000):
@@ -215,7 +215,7 @@ def test_nothing_is_shown_after_the_node_was_closed(listener, watcher, make):
     seen = [watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()]
     node.move_robot(0.1, 0.0, 1.2)
     assert wait_until(lambda: all(seen))
-    node._session.close()
+    node.session.close()
     time.sleep(0.2)
     counts = [len(one) for one in seen]
     # Somebody else spins it yet.

@@ -129,7 +129,7 @@ node.move_robot(0.1, 0.0, 0.5)
 def test_a_node_frozen_while_it_hands_a_message_to_dds_is_no_slow_dds(listener, tmp_path):
     """Its flag stays up; the guardian must not take that for a third of a second of DDS."""
     text = BEGIN + """
-node._session.gate._sending.clear = lambda: None
+node.session.gate._sending.clear = lambda: None
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:
@@ -158,7 +158,7 @@ def test_a_graph_that_takes_long_to_answer_ends_no_healthy_run(listener, tmp_pat
     """
     at_50_hz = "rclpy.init(args=['--ros-args', '-p', 'rate:=50.0'])"
     text = BEGIN.replace('rclpy.init()', at_50_hz) + SLOW_GRAPH + """
-node._session._link.check_exclusive = slow(node._session._link.check_exclusive, 0.18)
+node.session._discovery.check_exclusive = slow(node.session._discovery.check_exclusive, 0.18)
 node.move_robot(0.1, 0.0, 3.0)
 """
     with script(text, tmp_path) as started:
@@ -167,9 +167,9 @@ node.move_robot(0.1, 0.0, 3.0)
 
 def test_a_graph_that_never_answers_is_found_out(listener, tmp_path):
     text = BEGIN + SLOW_GRAPH + """
-ask = node._session._link.check_exclusive
+ask = node.session._discovery.check_exclusive
 def hang():
-    node._session._link.check_exclusive = slow(ask, 3.0)
+    node.session._discovery.check_exclusive = slow(ask, 3.0)
     print('hangs', flush=True)
 threading.Timer(4.0, hang).start()
 node.move_robot(0.1, 0.0, 20.0)
@@ -186,7 +186,7 @@ node.move_robot(0.1, 0.0, 20.0)
 
 def test_a_node_frozen_while_it_asks_the_graph_is_no_slow_graph(listener, tmp_path):
     text = BEGIN + SLOW_GRAPH + """
-node._session._link.check_subscribed = slow(node._session._link.check_subscribed, 0.045)
+node.session._discovery.check_subscribed = slow(node.session._discovery.check_subscribed, 0.045)
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:

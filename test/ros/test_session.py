@@ -145,12 +145,13 @@ def test_a_stop_ends_a_movement_that_still_waits_for_its_robot(make):
 @pytest.mark.parametrize('after', [0.0, 0.1, 0.3, 0.6])
 def test_a_stop_before_the_first_velocity_lets_none_leave(listener, make, after):
     node = make()
-    drive = node.prepare(Motion('test', (Move(0.1, 0.0, 1.0),)))
+    motion = Motion('test', (Move(0.1, 0.0, 1.0),))
+    request = node.session.request(elsewhere=True)
     ended = []
 
     def driven():
         try:
-            drive()
+            node.run(motion, None, request)
         except MotionRefusedError as error:
             ended.append(str(error))
 
@@ -183,7 +184,7 @@ def test_a_stop_between_two_movements_of_a_sequence_ends_the_sequence(listener, 
 def test_two_movements_at_once_are_refused(listener, make):
     node = make()
     record = DriveLog()
-    node.audience.subscribe(record.on_event)
+    node.event_bus.subscribe(record.on_event)
     thread = threading.Thread(target=node.move_robot, args=(0.1, 0.0, 1.0))
     thread.start()
     listener.wait_for(lambda heard: heard.moves)
@@ -255,7 +256,7 @@ def test_a_movement_that_waits_for_the_robot_does_not_hold_up_the_stop_before_it
         listener, make, monkeypatch):
     node = make()
     node.move_robot(0.1, 0.0, 0.3)
-    monkeypatch.setattr(node._session._renewal, 'is_stale', lambda now: True)
+    monkeypatch.setattr(node.session._lease, 'is_stale', lambda now: True)
     listener._delay = 1.5
     node.move_robot(-0.1, 0.0, 0.3)
     second = listener.wait_for(lambda heard: heard.linear_x < 0.0).time
@@ -264,7 +265,7 @@ def test_a_movement_that_waits_for_the_robot_does_not_hold_up_the_stop_before_it
     assert len(zeros) >= 15
     assert 0.35 < zeros[-1] - zeros[0] < second - zeros[0] - 0.5
     # A node that waits is not taken for one that is held up.
-    assert node._session._guardian.stopped_because is None
+    assert node.session._guardian.stopped_because is None
 
 
 def test_between_two_movements_that_follow_at_once_one_zero_is_sent(listener, make):
@@ -326,7 +327,7 @@ def test_manual_control_is_kept_when_the_parameter_says_so(listener, make):
 def test_a_closed_node_moves_no_more(listener, make):
     node = make()
     node.move_robot(0.1, 0.0, 0.2)
-    node._session.close()
+    node.session.close()
     count = len(listener.heard)
     with pytest.raises(MotionRefusedError, match='closed'):
         node.move_robot(0.1, 0.0, 0.2)
