@@ -316,7 +316,9 @@ def _reason(error: BaseException) -> str:
 
 def play_lesson(robot_control: KachakaSimpleControl) -> None:
     """
-    Play the lesson's movement sequence.
+    Play the lesson's seven movements: forward, left and right, with a stand before each.
+
+    The one definition of the lesson: ``--plan``, ``--list`` and a report follow from these lines.
 
     :param robot_control: the node to play it with
     """

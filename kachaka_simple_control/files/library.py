@@ -18,6 +18,7 @@ from __future__ import annotations
 from importlib.resources import files
 import os
 
+from kachaka_simple_control.files import lesson
 from kachaka_simple_control.files.diagnostics import MotionFileError, Problem, UnreadableFileError
 from kachaka_simple_control.files.motion_file import loads, MotionFile
 from kachaka_simple_control.files.schema import nearest, PACKAGE
@@ -32,7 +33,7 @@ def library() -> list[str]:
 
     :returns: the names, in order
     """
-    return names_in('motions')
+    return sorted([*names_in('motions'), lesson.NAME])
 
 
 def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
@@ -43,8 +44,10 @@ def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
     :returns: what is in the file
     :raises MotionFileError: if there is none, or it cannot be read
     """
+    if name_or_path == lesson.NAME:
+        return MotionFile(lesson.lesson(), str(lesson.SOURCE))
     try:
-        source, text = look_up(name_or_path, 'motions')
+        source, text = look_up(name_or_path, 'motions', library())
     except UnreadableFileError as error:
         raise MotionFileError(os.fspath(name_or_path), error.problems) from None
     return loads(text, source)
@@ -61,20 +64,21 @@ def names_in(folder: str) -> list[str]:
     return sorted(name.removesuffix(SUFFIX) for name in found if name.endswith(SUFFIX))
 
 
-def look_up(name_or_path: str | os.PathLike[str], folder: str) -> tuple[str, str]:
+def look_up(
+        name_or_path: str | os.PathLike[str], folder: str, known: list[str]) -> tuple[str, str]:
     """
     Return a file of the package by its name, or any other by its path.
 
     :param name_or_path: a word without a dot and a slash is a name, all else is a path
     :param folder: where the package has its own
+    :param known: the names that an error suggests
     :returns: the file, as errors call it, and its text
     :raises UnreadableFileError: if there is none, or it cannot be read
     """
     name = os.fspath(name_or_path)
     if not isinstance(name_or_path, str) or set(name) & {'.', '/', os.sep}:
         return name, read_text(name)
-    known = names_in(folder)
-    if name not in known:
+    if name not in names_in(folder):
         near = nearest(name, known)
         raise UnreadableFileError(Problem(
             f'there is no {folder.removesuffix("s")} of this name'

@@ -77,7 +77,7 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
     """
     source = os.fspath(name_or_path)
     try:
-        source, text = look_up(name_or_path, 'robots')
+        source, text = look_up(name_or_path, 'robots', names_in('robots'))
         return _read(read_document(text, SCHEMA), source)
     except UnreadableFileError as error:
         raise RobotFileError(source, error.problems) from None

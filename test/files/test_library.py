@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from kachaka_simple_control.files import lesson
 from kachaka_simple_control.files.diagnostics import MotionFileError
 from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.files.motion_file import dump, loads
@@ -87,13 +88,17 @@ def test_each_is_written_for_people(name):
     assert file.motion.name == name
     assert file.motion.description.endswith('.')
     assert (file.robot, dict(file.limits)) == (None, {})
-    text = Path(file.source).read_text()
-    assert text.startswith('# yaml-language-server: $schema=motion.schema.json\n')
-    assert all(len(line) <= 99 for line in text.splitlines())
     assert loads(dump(file.motion)).motion == file.motion
 
 
-def test_the_lesson_is_what_the_front_door_plays():
+@pytest.mark.parametrize('name', [name for name in NAMES if name != 'lesson'])
+def test_each_file_is_written_for_people(name):
+    text = Path(find(name).source).read_text()
+    assert text.startswith('# yaml-language-server: $schema=motion.schema.json\n')
+    assert all(len(line) <= 99 for line in text.splitlines())
+
+
+def test_the_lesson_is_what_the_node_plays():
     pytest.importorskip('rclpy', reason='needs ROS 2')
     from kachaka_simple_control.kachaka_simple_control import play_lesson
 
@@ -107,6 +112,18 @@ def test_the_lesson_is_what_the_front_door_plays():
     play_lesson(notes)
     assert len(notes.steps) == 7
     assert find('lesson').motion.steps == notes.steps
+
+
+def test_an_edited_lesson_is_what_the_plan_shows(tmp_path, monkeypatch):
+    edited = lesson.SOURCE.read_text().replace(
+        'robot_control.move_robot(0.1, 0.0, 1.0)',
+        'for _ in range(3):\n        robot_control.move_robot(0.2, 0.0, 1.5)')
+    file = tmp_path / 'kachaka_simple_control.py'
+    file.write_text(edited)
+    monkeypatch.setattr(lesson, 'SOURCE', file)
+    steps = find('lesson').motion.steps
+    assert len(steps) == 9
+    assert steps[1:4] == (Move(0.2, 0.0, 1.5),) * 3
 
 
 def test_umbmark_is_the_same_square_both_ways_round():
