@@ -59,12 +59,12 @@ class Answer:
 
 def drive(robot, duration, rest_at=lambda _: 0.0, period=0.1):
     """Drive in simulated time, as a run does."""
-    renewal = LeaseRenewer(robot.ask, PATIENCE)
-    renewal.granted(0.0)
+    renewer = LeaseRenewer(robot.ask, PATIENCE)
+    renewer.granted(0.0)
     for tick in range(round(duration / period)):
         robot.now = tick * period
-        renewal.poll(robot.now)
-        renewal.on_sent(robot.now, rest_at(robot.now))
+        renewer.poll(robot.now)
+        renewer.on_sent(robot.now, rest_at(robot.now))
 
 
 def test_ten_minutes_without_a_rest_are_renewed_every_40_seconds():
@@ -112,8 +112,8 @@ def test_a_refusal_is_a_fault_with_the_robots_words():
 
 
 def test_before_a_run_it_is_renewed_when_a_rest_would_be_used():
-    renewal = LeaseRenewer(Robot().ask, PATIENCE)
-    assert renewal.is_stale(0.0)
-    renewal.granted(0.0)
-    assert not renewal.is_stale(19.9)
-    assert renewal.is_stale(20.0)
+    renewer = LeaseRenewer(Robot().ask, PATIENCE)
+    assert renewer.is_stale(0.0)
+    renewer.granted(0.0)
+    assert not renewer.is_stale(19.9)
+    assert renewer.is_stale(20.0)

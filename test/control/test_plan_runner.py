@@ -28,22 +28,22 @@ from kachaka_simple_control.motion.steps import Motion, Move
 import pytest
 
 LIMITS = Limits(0.3, 1.57)
-HOLD = 0.3
+COMMAND_TIMEOUT = 0.3
 
 
 class Alone:
-    """A companion that has nothing to do."""
+    """A monitor that has nothing to do."""
 
     def __init__(self):
         """Count nothing yet."""
-        self.beats = 0
+        self.checks = 0
 
     def on_sent(self, rest):
         """Do nothing."""
 
     def check(self):
         """Count."""
-        self.beats += 1
+        self.checks += 1
 
 
 class Bench:
@@ -59,12 +59,12 @@ class Bench:
             self.time.clock, self.time.clock)
         self.gate.open()
         self.plan = plan(Motion('test', moves), LIMITS, rate)
-        self.companion = Alone()
+        self.monitor = Alone()
 
     def play(self):
         """Play the plan."""
         return run_plan(
-            self.plan, self.gate, HOLD, self.companion, self.time.clock, self.time.sleep)
+            self.plan, self.gate, COMMAND_TIMEOUT, self.monitor, self.time.clock, self.time.sleep)
 
 
 def test_a_move_is_held_for_its_duration_and_ends_in_a_zero():
@@ -89,22 +89,22 @@ def test_sleeping_too_long_does_not_add_up():
 def test_it_shows_a_sign_of_life_every_20_ms():
     bench = Bench(Move(0.1, 0.0, 1.0), rate=5.0)
     bench.play()
-    assert bench.companion.beats >= 50
+    assert bench.monitor.checks >= 50
 
 
 def test_a_motion_that_is_always_late_shows_signs_of_life_all_the_same():
     """Others join and leave, and handing over each message takes longer than a period."""
     bench = Bench(Move(0.1, 0.0, 1.0), rate=50.0)
-    transmit, beats, late = bench.gate._transmit, [], 0.03
+    transmit, checks, late = bench.gate._transmit, [], 0.03
 
     def held_up(velocity):
         transmit(velocity)
         bench.time.now += late
 
     bench.gate._transmit = held_up
-    bench.companion.check = lambda: beats.append(bench.time.now)
+    bench.monitor.check = lambda: checks.append(bench.time.now)
     bench.play()
-    gaps = [after - before for before, after in pairwise(beats)]
+    gaps = [after - before for before, after in pairwise(checks)]
     assert max(gaps) <= late + POLL_PERIOD + 1e-6
 
 
@@ -116,7 +116,7 @@ def test_a_graph_that_answers_slowly_ends_no_healthy_run():
         flags.append(bench.gate._sending.is_set)
         bench.time.now += 0.25 if len(flags) % 10 == 5 else 0.0
 
-    bench.companion.check = ask
+    bench.monitor.check = ask
     bench.play()
     assert bench.wire.sent[-1][1] == ZERO
     assert all(flags)
@@ -129,7 +129,7 @@ def test_a_graph_that_does_not_answer_for_as_long_as_the_robot_keeps_a_velocity_
     def ask():
         bench.time.now += 0.31 if len(bench.wire.sent) == 3 else 0.0
 
-    bench.companion.check = ask
+    bench.monitor.check = ask
     with pytest.raises(RunFaultError, match='nothing was sent for .* ms, more than the 300 ms'):
         bench.play()
     assert len(bench.wire.sent) == 3
@@ -172,4 +172,4 @@ def test_a_set_latch_ends_the_run_before_anything_else_is_sent():
 
 @pytest.mark.parametrize('period, gap', [(0.1, 0.2), (0.01, 0.11), (0.2, 0.3), (0.25, 0.3)])
 def test_the_gap_allowed_is_a_period_and_100_ms_but_never_beyond_the_hold(period, gap):
-    assert gap == pytest.approx(max_gap(period, HOLD))
+    assert gap == pytest.approx(max_gap(period, COMMAND_TIMEOUT))

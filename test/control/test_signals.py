@@ -40,10 +40,10 @@ def test_where_no_thread_can_start_handlers_are_told_all_the_same(monkeypatch):
     def refuse(self):
         raise RuntimeError("can't create new thread at interpreter shutdown")
 
-    watch, first, second = SignalDispatcher(), Noting(), Noting()
-    watch._handlers += [first, second]
+    dispatcher, first, second = SignalDispatcher(), Noting(), Noting()
+    dispatcher._handlers += [first, second]
     monkeypatch.setattr('threading.Thread.start', refuse)
-    watch._dispatch(signal.SIGTERM)
+    dispatcher._dispatch(signal.SIGTERM)
     assert first.heard == second.heard == [signal.SIGTERM]
     assert first.woken == second.woken == 1
-    assert watch.signum == signal.SIGTERM
+    assert dispatcher.signum == signal.SIGTERM

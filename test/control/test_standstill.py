@@ -21,27 +21,27 @@ FORWARD = Velocity(0.1, 0.0)
 
 
 def test_nothing_heard_is_nothing_known():
-    stillness = StandstillDetector()
-    assert stillness.age(1.0) is None
-    assert stillness.still_since(1.0) is None
-    assert not stillness.is_moving(1.0)
+    detector = StandstillDetector()
+    assert detector.age(1.0) is None
+    assert detector.still_since(1.0) is None
+    assert not detector.is_moving(1.0)
 
 
 def test_still_since_the_first_of_the_still_samples():
-    stillness = StandstillDetector()
+    detector = StandstillDetector()
     for now, velocity in ((1.0, FORWARD), (1.1, ZERO), (1.2, Velocity(0.001, -0.001))):
-        stillness.on_odometry(now, velocity)
-    assert stillness.still_since(1.25) == 1.1
-    assert not stillness.is_moving(1.25)
+        detector.on_odometry(now, velocity)
+    assert detector.still_since(1.25) == 1.1
+    assert not detector.is_moving(1.25)
 
 
 def test_moving_forward_or_turning_is_moving():
     for velocity in (FORWARD, Velocity(-0.1, 0.0), Velocity(0.0, 0.1), Velocity(0.0, -0.1)):
-        stillness = StandstillDetector()
-        stillness.on_odometry(1.0, ZERO)
-        stillness.on_odometry(1.1, velocity)
-        assert stillness.is_moving(1.2)
-        assert stillness.still_since(1.2) is None
+        detector = StandstillDetector()
+        detector.on_odometry(1.0, ZERO)
+        detector.on_odometry(1.1, velocity)
+        assert detector.is_moving(1.2)
+        assert detector.still_since(1.2) is None
 
 
 def test_old_odometry_says_nothing_of_now():

@@ -24,7 +24,7 @@ from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 import pytest
 
-HOLD = 0.3
+COMMAND_TIMEOUT = 0.3
 REASON = MotionRefusedError('test')
 
 
@@ -33,19 +33,19 @@ class Guard:
 
     def __init__(self):
         """Hear nothing yet."""
-        self.heard = []
+        self.received = []
 
     def report_stopping(self):
         """Note it."""
-        self.heard.append('rest')
+        self.received.append('rest')
 
     def report_stopped(self):
         """Note it."""
-        self.heard.append('stopped')
+        self.received.append('stopped')
 
 
 class Bench:
-    """A stopper and a run that has moved."""
+    """A controller and a run that has moved."""
 
     def __init__(self):
         """Send one velocity."""
@@ -54,10 +54,11 @@ class Bench:
         self.gate = VelocityGate(
             self.wire.transmit, Limits(0.3, 1.57), Latch(), None,
             self.time.clock, self.time.clock)
-        self.guard = Guard()
+        self.guardian = Guard()
         self.moves = lambda: False
-        self.stopper = StopController(
-            self.gate, HOLD, self.guard, self.still_moves, self.time.clock, self.time.sleep)
+        self.controller = StopController(
+            self.gate, COMMAND_TIMEOUT, self.guardian, self.still_moves, self.time.clock,
+            self.time.sleep)
         self.gate.open()
         self.run = self.gate.begin(0.2)
         self.gate.send(self.run, Velocity(0.1, 0.0))
@@ -76,23 +77,23 @@ def test_ten_zeros_go_back_to_back():
     """A reader that was asleep plays its queue: ten zeros push ten velocities out of it."""
     bench = Bench()
     begun = bench.time.now
-    bench.stopper.stop(REASON)
+    bench.controller.stop(REASON)
     assert sum(at == begun for at in bench.zeros) >= 10
 
 
 def test_zeros_go_on_until_the_hold_is_over_at_20_hz_or_faster():
     bench = Bench()
-    bench.stopper.stop(REASON)
+    bench.controller.stop(REASON)
     zeros = bench.zeros
-    assert zeros[-1] - zeros[0] >= HOLD + 0.1
+    assert zeros[-1] - zeros[0] >= COMMAND_TIMEOUT + 0.1
     assert max(two - one for one, two in pairwise(zeros)) <= 0.05
 
 
 def test_a_stop_is_sent_once_for_a_run_however_often_it_is_asked_for():
     bench = Bench()
-    bench.stopper.stop(REASON)
+    bench.controller.stop(REASON)
     count = len(bench.zeros)
-    bench.stopper.stop(REASON)
+    bench.controller.stop(REASON)
     assert len(bench.zeros) == count
 
 
@@ -106,26 +107,26 @@ def test_a_stop_that_was_cut_short_is_sent_whole_by_the_next():
 
     bench.time.on_sleep = interrupt
     with pytest.raises(KeyboardInterrupt):
-        bench.stopper.stop(REASON)
+        bench.controller.stop(REASON)
     begun = bench.time.now
-    bench.stopper.stop(REASON)
-    assert bench.zeros[-1] - begun >= HOLD + 0.1
+    bench.controller.stop(REASON)
+    assert bench.zeros[-1] - begun >= COMMAND_TIMEOUT + 0.1
 
 
 def test_nothing_is_sent_when_nothing_ever_moved():
     time = FakeTime()
     wire = Wire(time)
     gate = VelocityGate(wire.transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
-    stopper = StopController(gate, HOLD, Guard(), clock=time.clock, sleep=time.sleep)
-    stopper.stop(REASON)
+    controller = StopController(gate, COMMAND_TIMEOUT, Guard(), clock=time.clock, sleep=time.sleep)
+    controller.stop(REASON)
     gate.open()
-    stopper.stop(REASON)
+    controller.stop(REASON)
     assert wire.sent == []
 
 
 def test_the_run_in_another_thread_hears_why():
     bench = Bench()
-    bench.stopper.stop(REASON)
+    bench.controller.stop(REASON)
     with pytest.raises(MotionRefusedError, match='test'):
         bench.gate.check(bench.run)
 
@@ -139,14 +140,14 @@ def test_a_new_run_ends_the_stop_of_the_one_before():
         bench.gate.send(bench.gate.begin(0.2), Velocity(0.2, 0.0))
 
     bench.time.on_sleep = begin
-    bench.stopper.stop(REASON)
+    bench.controller.stop(REASON)
     assert bench.wire.sent[-1][1] == Velocity(0.2, 0.0)
 
 
 def test_with_nothing_following_the_stop_comes_by_itself():
     bench = Bench()
-    bench.stopper.stop_after_idle(bench.run, within=0.0)
-    bench.stopper._later.join(5.0)
+    bench.controller.stop_after_idle(bench.run, within=0.0)
+    bench.controller._later.join(5.0)
     assert len(bench.zeros) >= 10
 
 
@@ -157,24 +158,24 @@ def test_the_stop_does_not_wait_where_no_thread_can_start(monkeypatch):
 
     bench = Bench()
     monkeypatch.setattr('threading.Thread.start', refuse)
-    bench.stopper.stop_after_idle(bench.run, within=60.0)
+    bench.controller.stop_after_idle(bench.run, within=60.0)
     assert len(bench.zeros) >= 10
 
 
 def test_with_another_run_following_it_does_not():
     bench = Bench()
     bench.gate.begin(0.2)
-    bench.stopper.stop_after_idle(bench.run, within=0.0)
-    bench.stopper._later.join(5.0)
+    bench.controller.stop_after_idle(bench.run, within=0.0)
+    bench.controller._later.join(5.0)
     assert bench.zeros == []
 
 
 def test_the_guardian_is_told_before_and_after():
     """Before, or it would stop too; after, or it would stop again when the program ends."""
     bench = Bench()
-    bench.stopper.stop(REASON)
-    heard = bench.guard.heard
-    assert heard == ['rest'] * len(bench.zeros) + ['stopped']
+    bench.controller.stop(REASON)
+    received = bench.guardian.received
+    assert received == ['rest'] * len(bench.zeros) + ['stopped']
 
 
 def test_the_guardian_hears_of_each_zero_before_it_leaves():
@@ -186,13 +187,13 @@ def test_the_guardian_hears_of_each_zero_before_it_leaves():
     transmit = bench.wire.transmit
 
     def count(velocity):
-        told.append(bench.guard.heard.count('rest'))
+        told.append(bench.guardian.received.count('rest'))
         transmit(velocity)
 
     bench.gate._transmit = count
-    bench.stopper.stop(REASON)
+    bench.controller.stop(REASON)
     assert told == [*range(1, len(told) + 1)]
-    assert 'stopped' not in bench.guard.heard[:-1]
+    assert 'stopped' not in bench.guardian.received[:-1]
 
 
 def test_a_stop_that_comes_late_does_not_end_the_run_that_begins_just_then():
@@ -208,23 +209,23 @@ def test_a_stop_that_comes_late_does_not_end_the_run_that_begins_just_then():
                 begun.append(gate.begin(0.2))
             return found
 
-    bench.stopper._gate = Late()
-    bench.stopper._stop_if_newest(bench.run)
+    bench.controller._gate = Late()
+    bench.controller._stop_if_newest(bench.run)
     gate.send(begun[0], Velocity(0.2, 0.0))
 
 
 def test_a_stop_that_was_cut_short_leaves_the_guardian_ready():
     bench = Bench()
     bench.time.on_sleep = bench.gate.close
-    bench.stopper.stop(REASON)
-    assert set(bench.guard.heard) == {'rest'}
+    bench.controller.stop(REASON)
+    assert set(bench.guardian.received) == {'rest'}
 
 
 def test_zeros_go_on_while_the_robot_is_seen_to_move():
     bench = Bench()
     end = bench.time.now + 1.0
     bench.moves = lambda: bench.time.now < end
-    bench.stopper.stop(REASON)
+    bench.controller.stop(REASON)
     assert bench.zeros[-1] == pytest.approx(end, abs=0.05)
 
 
@@ -232,5 +233,5 @@ def test_but_not_for_ever():
     bench = Bench()
     begun = bench.time.now
     bench.moves = lambda: True
-    bench.stopper.stop(REASON)
+    bench.controller.stop(REASON)
     assert bench.zeros[-1] - begun < 2.0

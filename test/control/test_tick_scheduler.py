@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The player: what is due when, asked on time and late."""
+"""The scheduler: what is due when, asked on time and late."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -29,14 +29,14 @@ RATES = st.floats(5.0, 200.0)
 
 
 def player_of(*moves: Move, rate: float = 10.0) -> TickScheduler:
-    """Return a player at the start of some moves."""
+    """Return a scheduler at the start of some moves."""
     return TickScheduler(plan(Motion('test', moves), LIMITS, rate))
 
 
-def walk(player: TickScheduler) -> list:
+def walk(scheduler: TickScheduler) -> list:
     """Ask exactly at each deadline; return (time asked, answer)."""
     answers, now = [], 0.0
-    while (due := player.due(now)) is not None:
+    while (due := scheduler.due(now)) is not None:
         answers.append((now, due))
         now = due.deadline
     return answers
@@ -71,9 +71,9 @@ def test_asked_on_time_it_sends_each_step_for_exactly_its_time(moves, rate):
 def test_a_late_answer_moves_no_deadline(moves, rate, lateness):
     """Whatever the lateness, each deadline is one that a punctual walk has too."""
     punctual = {due.deadline for _, due in walk(player_of(*moves, rate=rate))}
-    player, now = player_of(*moves, rate=rate), 0.0
+    scheduler, now = player_of(*moves, rate=rate), 0.0
     for late in lateness:
-        due = player.due(now)
+        due = scheduler.due(now)
         if due is None:
             break
         assert due.deadline in punctual
@@ -82,23 +82,23 @@ def test_a_late_answer_moves_no_deadline(moves, rate, lateness):
 
 
 def test_what_is_due_after_a_gap_is_the_present_and_the_gap_is_counted():
-    player = player_of(Move(0.1, 0.0, 1.0), Move(0.2, 0.0, 1.0))
-    player.due(0.0)
-    due = player.due(1.05)
+    scheduler = player_of(Move(0.1, 0.0, 1.0), Move(0.2, 0.0, 1.0))
+    scheduler.due(0.0)
+    due = scheduler.due(1.05)
     assert due.velocity == Velocity(0.2, 0.0)
     assert due.deadline == pytest.approx(1.1)
     assert due.skipped == 9
 
 
 def test_after_the_end_nothing_is_due():
-    player = player_of(Move(0.1, 0.0, 1.0))
-    player.due(0.0)
-    assert player.due(1.0) is None
-    assert player.due(2.0) is None
+    scheduler = player_of(Move(0.1, 0.0, 1.0))
+    scheduler.due(0.0)
+    assert scheduler.due(1.0) is None
+    assert scheduler.due(2.0) is None
 
 
 def test_the_rest_that_remains_is_told():
     """Manual control is renewed where there is time for an answer."""
-    player = player_of(Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0))
-    assert [due.rest for _, due in walk(player)] == pytest.approx(
+    scheduler = player_of(Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0))
+    assert [due.rest for _, due in walk(scheduler)] == pytest.approx(
         [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, *[0.0] * 10])

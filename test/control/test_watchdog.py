@@ -28,12 +28,12 @@ SIGNS = st.lists(
     st.tuples(st.floats(0.0, 0.3), st.sampled_from(list(GuardianMessage))), max_size=40)
 
 
-def hear(*signs, pause=0.02):
-    """Return a watchdog that heard signs, and the time of the last."""
+def hear(*messages, pause=0.02):
+    """Return a watchdog that received messages, and the time of the last."""
     watchdog, now = Watchdog(), 0.0
-    for sign in signs:
+    for message in messages:
         now += pause
-        watchdog.on_message(sign, now)
+        watchdog.on_message(message, now)
     return watchdog, now
 
 
@@ -43,12 +43,12 @@ def test_a_node_that_goes_in_the_middle_of_a_run_leaves_a_robot_to_stop():
     assert watchdog.is_over
 
 
-@pytest.mark.parametrize('signs', [
+@pytest.mark.parametrize('messages', [
     (), (GuardianMessage.PRIME,), (GuardianMessage.BEAT, GuardianMessage.STOPPED),
     (GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.STOPPED),
     (GuardianMessage.BEAT, GuardianMessage.STOPPED, GuardianMessage.REST)])
-def test_a_node_that_moved_nothing_or_stopped_it_leaves_none(signs):
-    watchdog, _ = hear(*signs)
+def test_a_node_that_moved_nothing_or_stopped_it_leaves_none(messages):
+    watchdog, _ = hear(*messages)
     assert not watchdog.on_disconnect()
 
 
@@ -58,7 +58,7 @@ def test_one_zero_at_the_end_of_a_run_is_not_a_stop():
 
 
 def wait(watchdog, now, duration):
-    """Wait without a sign, as a guardian does; return when silence counted, or None."""
+    """Wait without a message, as a guardian does; return when silence counted, or None."""
     end = now + duration
     while (patience := watchdog.timeout()) is not None and now < end:
         now += patience
@@ -87,7 +87,7 @@ def test_a_node_that_waits_for_dds_is_given_more_time():
     looks = round(0.4 / 0.02)
     assert not any(
         watchdog.has_timed_out(now + 0.02 * (k + 1), is_publishing=True) for k in range(looks))
-    # Back from there, it has the usual time for its next sign.
+    # Back from there, it has the usual time for its next message.
     assert wait(watchdog, now + 0.4, 1.0) == pytest.approx(now + 0.4 + HEARTBEAT_TIMEOUT)
 
 
@@ -104,13 +104,13 @@ def test_a_node_that_stays_silent_after_a_stall_is_found_out():
     assert wait(watchdog, now + 0.5, 1.0) <= now + 0.5 + HEARTBEAT_TIMEOUT
 
 
-@pytest.mark.parametrize('signs', [
+@pytest.mark.parametrize('messages', [
     (), (GuardianMessage.PRIME,), (GuardianMessage.REST,),
     (GuardianMessage.BEAT, GuardianMessage.STOPPED),
     (GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.STOPPED),
     (GuardianMessage.BEAT, GuardianMessage.STOPPED, GuardianMessage.REST)])
-def test_silence_outside_a_run_and_its_stop_is_peace(signs):
-    watchdog, now = hear(*signs)
+def test_silence_outside_a_run_and_its_stop_is_peace(messages):
+    watchdog, now = hear(*messages)
     assert not watchdog.has_timed_out(now + 3600.0)
     assert watchdog.timeout() is None
 
@@ -152,53 +152,54 @@ def test_a_healthy_node_is_never_stopped(movements):
     """Beats, a zero, a while, and then a stop, whole or cut short by the next movement."""
     watchdog, now = Watchdog(), 0.0
     for beats, pause, zeros in movements:
-        signs = [(0.0, GuardianMessage.BEAT), *((beat, GuardianMessage.BEAT) for beat in beats),
+        messages = [(0.0, GuardianMessage.BEAT), *((beat, GuardianMessage.BEAT) for beat in beats),
             (0.0, GuardianMessage.REST),
                  (pause, GuardianMessage.REST), *[(0.04, GuardianMessage.REST)] * zeros]
-        for silence, sign in signs:
+        for silence, message in messages:
             assert wait(watchdog, now, silence) is None
             now += silence
-            watchdog.on_message(sign, now)
+            watchdog.on_message(message, now)
         if zeros:
             watchdog.on_message(GuardianMessage.STOPPED, now)
             assert wait(watchdog, now, 3600.0) is None
 
 
 @given(SIGNS)
-def test_the_robot_is_stopped_at_most_once_unless_it_moved_again(signs):
+def test_the_robot_is_stopped_at_most_once_unless_it_moved_again(messages):
     """And never without a beat before it."""
     watchdog, now, moved = Watchdog(), 0.0, False
-    for pause, sign in signs:
+    for pause, message in messages:
         now += pause
         if watchdog.has_timed_out(now):
             assert moved
             moved = False
-        watchdog.on_message(sign, now)
-        moved = (moved or sign is GuardianMessage.BEAT) and sign is not GuardianMessage.STOPPED
+        watchdog.on_message(message, now)
+        moved = (
+            moved or message is GuardianMessage.BEAT) and message is not GuardianMessage.STOPPED
     if watchdog.on_disconnect():
         assert moved
     assert not watchdog.on_disconnect()
 
 
 @given(SIGNS)
-def test_its_patience_ends_in_time(signs):
-    """Whatever was heard, silence is told as soon as there was enough of it, or never."""
+def test_its_patience_ends_in_time(messages):
+    """Whatever was received, silence is told as soon as there was enough of it, or never."""
     watchdog, now = Watchdog(), 0.0
-    for pause, sign in signs:
+    for pause, message in messages:
         now += pause
-        watchdog.on_message(sign, now)
+        watchdog.on_message(message, now)
     told = wait(watchdog, now, 10.0)
-    left = [sign for sign in since_stop(signs) if sign is not GuardianMessage.PRIME]
+    left = [message for message in since_stop(messages) if message is not GuardianMessage.PRIME]
     if GuardianMessage.BEAT not in left:
         assert told is None
     else:
         allowed = HEARTBEAT_TIMEOUT if left[-1] is GuardianMessage.BEAT else REST_TIMEOUT
-        # A sign that is no news may have come since the last that was.
+        # A message that is no news may have come since the last that was.
         assert told - now <= allowed + TIME_TOLERANCE
 
 
-def since_stop(signs):
-    """Return the signs after the last whole stop."""
-    heard = [sign for _, sign in signs]
-    ends = [index for index, sign in enumerate(heard) if sign is GuardianMessage.STOPPED]
-    return heard[ends[-1] + 1:] if ends else heard
+def since_stop(messages):
+    """Return the messages after the last whole stop."""
+    received = [message for _, message in messages]
+    ends = [index for index, message in enumerate(received) if message is GuardianMessage.STOPPED]
+    return received[ends[-1] + 1:] if ends else received
