@@ -34,11 +34,7 @@ from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use
 from kachaka_simple_control.ros.parameters import check_names, session_started
 from kachaka_simple_control.ros.qos import SERVICE_QOS
 from kachaka_simple_control.ros.startup import start_ros
-from kachaka_simple_control.telemetry.subscriber_process import (
-    REPORTER,
-    subscriber_processes,
-    SubscriberProcesses,
-)
+from kachaka_simple_control.telemetry.subscriber_process import REPORTER, SubscriberProcesses
 import rclpy
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -71,7 +67,7 @@ def drive(options: Options) -> None:
         robot_control = KachakaSimpleControl(parameter_overrides=[
             Parameter(name, value=value)
             for name, value in _parameters(options, motion_file).items()])
-        told = helpers.enter_context(subscriber_processes(robot_control.event_bus))
+        told = helpers.enter_context(SubscriberProcesses(robot_control.event_bus))
         try:
             _start_listeners(told, options, is_lesson=motion_file is None)
             robot_control.event_bus.publish(session_started(

@@ -41,18 +41,18 @@ class DisplayProcess(SubscriberProcess):
 
     def __init__(self) -> None:
         """Start it."""
-        super().__init__(processes.python_command(DISPLAY_MODULE), processes.child_environment())
+        super().__init__(processes.python_command(DISPLAY_MODULE))
         self._clearing = threading.Thread(target=self._clear, name='display', daemon=True)
         self._clearing.start()
 
-    def close(self, patience: float) -> int | None:
+    def close(self, timeout: float) -> int | None:
         """
         Tell it that nothing follows, and wait for its end.
 
-        :param patience: how long to wait at most [s]
+        :param timeout: how long to wait at most [s]
         :returns: its exit code; None if it waits for the terminal
         """
-        if super().close(min(patience, DISPLAY_EXIT_TIMEOUT)) is None:
+        if super().close(min(timeout, DISPLAY_EXIT_TIMEOUT)) is None:
             if not has_room(STDERR):
                 return None
             self._process.kill()

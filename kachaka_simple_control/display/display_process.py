@@ -32,8 +32,8 @@ from kachaka_simple_control.control.output import make_blocking, STDERR
 from kachaka_simple_control.control.processes import is_stopped, set_idle_priority
 from kachaka_simple_control.display.drive_status import DriveTracker
 from kachaka_simple_control.display.renderers import Renderer, renderer_for
-from kachaka_simple_control.telemetry.event_stream import decode
 from kachaka_simple_control.telemetry.events import Event, VelocitySent
+from kachaka_simple_control.telemetry.subscriber_process import decode
 
 #: How long a process that was killed may take to be gone [s].
 FAREWELL = 0.5

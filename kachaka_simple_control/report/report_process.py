@@ -36,8 +36,8 @@ from kachaka_simple_control.report.html_page import page
 from kachaka_simple_control.report.json_export import run_json
 from kachaka_simple_control.report.recording import FaultTolerantRecorder
 from kachaka_simple_control.report.summary import Summary
-from kachaka_simple_control.telemetry.event_stream import decode
 from kachaka_simple_control.telemetry.events import Event, EventBus
+from kachaka_simple_control.telemetry.subscriber_process import decode
 
 PAGE, PICTURE, FIGURES = 'report.html', 'path.png', 'run.json'
 

@@ -28,19 +28,18 @@ class SessionStarted:
     """
     A program began; the first event of all.
 
-    :param title: what people call what it drives
-    :param robot: what people call the robot
+    :param title: name of what it drives
+    :param robot: name of the robot
     :param limits: what the robot can do
     :param hold: how long the robot keeps a velocity without a new one [s]
     :param epoch: what to add to a time of the steady clock for the time since 1970 [s]
-    :param velocity_topic: the resolved name of the topic that velocities go to
-    :param odometry_topic: the resolved name of the topic that poses come from; None if there is
-        none
-    :param message_type: what velocities are sent as: Twist or TwistStamped
+    :param velocity_topic: the resolved name of the topic of velocities
+    :param odometry_topic: the resolved name of the topic of odometry; None without one
+    :param message_type: the type of velocity messages: Twist or TwistStamped
     :param frame: the frame in the header of a TwistStamped
-    :param footprint: the outline of the robot; None if nobody knows it
+    :param footprint: the outline of the robot; None if it is unknown
     :param settings: the parameters of the node
-    :param versions: of the program and what it stands on, by name
+    :param versions: of the program and its dependencies, by name
     """
 
     title: str
@@ -60,12 +59,10 @@ class SessionStarted:
 @dataclass(frozen=True)
 class MotionPlanned:
     """
-    A motion was planned; the robot is met next, if it has not been met yet.
+    A motion was planned; a robot that is not connected yet is connected next.
 
-    The plan itself is made anew by whoever wants it: the same three things give the same plan.
+    A subscriber that needs the plan makes it anew: the same three fields give the same plan.
 
-    :param motion: what to do
-    :param limits: what it was planned with
     :param rate: how often a velocity is sent [Hz]
     """
 
@@ -91,7 +88,6 @@ class VelocitySent:
     A velocity was published.
 
     :param time: when [s on the steady clock]
-    :param velocity: what
     """
 
     time: float
@@ -101,11 +97,11 @@ class VelocitySent:
 @dataclass(frozen=True, slots=True)
 class OdometryReceived:
     """
-    Odometry told a pose.
+    An odometry message arrived.
 
-    :param time: when it arrived [s on the steady clock]
-    :param pose: where the robot was, in ``odom``
-    :param velocity: how fast it was
+    :param time: when [s on the steady clock]
+    :param pose: of the robot, in ``odom``
+    :param velocity: of the robot
     """
 
     time: float
@@ -132,12 +128,12 @@ class MotionEnded:
 @dataclass(frozen=True)
 class SessionEnded:
     """
-    The program stopped the robot and gave it back; the last event of all, unless it was killed.
+    The program stopped the robot and released it; the last event of all, unless it was killed.
 
     :param time: when [s on the steady clock]
     :param still_after: how long after the stop began odometry saw the robot still [s]; None if
         it did not
-    :param signal: the signal that ended the program; None if none did
+    :param signal: the signal that ended the program; None without one
     :param error: why the program failed, in one line; None if it did not
     """
 
@@ -149,46 +145,35 @@ class SessionEnded:
 
 Event = (SessionStarted | MotionPlanned | MotionStarted | VelocitySent | OdometryReceived
          | MotionEnded | SessionEnded)
-
-
 EventHandler = Callable[[Event], None]
 
 
 class EventBus:
     """
-    Tells events to whoever wants to hear them, in the thread in which they happen.
+    Passes events to the subscribed handlers, in the thread that publishes them.
 
-    A hearer must return at once, for the thread may be the one that moves the robot.  One that
-    fails is told nothing more; the drive goes on.
+    A handler must return at once, for the thread may be the one that moves the robot.  One that
+    raises is dropped; the drive goes on.  A bus is true if it has handlers.
     """
 
     def __init__(self) -> None:
-        """Have nobody to tell."""
-        self._hearers: tuple[EventHandler, ...] = ()
-        #: why hearers were dropped
+        self._handlers: tuple[EventHandler, ...] = ()
+        #: why handlers were dropped
         self.failures: list[Exception] = []
 
     def __bool__(self) -> bool:
-        """Return whether anybody wants to hear."""
-        return bool(self._hearers)
+        """Return whether there are handlers."""
+        return bool(self._handlers)
 
-    def subscribe(self, hearer: EventHandler) -> None:
-        """
-        Add a hearer.
-
-        :param hearer: called with each event from now on
-        """
-        self._hearers = (*self._hearers, hearer)
+    def subscribe(self, handler: EventHandler) -> None:
+        """Call a handler with each event from now on."""
+        self._handlers = (*self._handlers, handler)
 
     def publish(self, event: Event) -> None:
-        """
-        Tell everybody.
-
-        :param event: what happened
-        """
-        for hearer in self._hearers:
+        """Call all handlers with an event."""
+        for handler in self._handlers:
             try:
-                hearer(event)
+                handler(event)
             except Exception as error:  # noqa: PERF203 (the robot comes first)
                 self.failures.append(error)
-                self._hearers = tuple(one for one in self._hearers if one is not hearer)
+                self._handlers = tuple(one for one in self._handlers if one is not handler)

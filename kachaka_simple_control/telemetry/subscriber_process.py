@@ -11,46 +11,98 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Subscribers in processes of their own, which can never hold a drive up."""
+"""Events from the process that drives to processes that show and record them, over pipes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 import contextlib
+from dataclasses import dataclass
 import fcntl
 import os
+import pickle
 import subprocess
 import sys
 import threading
 import time
+from typing import Any, BinaryIO
 
 from kachaka_simple_control.control import processes
+from kachaka_simple_control.control.output import has_room
 from kachaka_simple_control.control.signals import signal_dispatcher
-from kachaka_simple_control.telemetry.event_stream import encode, wait_for_room
 from kachaka_simple_control.telemetry.events import Event, EventBus, MotionPlanned, SessionEnded
 
-#: Room for what a listener has not read yet [bytes]: about a minute of a drive at 50 Hz.
+#: What a pipe takes whole or not at all [bytes]: PIPE_BUF of Linux and POSIX's least on others.
+ATOMIC_WRITE_SIZE = 4096
+#: What a chunk of something larger carries [bytes]; the rest of the write is room for its frame.
+CHUNK_SIZE = 3500
+#: Room for what a subscriber has not read yet [bytes]: about a minute of a drive at 50 Hz.
 PIPE_SIZE = 1 << 20
 #: How long a plan may wait for room [s]; nothing else waits, for only a plan comes before motion.
-EXIT_TIMEOUT = 2.0
+PLAN_WRITE_TIMEOUT = 2.0
+#: How long a subscriber may take to end, mostly for its report [s].
+FINISH_TIMEOUT = 60.0
+#: How long it may delay a program that a signal ended [s]; it goes on by itself.
+FINISH_TIMEOUT_WHEN_STOPPED = 1.0
+REPORTER = 'kachaka_simple_control.report.report_process'
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A part of a pickled event that is too large for one write."""
+
+    data: bytes
+    is_last: bool
+
+
+def encode(event: object) -> list[bytes]:
+    """
+    Return an event as packets for a pipe, mostly one.
+
+    A pipe takes each packet whole or not at all, so that several threads may write.
+
+    :param event: anything that can be pickled
+    """
+    data = pickle.dumps(event, pickle.HIGHEST_PROTOCOL)
+    if len(data) <= ATOMIC_WRITE_SIZE:
+        return [data]
+    starts = range(0, len(data), CHUNK_SIZE)
+    return [pickle.dumps(Chunk(data[start:start + CHUNK_SIZE], start == starts[-1]),
+                         pickle.HIGHEST_PROTOCOL) for start in starts]
+
+
+def decode(stream: BinaryIO) -> Iterator[Any]:
+    """
+    Yield the events written to a pipe, in order, until its end; an incomplete one is dropped.
+
+    :param stream: the reading end of the pipe
+    """
+    chunks = b''
+    while True:
+        try:
+            event = pickle.load(stream)  # from the process that started this one
+        except (EOFError, pickle.UnpicklingError):
+            return
+        if isinstance(event, Chunk):
+            chunks += event.data
+            if not event.is_last:
+                continue
+            event, chunks = pickle.loads(chunks), b''
+        yield event
 
 
 class SubscriberProcess:
     """
-    One process's side of a listener: a fresh program that reads events from a pipe.
+    A process that receives events over a pipe; this is the sending side.
 
-    The listener lives in a session of its own, which Ctrl+C does not reach, and learns from the
-    end of the pipe that this process ended, whatever ended it.  Telling it never waits: when it
-    does not read, or is gone, it is told nothing more.
+    It runs in a session of its own, which Ctrl+C does not reach, and sees from the end of the
+    pipe that the sender ended, whatever ended it.  Sending never blocks: to a process that does
+    not read, or is gone, nothing more is sent.
+
+    :param command: what to run; it reads events from its standard input
     """
 
-    def __init__(self, command: Sequence[str], environment: dict[str, str]) -> None:
-        """
-        Start it.
-
-        :param command: what to run; it reads events from its standard input
-        :param environment: what it runs in
-        """
+    def __init__(self, command: Sequence[str]) -> None:
         reader, self._pipe = os.pipe()
         os.set_blocking(self._pipe, False)
         # Linux alone can enlarge a pipe, and may refuse to; a smaller one does as well.
@@ -58,18 +110,14 @@ class SubscriberProcess:
             fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         os.register_at_fork(after_in_child=self._close)
         self._process = subprocess.Popen(
-            command, env=environment, stdin=reader, start_new_session=True)
+            command, env=processes.child_environment(), stdin=reader, start_new_session=True)
         os.close(reader)
-        self._planning = threading.Lock()
-        #: why it is told nothing more; None as long as it hears all
+        self._plan_lock = threading.Lock()
+        #: why nothing more is sent; None as long as all is
         self.failure: str | None = None
 
     def send(self, event: Event) -> None:
-        """
-        Tell it what happened; returns at once, but for a plan.
-
-        :param event: what happened
-        """
+        """Send an event; return at once, except for a plan (see ``PLAN_WRITE_TIMEOUT``)."""
         if self.failure is not None:
             return
         try:
@@ -83,30 +131,30 @@ class SubscriberProcess:
         except OSError as error:
             self.failure = f'it is gone ({error.strerror})'
 
-    def close(self, patience: float) -> int | None:
+    def close(self, timeout: float) -> int | None:
         """
-        Tell it that nothing follows, and wait for its end.
+        Close the pipe and wait for the process to exit.
 
-        :param patience: how long to wait [s]; a process that takes longer is left to itself
-        :returns: its exit code; None if it has not ended
+        :param timeout: how long to wait [s]; a process that takes longer is left running
+        :returns: its exit code; None if it still runs
         """
         self._close()
         try:
-            return self._process.wait(patience)
+            return self._process.wait(timeout)
         except subprocess.TimeoutExpired:
             return None
 
     def _send_with_timeout(self, event: Event) -> None:
-        # Parts of two plans must not be mixed; whatever else is told meanwhile may come between.
-        end = time.monotonic() + EXIT_TIMEOUT
-        with self._planning:
+        # Chunks of two plans must not be mixed; other events may come between them.
+        end = time.monotonic() + PLAN_WRITE_TIMEOUT
+        with self._plan_lock:
             for packet in encode(event):
                 while True:
                     try:
                         os.write(self._pipe, packet)
                         break
                     except BlockingIOError:
-                        if not wait_for_room(self._pipe, max(0.0, end - time.monotonic())):
+                        if not has_room(self._pipe, max(0.0, end - time.monotonic())):
                             raise
 
     def _close(self) -> None:
@@ -115,81 +163,50 @@ class SubscriberProcess:
             os.close(pipe)
 
 
-#: How long a report may take [s].
-FINISH_TIMEOUT = 60.0
-#: How long it may hold up a program that was told to end by a signal [s]; it goes on by itself.
-FINISH_TIMEOUT_WHEN_STOPPED = 1.0
-REPORTER = 'kachaka_simple_control.report.report_process'
-
-
 class SubscriberProcesses:
     """
-    The listeners of one program, and what it tells them in the end.
+    The subscriber processes of one program, a context manager.
 
-    :param audience: tells them what happens
+    Its end publishes :class:`SessionEnded` and waits until they have exited.
     """
 
-    def __init__(self, audience: EventBus) -> None:
-        """Have none."""
-        self._audience = audience
-        self._tellers: list[SubscriberProcess] = []
+    def __init__(self, event_bus: EventBus) -> None:
+        self._event_bus = event_bus
+        self._subscribers: list[SubscriberProcess] = []
         #: how long after the stop began odometry saw the robot still [s]; None if it did not
         self.still_after: float | None = None
 
     def start(self, module: str, *arguments: str) -> None:
-        """
-        Start one.
+        """Start a module's ``main`` in a process of its own and subscribe it."""
+        self.add(SubscriberProcess([*processes.python_command(module), *arguments]))
 
-        :param module: its program
-        :param arguments: what that is told
-        """
-        self.add(SubscriberProcess(
-            [*processes.python_command(module), *arguments], processes.child_environment()))
+    def add(self, subscriber: SubscriberProcess) -> None:
+        """Subscribe a process that was started; they are closed in the order of their adding."""
+        self._subscribers.append(subscriber)
+        self._event_bus.subscribe(subscriber.send)
 
-    def add(self, teller: SubscriberProcess) -> None:
-        """
-        Add one that was started.
+    def __enter__(self) -> SubscriberProcesses:
+        """Return itself."""
+        return self
 
-        :param teller: tells it; closed in the end, in the order of joining
+    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         """
-        self._tellers.append(teller)
-        self._audience.subscribe(teller.send)
-
-    def shutdown(self, error: BaseException | None) -> None:
-        """
-        Tell them how it ended, and wait until they are done.
+        Publish how the program ended, and wait for the processes.
 
         :param error: why the program failed; None if it did not
         """
-        self._audience.publish(SessionEnded(
+        self._event_bus.publish(SessionEnded(
             time.monotonic(), self.still_after, signal_dispatcher.signum,
             str(error) if isinstance(error, Exception) else None))
-        patience = (FINISH_TIMEOUT if signal_dispatcher.signum is None
-                    else FINISH_TIMEOUT_WHEN_STOPPED)
-        for teller in self._tellers:
-            teller.close(patience)
-            if teller.failure is not None:
-                _say(f'what was shown or reported ends early: {teller.failure}')
+        timeout = (FINISH_TIMEOUT if signal_dispatcher.signum is None
+                   else FINISH_TIMEOUT_WHEN_STOPPED)
+        for subscriber in self._subscribers:
+            subscriber.close(timeout)
+            if subscriber.failure is not None:
+                _print_error(f'what was shown or reported ends early: {subscriber.failure}')
 
 
-def _say(text: str) -> None:
-    # Somebody may have closed the terminal.
+def _print_error(text: str) -> None:
+    # The terminal may be closed.
     with contextlib.suppress(OSError):
         print(f'kachaka_simple_control: {text}', file=sys.stderr, flush=True)
-
-
-@contextlib.contextmanager
-def subscriber_processes(audience: EventBus) -> Iterator[SubscriberProcesses]:
-    """
-    Have listeners as long as a block lasts.
-
-    :param audience: tells them what happens
-    :returns: a context manager for them
-    """
-    those = SubscriberProcesses(audience)
-    try:
-        yield those
-    except BaseException as error:
-        those.shutdown(error)
-        raise
-    those.shutdown(None)

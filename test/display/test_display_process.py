@@ -30,7 +30,6 @@ from kachaka_simple_control.display.renderers import LineRenderer, PanelRenderer
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Wait
-from kachaka_simple_control.telemetry.event_stream import encode
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
     MotionPlanned,
@@ -38,17 +37,18 @@ from kachaka_simple_control.telemetry.events import (
     SessionEnded,
     VelocitySent,
 )
+from kachaka_simple_control.telemetry.subscriber_process import encode
 from program import COMMAND, program
 import pytest
 from terminals import at_terminal, Screen
 
 pytest.importorskip('rich', reason='needs rich')
 
-#: Tells of a drive, in real time, and writes log lines meanwhile, one of them in two halves.
-TELLER = """
+#: Publishes a drive in real time, and writes log lines meanwhile, each of them in two halves.
+PUBLISHER = """
 import os, sys, time
 from kachaka_simple_control.telemetry.events import EventBus
-from kachaka_simple_control.telemetry.subscriber_process import subscriber_processes
+from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcesses
 from kachaka_simple_control.display.display_launcher import DisplayProcess
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
@@ -57,33 +57,33 @@ from kachaka_simple_control.telemetry.events import MotionEnded, MotionPlanned, 
 from kachaka_simple_control.telemetry.events import SessionStarted, VelocitySent
 
 limits = Limits(0.25, 1.0)
-audience, slowest = EventBus(), 0.0
-with subscriber_processes(audience) as told:
-    told.add(DisplayProcess())
-    audience.publish(SessionStarted(
+event_bus, slowest = EventBus(), 0.0
+with SubscriberProcesses(event_bus) as subscribers:
+    subscribers.add(DisplayProcess())
+    event_bus.publish(SessionStarted(
         'there', 'kachaka', limits, 0.3, 0.0, 'cmd_vel', None, settings={'guardian': True}))
-    audience.publish(MotionPlanned(Motion('there', (Forward(DISTANCE),)), limits, 50.0))
+    event_bus.publish(MotionPlanned(Motion('there', (Forward(DISTANCE),)), limits, 50.0))
     sys.stdin.readline()  # until there is somebody to see it
-    audience.publish(MotionStarted(time.monotonic()))
+    event_bus.publish(MotionStarted(time.monotonic()))
     for tick in range(round(200 * DISTANCE)):
         before = time.monotonic()
-        audience.publish(VelocitySent(before, Velocity(0.25)))
+        event_bus.publish(VelocitySent(before, Velocity(0.25)))
         if tick % 10 == 0:
             os.write(2, b'[INFO] line %d ' % tick)
             time.sleep(0.001)
             os.write(2, b'is whole\\n')
         slowest = max(slowest, time.monotonic() - before)
         time.sleep(0.02)
-    audience.publish(VelocitySent(time.monotonic(), ZERO))
-    audience.publish(MotionEnded(time.monotonic()))
+    event_bus.publish(VelocitySent(time.monotonic(), ZERO))
+    event_bus.publish(MotionEnded(time.monotonic()))
     ended = time.monotonic()
 print(f'slowest {slowest:.3f} closed {time.monotonic() - ended:.3f}')
 """
 
 
-def teller(distance):
-    """Return a program that tells of a drive of some length, at 0.25 m/s."""
-    return [sys.executable, '-c', TELLER.replace('DISTANCE', str(distance))]
+def publisher(distance):
+    """Return a program that publishes a drive of some length, at 0.25 m/s."""
+    return [sys.executable, '-c', PUBLISHER.replace('DISTANCE', str(distance))]
 
 
 def begin(shown):
@@ -107,7 +107,7 @@ def all_lines(text, count):
 
 @pytest.mark.parametrize('columns, rows', [(60, 14), (100, 24), (200, 50)])
 def test_a_panel_stays_below_log_lines_that_scroll(columns, rows):
-    with at_terminal(teller(0.5), columns, rows) as shown:
+    with at_terminal(publisher(0.5), columns, rows) as shown:
         begin(shown)
         lines = shown.screen.lines[-6:]
         assert lines[0].startswith('there on kachaka')
@@ -121,7 +121,7 @@ def test_a_panel_stays_below_log_lines_that_scroll(columns, rows):
 
 
 def test_a_terminal_that_changes_its_size_gets_a_panel_that_fits():
-    with at_terminal(teller(0.6), 100, 24) as shown:
+    with at_terminal(publisher(0.6), 100, 24) as shown:
         begin(shown)
         shown.resize(70, 20)
         # A real terminal keeps its lines; this one only has to be written to as one of that size.
@@ -135,7 +135,7 @@ def test_a_terminal_that_changes_its_size_gets_a_panel_that_fits():
 
 
 def test_a_terminal_too_small_for_a_panel_gets_lines():
-    with at_terminal(teller(0.25), 40, 10) as shown:
+    with at_terminal(publisher(0.25), 40, 10) as shown:
         shown.press(b'\n')
         assert shown.end() == 0
         assert 'step 1 of 1: forward 0.25 m (1 s)' in shown.screen.above
@@ -143,7 +143,7 @@ def test_a_terminal_too_small_for_a_panel_gets_lines():
 
 
 def test_when_the_program_is_killed_the_terminal_is_left_as_it_was():
-    with at_terminal(teller(5.0)) as shown:
+    with at_terminal(publisher(5.0)) as shown:
         begin(shown)
         shown.process.send_signal(signal.SIGKILL)
         shown.process.wait()
@@ -153,7 +153,7 @@ def test_when_the_program_is_killed_the_terminal_is_left_as_it_was():
 
 
 def test_when_the_display_is_killed_the_terminal_is_cleared_and_the_drive_goes_on():
-    with at_terminal(teller(1.0)) as shown:
+    with at_terminal(publisher(1.0)) as shown:
         begin(shown)
         os.kill(shown.display(), signal.SIGKILL)
         shown.look(0.5)
@@ -165,7 +165,7 @@ def test_when_the_display_is_killed_the_terminal_is_cleared_and_the_drive_goes_o
 
 
 def test_a_display_that_hangs_holds_nobody_up():
-    with at_terminal(teller(1.0)) as shown:
+    with at_terminal(publisher(1.0)) as shown:
         begin(shown)
         display = shown.display()
         os.kill(display, signal.SIGSTOP)
@@ -181,7 +181,7 @@ def test_a_display_that_hangs_holds_nobody_up():
 
 
 def test_a_program_that_was_suspended_gives_the_terminal_back():
-    with at_terminal(teller(1.0)) as shown:
+    with at_terminal(publisher(1.0)) as shown:
         begin(shown)
         shown.process.send_signal(signal.SIGSTOP)
         shown.look(1.0)

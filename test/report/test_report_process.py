@@ -41,8 +41,8 @@ from kachaka_simple_control.telemetry.events import (
 )
 from kachaka_simple_control.telemetry.subscriber_process import (
     REPORTER,
-    subscriber_processes,
     SubscriberProcess,
+    SubscriberProcesses,
 )
 import pytest
 from recordings import READERS, sent_velocities, stamp_of, velocities
@@ -58,8 +58,7 @@ PATIENCE = 30.0
 
 def reporter_of(folder, *before):
     """Return a teller to a reporter, started by another command if one is given."""
-    return SubscriberProcess(
-        [*before, *processes.python_command(REPORTER), str(folder)], processes.child_environment())
+    return SubscriberProcess([*before, *processes.python_command(REPORTER), str(folder)])
 
 
 def drive(count, first=10.0):
@@ -208,9 +207,9 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
 
 def test_one_that_does_not_keep_up_is_told_no_more_and_says_what_it_heard(tmp_path, capfd):
     audience = EventBus()
-    with subscriber_processes(audience) as told:
+    with SubscriberProcesses(audience) as told:
         told.start(REPORTER, str(tmp_path))
-        (teller,) = told._tellers
+        (teller,) = told._subscribers
         for event in BEGINNING:
             audience.publish(event)
         wait_for_file(tmp_path / 'run.mcap', 0)
