@@ -15,7 +15,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
 from kachaka_simple_control.errors import InvalidMotionError
@@ -118,6 +120,16 @@ class Plan:
         for segment in self.segments:
             poses.append(integrate(poses[-1], segment.velocity, segment.end - segment.start))
         return poses
+
+    def step_index(self, elapsed: float) -> int:
+        """
+        Return which step is under way at a time.
+
+        :param elapsed: the time since t = 0 [s]
+        :returns: its index in ``steps``: the first before t = 0, the last after the end; of
+            several that begin at once the last
+        """
+        return max(0, bisect_right(self.steps, elapsed, key=attrgetter('start')) - 1)
 
 
 def plan(motion: Motion, limits: Limits, rate: float) -> Plan:

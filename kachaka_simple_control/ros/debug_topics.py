@@ -29,13 +29,9 @@ from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.ros.session_status import (
-    diagnose,
-    Diagnosis,
-    StatusReader,
-    TickStatistics,
-)
+from kachaka_simple_control.ros.session_status import diagnose, StatusReader, TickStatistics
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.telemetry.diagnosis import Diagnosis
 from kachaka_simple_control.telemetry.events import (
     Event,
     EventBus,

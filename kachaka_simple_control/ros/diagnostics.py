@@ -19,8 +19,8 @@ from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from kachaka_simple_control.ros.debug_topics import create_debug_publisher, PublisherThread
-from kachaka_simple_control.ros.session_status import Diagnosis
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.telemetry.diagnosis import Diagnosis
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message

@@ -15,23 +15,21 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
 import time
-from typing import NamedTuple
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.plan_runner import Tick, TickScheduler
 from kachaka_simple_control.control.stop import StandstillDetector
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.errors import ControlError
-from kachaka_simple_control.motion.plan import Plan, PlannedStep
+from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.report.metrics import LATE
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
+from kachaka_simple_control.telemetry.diagnosis import Diagnosis, Level
 from kachaka_simple_control.telemetry.events import (
     Event,
     MotionEnded,
@@ -40,21 +38,23 @@ from kachaka_simple_control.telemetry.events import (
     VelocitySent,
 )
 
-#: How much is kept for a count that does not come; an hour of 20 Hz.
-MAX_TICKS = 100_000
-#: How much is counted at once.
-AT_ONCE = 100
+#: How many events are kept until they are processed; an hour of 20 Hz.
+MAX_EVENTS = 100_000
+#: How many events are processed before other threads may run.
+BATCH_SIZE = 100
+#: Odometry older than this is worth a warning [s]: it comes 10 times a second and more.
+ODOMETRY_WARN_AGE = 1.0
 
 
 class TickStatistics:
     """
-    Counts what happens.
+    Counts late and skipped velocities.
 
-    To be told of it takes no time; the counting is done later, in the thread that asks for it.
+    To receive an event takes no time: events are counted later, in the thread that calls
+    ``process``.
     """
 
     def __init__(self) -> None:
-        """Have seen no motion yet."""
         #: the name of the newest motion; empty before there is one
         self.motion = ''
         #: velocities of all motions that left a quarter of a period or more after their time
@@ -64,93 +64,86 @@ class TickStatistics:
         #: why the newest motion was over before its end; None if it was not
         self.failure: str | None = None
         #: whether a motion was planned and is not over
-        self.is_on = False
-        #: takes what happens, from any thread
+        self.is_active = False
+        #: receives events, from any thread
         self.on_event: Callable[[Event], None]
-        self._unread: deque[Event | Plan] = deque(maxlen=MAX_TICKS)
+        self._unread: deque[Event | Plan] = deque(maxlen=MAX_EVENTS)
         self.on_event = self.on_plan = self._unread.append
-        self._stages: Sequence[PlannedStep] = ()
-        self._began: float | None = None
-        self._period = 0.0
-        self._player: TickScheduler | None = None
-        self._due: Tick | None = None
+        self._plan: Plan | None = None
+        self._scheduler: TickScheduler | None = None
+        self._started: float | None = None
+        self._tick: Tick | None = None
 
     @property
-    def has_begun(self) -> bool:
+    def has_started(self) -> bool:
         """Whether the newest motion has sent its first velocity."""
-        return self._began is not None
+        return self._started is not None
 
     def process(self) -> None:
-        """Count what happened since; in one thread at a time."""
-        counted = 0
+        """Count the events received since the last call; in one thread at a time."""
+        count = 0
         while self._unread:
-            self._take(self._unread.popleft())
-            counted += 1
-            if counted % AT_ONCE == 0:
+            self._process(self._unread.popleft())
+            count += 1
+            if count % BATCH_SIZE == 0:
                 time.sleep(0.0)  # lets go of the interpreter: the robot's thread may wait for it
-
-    def _take(self, event: Event | Plan) -> None:
-        match event:
-            case Plan():
-                self._expect(event)
-            case VelocitySent():
-                if self._due is not None:
-                    self._count(event.time)
-            case MotionStarted():
-                self._began = event.time
-                self._due = self._player.due(0.0) if self._player else None
-            case MotionPlanned():
-                self.motion, self.is_on, self.failure = event.motion.name, True, None
-            case MotionEnded():
-                self.is_on, self.failure, self._due = False, event.reason, None
-
-    def _expect(self, plan: Plan) -> None:
-        self._stages, self._period = plan.steps, plan.period
-        self._player, self._began, self._due = TickScheduler(plan), None, None
 
     def step(self, now: float) -> tuple[int, int]:
         """
         Return how far the newest motion is.
 
-        :param now: the time [s]
+        :param now: the time [s on the steady clock]
         :returns: the number of the step under way, and of all; 0 before the first
         """
-        count = len(self._stages)
-        if self._began is None:
-            return 0, count
-        passed = bisect_right(self._stages, now - self._began, key=_end)
-        return min(passed + 1, count), count
+        if self._plan is None or not self._plan.steps:
+            return 0, 0
+        number = 0 if self._started is None else self._plan.step_index(now - self._started) + 1
+        return number, len(self._plan.steps)
+
+    def _process(self, event: Event | Plan) -> None:
+        match event:
+            case Plan():
+                self._plan, self._scheduler = event, TickScheduler(event)
+                self._started = self._tick = None
+            case VelocitySent():
+                if self._tick is not None:
+                    self._count(event.time)
+            case MotionStarted():
+                self._started = event.time
+                self._tick = self._scheduler.due(0.0) if self._scheduler else None
+            case MotionPlanned():
+                self.motion, self.is_active, self.failure = event.motion.name, True, None
+            case MotionEnded():
+                self.is_active, self.failure, self._tick = False, event.reason, None
 
     def _count(self, now: float) -> None:
-        assert self._began is not None
-        assert self._player is not None
-        elapsed = now - self._began
-        due, self._due = self._next()
-        while self._due is not None and self._due.deadline <= elapsed:
+        assert self._started is not None
+        assert self._plan is not None
+        elapsed = now - self._started
+        due = self._advance()
+        while self._tick is not None and self._tick.deadline <= elapsed:
             self.skipped += 1
-            due, self._due = self._next()
-        if elapsed - due >= LATE * self._period:
+            due = self._advance()
+        if elapsed - due >= LATE * self._plan.period:
             self.late += 1
 
-    def _next(self) -> tuple[float, Tick | None]:
-        """Return when the next velocity is due, and what; nothing after the last zero."""
-        assert self._due is not None
-        assert self._player is not None
-        return self._due.deadline, self._player.due(self._due.deadline)
-
-
-def _end(stage: PlannedStep) -> float:
-    return stage.end
+    def _advance(self) -> float:
+        """Go on to the next tick, None after the last zero; return when it is due."""
+        assert self._tick is not None
+        assert self._scheduler is not None
+        due = self._tick.deadline
+        self._tick = self._scheduler.due(due)
+        return due
 
 
 @dataclass(frozen=True)
 class SessionStatus:
     """
-    One look at it.
+    The state of a session at one time.
 
     :param subscriber_count: how many take the node's velocities
-    :param other_publishers: who else has a publisher of velocities: the names of their nodes
-    :param guardian: what became of the guardian
+    :param other_publishers: the names of other nodes that publish velocities
+    :param guardian: the state of the guardian
     :param odometry_age: how old the newest odometry is [s]; None if there was none
     :param manual_control: whether manual control is on, as far as this node knows
     :param halted_by: why nothing moves any more; None if it does
@@ -165,24 +158,18 @@ class SessionStatus:
 
 
 class StatusReader:
-    """Looks at the parts of a session, from any thread, and changes nothing."""
+    """
+    Reads the state of the parts of a session, from any thread, and changes nothing.
+
+    :param halted_by: returns why nothing moves any more
+    """
 
     def __init__(
-            self, edge: VelocityGate, link: RobotDiscovery, guardian: Guardian | NullGuardian,
+            self, gate: VelocityGate, discovery: RobotDiscovery, guardian: Guardian | NullGuardian,
             odometry: StandstillDetector, manual_control: ManualControlClient,
             halted_by: Callable[[], ControlError | None]) -> None:
-        """
-        Look at nothing yet.
-
-        :param edge: where velocities leave
-        :param link: what the graph tells of the robot
-        :param guardian: who stops the robot if this process cannot
-        :param odometry: what odometry tells
-        :param manual_control: what the robot may need beside a subscription
-        :param halted_by: returns why nothing moves any more
-        """
-        self._edge = edge
-        self._link = link
+        self._gate = gate
+        self._discovery = discovery
         self._guardian = guardian
         self._odometry = odometry
         self._manual_control = manual_control
@@ -190,20 +177,19 @@ class StatusReader:
 
     @property
     def is_closed(self) -> bool:
-        """Whether the robot was given back: nothing is to be published any more."""
-        return self._edge.state is GateState.CLOSED
+        """Whether the robot was released: nothing is to be published any more."""
+        return self._gate.state is GateState.CLOSED
 
     def read(self, now: float) -> SessionStatus:
         """
-        Look.
+        Return the state now.
 
         :param now: the time [s on the steady clock]
-        :returns: how it is now
         """
         halted_by = self._halted_by()
         return SessionStatus(
-            subscriber_count=self._link.subscriber_count,
-            other_publishers=tuple(self._link.other_publishers()),
+            subscriber_count=self._discovery.subscriber_count,
+            other_publishers=tuple(self._discovery.other_publishers()),
             guardian=_guardian(self._guardian),
             odometry_age=self._odometry.age(now),
             manual_control=self._manual_control.state(now),
@@ -218,83 +204,54 @@ def _guardian(guardian: Guardian | NullGuardian) -> str:
     return 'matched' if guardian.is_matched else 'not matched yet'
 
 
-#: Odometry older than this is worth a warning [s]: it comes 10 times a second and more.
-OLD = 1.0
-
-
-class Severity(IntEnum):
-    """The levels of ``diagnostic_msgs/msg/DiagnosticStatus``."""
-
-    OK = 0
-    WARN = 1
-    ERROR = 2
-
-
-class Diagnosis(NamedTuple):
+def diagnose(statistics: TickStatistics, status: SessionStatus, now: float) -> Diagnosis:
     """
-    What is told once a second.
+    Return the diagnosis of a drive.
 
-    :param level: how bad it is
-    :param message: the worst of it, in a sentence
-    :param values: what there is to know, by name
-    """
-
-    level: Severity
-    message: str
-    values: dict[str, str]
-
-
-def diagnose(tally: TickStatistics, standing: SessionStatus, now: float) -> Diagnosis:
-    """
-    Judge.
-
-    :param tally: how the drive goes
-    :param standing: how the node stands with its robot
     :param now: the time [s on the steady clock]
-    :returns: the diagnosis
     """
-    state = _state(tally, standing)
-    level, message = _worst(tally, standing, state)
-    age = standing.odometry_age
+    state = _state(statistics, status)
+    level, message = _worst(statistics, status, state)
+    age = status.odometry_age
     return Diagnosis(level, message, {
         'state': state,
-        'motion': tally.motion or 'none',
-        'step': '{} of {}'.format(*tally.step(now)),
-        'late ticks': str(tally.late),
-        'skipped ticks': str(tally.skipped),
-        'listeners': str(standing.subscriber_count),
-        'other publishers': ', '.join(standing.other_publishers) or 'none',
-        'guardian': standing.guardian,
+        'motion': statistics.motion or 'none',
+        'step': '{} of {}'.format(*statistics.step(now)),
+        'late ticks': str(statistics.late),
+        'skipped ticks': str(statistics.skipped),
+        'listeners': str(status.subscriber_count),
+        'other publishers': ', '.join(status.other_publishers) or 'none',
+        'guardian': status.guardian,
         'odometry age': 'never heard' if age is None else f'{age:.2f} s',
-        'manual control': standing.manual_control,
+        'manual control': status.manual_control,
     })
 
 
-def _state(tally: TickStatistics, standing: SessionStatus) -> str:
-    if standing.halted_by is not None:
+def _state(statistics: TickStatistics, status: SessionStatus) -> str:
+    if status.halted_by is not None:
         return 'halted'
-    if tally.is_on:
-        return 'driving' if tally.has_begun else 'meeting the robot'
-    if not tally.motion:
+    if statistics.is_active:
+        return 'driving' if statistics.has_started else 'meeting the robot'
+    if not statistics.motion:
         return 'nothing to drive yet'
-    return 'at rest' if tally.failure is None else 'stopped early'
+    return 'at rest' if statistics.failure is None else 'stopped early'
 
 
-def _worst(tally: TickStatistics, standing: SessionStatus, state: str) -> tuple[Severity, str]:
-    if standing.halted_by is not None:
-        return Severity.ERROR, f'halted for good: {standing.halted_by}'
-    if standing.guardian.startswith('stopped'):
-        return Severity.ERROR, f'the guardian {standing.guardian}'
-    if tally.failure is not None:
-        return Severity.WARN, f'the last motion was over before its end: {tally.failure}'
-    doubts = [
-        ('nobody takes our velocities', not standing.subscriber_count),
-        (f'others have publishers of velocities: {", ".join(standing.other_publishers)}',
-        standing.other_publishers),
-        ('odometry is silent', (standing.odometry_age or 0.0) > OLD),
-        ('velocities were skipped', tally.skipped),
+def _worst(statistics: TickStatistics, status: SessionStatus, state: str) -> tuple[Level, str]:
+    if status.halted_by is not None:
+        return Level.ERROR, f'halted for good: {status.halted_by}'
+    if status.guardian.startswith('stopped'):
+        return Level.ERROR, f'the guardian {status.guardian}'
+    if statistics.failure is not None:
+        return Level.WARN, f'the last motion was over before its end: {statistics.failure}'
+    warnings = [
+        ('nobody takes our velocities', not status.subscriber_count),
+        (f'others have publishers of velocities: {", ".join(status.other_publishers)}',
+         status.other_publishers),
+        ('odometry is silent', (status.odometry_age or 0.0) > ODOMETRY_WARN_AGE),
+        ('velocities were skipped', statistics.skipped),
     ]
-    for doubt, is_so in doubts:
-        if is_so:
-            return Severity.WARN, doubt
-    return Severity.OK, state
+    for warning, applies in warnings:
+        if applies:
+            return Level.WARN, warning
+    return Level.OK, state

@@ -25,10 +25,10 @@ pytest.importorskip('rclpy', reason='needs ROS 2')
 
 from kachaka_simple_control.ros.session_status import (  # noqa: I100
     diagnose,
-    SessionStatus,  # noqa: I100
-    Severity,
-    TickStatistics,  # noqa: I100
+    SessionStatus,
+    TickStatistics,
 )
+from kachaka_simple_control.telemetry.diagnosis import Level  # noqa: I100
 from plans import ABRUPT  # noqa: I100
 
 WELL = SessionStatus(
@@ -36,37 +36,37 @@ WELL = SessionStatus(
     manual_control='asked for 3 s ago', halted_by=None)
 
 
-def told(tally=None, **changes):
+def told(statistics=None, **changes):
     """Return the diagnosis of what is well but for some changes."""
-    return diagnose(tally or TickStatistics(), dataclasses.replace(WELL, **changes), 0.0)
+    return diagnose(statistics or TickStatistics(), dataclasses.replace(WELL, **changes), 0.0)
 
 
-@pytest.mark.parametrize('changes, severity, text', [
-    ({}, Severity.OK, 'nothing to drive yet'),
-    ({'odometry_age': None}, Severity.OK, 'nothing to drive yet'),
-    ({'subscriber_count': 0}, Severity.WARN, 'nobody takes our velocities'),
-    ({'other_publishers': ('joy', 'nav')}, Severity.WARN,
-    'others have publishers of velocities: joy, nav'),
-    ({'odometry_age': 1.5}, Severity.WARN, 'odometry is silent'),
+@pytest.mark.parametrize('changes, level, text', [
+    ({}, Level.OK, 'nothing to drive yet'),
+    ({'odometry_age': None}, Level.OK, 'nothing to drive yet'),
+    ({'subscriber_count': 0}, Level.WARN, 'nobody takes our velocities'),
+    ({'other_publishers': ('joy', 'nav')}, Level.WARN,
+     'others have publishers of velocities: joy, nav'),
+    ({'odometry_age': 1.5}, Level.WARN, 'odometry is silent'),
     ({'guardian': 'stopped the robot because the node fell silent', 'subscriber_count': 0},
-     Severity.ERROR, 'the guardian stopped the robot because the node fell silent'),
+     Level.ERROR, 'the guardian stopped the robot because the node fell silent'),
     ({'halted_by': 'stopped by SIGINT', 'odometry_age': 9.0},
-     Severity.ERROR, 'halted for good: stopped by SIGINT'),
+     Level.ERROR, 'halted for good: stopped by SIGINT'),
 ])
-def test_the_worst_is_the_message(changes, severity, text):
-    assert told(**changes)[:2] == (severity, text)
+def test_the_worst_is_the_message(changes, level, text):
+    assert told(**changes)[:2] == (level, text)
 
 
 def test_skipped_velocities_and_an_early_end_are_worth_a_warning():
-    tally = TickStatistics()
-    tally.skipped = 2
-    assert told(tally)[:2] == (Severity.WARN, 'velocities were skipped')
-    tally.on_event(MotionPlanned(Motion('on', (Move(0.1, 0.0, 1.0),)), ABRUPT, 10.0))
-    tally.on_event(MotionEnded(1.0, 'the robot left'))
-    tally.process()
-    diagnosis = told(tally)
+    statistics = TickStatistics()
+    statistics.skipped = 2
+    assert told(statistics)[:2] == (Level.WARN, 'velocities were skipped')
+    statistics.on_event(MotionPlanned(Motion('on', (Move(0.1, 0.0, 1.0),)), ABRUPT, 10.0))
+    statistics.on_event(MotionEnded(1.0, 'the robot left'))
+    statistics.process()
+    diagnosis = told(statistics)
     assert diagnosis[:2] == (
-        Severity.WARN, 'the last motion was over before its end: the robot left')
+        Level.WARN, 'the last motion was over before its end: the robot left')
     assert diagnosis.values['state'] == 'stopped early'
     assert diagnosis.values['motion'] == 'on'
 

@@ -36,94 +36,94 @@ TICKS = [0.0, 0.1, 0.2, 0.3, 0.35, 0.45, 0.55, 0.65, 0.75]
 START = 0.0
 
 
-def begun():
-    """Return a tally of a motion that has just begun."""
-    tally = TickStatistics()
-    tally.on_plan(plan(MOTION, LIMITS, 10.0))
-    tally.on_event(MotionPlanned(MOTION, LIMITS, 10.0))
-    tally.on_event(VelocitySent(START - 0.1, ZERO))  # to a robot just met
-    tally.on_event(VelocitySent(START, ZERO))
-    tally.on_event(MotionStarted(START))
-    tally.process()
-    return tally
+def started():
+    """Return the statistics of a motion that has just started."""
+    statistics = TickStatistics()
+    statistics.on_plan(plan(MOTION, LIMITS, 10.0))
+    statistics.on_event(MotionPlanned(MOTION, LIMITS, 10.0))
+    statistics.on_event(VelocitySent(START - 0.1, ZERO))  # to a robot just met
+    statistics.on_event(VelocitySent(START, ZERO))
+    statistics.on_event(MotionStarted(START))
+    statistics.process()
+    return statistics
 
 
-def send(tally, *times):
+def send(statistics, *times):
     """Send velocities at these times after t = 0."""
     for time in times:
-        tally.on_event(VelocitySent(START + time, ZERO))
-    tally.process()
-    return tally.late, tally.skipped
+        statistics.on_event(VelocitySent(START + time, ZERO))
+    statistics.process()
+    return statistics.late, statistics.skipped
 
 
 def test_what_comes_in_time_is_neither_late_nor_skipped():
-    assert send(begun(), *(tick + 0.02 for tick in TICKS[1:])) == (0, 0)
+    assert send(started(), *(tick + 0.02 for tick in TICKS[1:])) == (0, 0)
 
 
 def test_a_little_early_by_rounding_is_in_time():
-    assert send(begun(), *(tick - 1e-9 for tick in TICKS[1:])) == (0, 0)
+    assert send(started(), *(tick - 1e-9 for tick in TICKS[1:])) == (0, 0)
 
 
 def test_a_quarter_of_a_period_is_late():
-    assert send(begun(), 0.1249) == (0, 0)
-    assert send(begun(), 0.1251, 0.2, 0.33, 0.35) == (2, 0)
+    assert send(started(), 0.1249) == (0, 0)
+    assert send(started(), 0.1251, 0.2, 0.33, 0.35) == (2, 0)
 
 
 def test_a_velocity_whose_time_passed_was_skipped():
     # Due at 0.1 and 0.2 and never sent; the one of 0.3 comes in time.
-    assert send(begun(), 0.301) == (0, 2)
+    assert send(started(), 0.301) == (0, 2)
     # That of 0.3 comes late, the short one of 0.35 in time.
-    assert send(begun(), 0.33, 0.36) == (1, 2)
+    assert send(started(), 0.33, 0.36) == (1, 2)
 
 
 def test_the_last_zero_may_be_late_and_the_stop_after_it_may_not():
-    tally = begun()
-    assert send(tally, *TICKS[1:-1], 0.78) == (1, 0)
-    assert send(tally, 0.79, 0.8, 1.3) == (1, 0)
-    tally.on_event(MotionEnded(START + 1.4))
-    assert send(tally, 1.5) == (1, 0)
+    statistics = started()
+    assert send(statistics, *TICKS[1:-1], 0.78) == (1, 0)
+    assert send(statistics, 0.79, 0.8, 1.3) == (1, 0)
+    statistics.on_event(MotionEnded(START + 1.4))
+    assert send(statistics, 1.5) == (1, 0)
 
 
 def test_steps_are_told_by_number():
-    tally = TickStatistics()
-    assert tally.step(START) == (0, 0)
-    tally = begun()
-    told = [tally.step(START + time) for time in (0.0, 0.34, 0.36, 0.64, 0.66, 0.8, 99.0)]
-    assert told == [(1, 3), (1, 3), (2, 3), (2, 3), (3, 3), (3, 3), (3, 3)]
+    statistics = TickStatistics()
+    assert statistics.step(START) == (0, 0)
+    statistics = started()
+    numbers = [statistics.step(START + time) for time in (0.0, 0.34, 0.36, 0.64, 0.66, 0.8, 99.0)]
+    assert numbers == [(1, 3), (1, 3), (2, 3), (2, 3), (3, 3), (3, 3), (3, 3)]
 
 
-def test_a_motion_that_has_not_begun_is_in_no_step():
-    tally = TickStatistics()
-    tally.on_plan(plan(MOTION, LIMITS, 10.0))
-    tally.on_event(MotionPlanned(MOTION, LIMITS, 10.0))
-    tally.process()
-    assert tally.is_on
-    assert not tally.has_begun
-    assert tally.step(START) == (0, 3)
+def test_a_motion_that_has_not_started_is_in_no_step():
+    statistics = TickStatistics()
+    statistics.on_plan(plan(MOTION, LIMITS, 10.0))
+    statistics.on_event(MotionPlanned(MOTION, LIMITS, 10.0))
+    statistics.process()
+    assert statistics.is_active
+    assert not statistics.has_started
+    assert statistics.step(START) == (0, 3)
 
 
 def test_an_end_is_told_with_its_reason():
-    tally = begun()
-    tally.on_event(MotionEnded(START + 0.2, 'the robot left'))
-    tally.process()
-    assert (tally.is_on, tally.failure) == (False, 'the robot left')
-    tally.on_event(MotionPlanned(MOTION, LIMITS, 10.0))
-    tally.process()
-    assert (tally.is_on, tally.failure) == (True, None)
+    statistics = started()
+    statistics.on_event(MotionEnded(START + 0.2, 'the robot left'))
+    statistics.process()
+    assert (statistics.is_active, statistics.failure) == (False, 'the robot left')
+    statistics.on_event(MotionPlanned(MOTION, LIMITS, 10.0))
+    statistics.process()
+    assert (statistics.is_active, statistics.failure) == (True, None)
 
 
 @given(st.lists(st.integers(0, 250), min_size=8, max_size=8))
 def test_lateness_is_counted_tick_by_tick(delays):
     """However late the thread wakes after each deadline."""
-    tally, place, skipped, late = begun(), 0, 0, 0
+    statistics, place, skipped, late = started(), 0, 0, 0
     for delay in delays:
         now = TICKS[place + 1] + (delay + 0.5) / 1e3  # never on a boundary
         reached = max(number for number, tick in enumerate(TICKS) if tick <= now)
         skipped += reached - place - 1
         late += now - TICKS[reached] >= 0.025
         place = reached
-        tally.on_event(VelocitySent(now, ZERO))
+        statistics.on_event(VelocitySent(now, ZERO))
         if place == len(TICKS) - 1:
             break
-    tally.process()
-    assert (tally.late, tally.skipped) == (late, skipped)
+    statistics.process()
+    assert (statistics.late, statistics.skipped) == (late, skipped)

@@ -1,0 +1,42 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""How well something works, as ``diagnostic_msgs`` has it; without ROS, for whoever decides."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+
+class Level(IntEnum):
+    """The levels of ``diagnostic_msgs/msg/DiagnosticStatus``."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+class Diagnosis(NamedTuple):
+    """
+    One diagnosis of one thing.
+
+    :param level: how bad it is
+    :param message: the worst of it, in a sentence
+    :param values: all figures, by name
+    """
+
+    level: Level
+    message: str
+    values: dict[str, str]
