@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from kachaka_simple_control.cli import Options
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
-from kachaka_simple_control.display.display_launcher import DisplayProcess, should_display
+from kachaka_simple_control.display.terminal import DisplayProcess, should_display
 from kachaka_simple_control.errors import ControlError, UsageError
 from kachaka_simple_control.files.robot_profile import KACHAKA, profile_of
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Start child processes, and tell their state, priority and the time since boot."""
+"""Start child processes; read the state of processes, set priorities, read the boot time."""
 
 from __future__ import annotations
 
@@ -27,11 +27,15 @@ MAIN_CODE = (
     'import sys; sys.path = [entry for entry in sys.path if entry]; '
     'from {module} import main; sys.exit(main())')
 PACKAGE = Path(__file__).resolve().parent.parent
+#: The states of a Linux process that a signal, or a debugger, has stopped.
+STOPPED_STATES = ('T', 't')
+#: How much is added to the nice value.
+NICENESS = 10
 
 
 def python_command(module: str) -> list[str]:
     """
-    Return what runs a module's ``main`` in a fresh Python.
+    Return the command that runs a module's ``main`` in a fresh Python.
 
     :param module: its full name
     :returns: the command, to which arguments may be added
@@ -40,11 +44,8 @@ def python_command(module: str) -> list[str]:
 
 
 def child_environment() -> dict[str, str]:
-    """
-    Return an environment in which a child finds all that this process finds.
-
-    :returns: the environment; it works, too, where this package is not installed
-    """
+    """Return an environment in which a child finds all modules that this process finds."""
+    # It works, too, where this package is not installed.
     entries = [Path(entry).resolve() for entry in sys.path]
     path = os.pathsep.join(str(entry) for entry in entries if entry != PACKAGE)
     return {**os.environ, 'PYTHONPATH': path}
@@ -54,60 +55,58 @@ def boottime() -> float:
     """
     Return the time since the machine was started, sleep included [s].
 
-    The steady clock stands still while a machine is suspended; this one tells that it was.
+    The steady clock stands still while a machine is suspended; this one goes on.
     """
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
-#: What Linux calls a process that a signal, or a debugger, has stopped.
-STOPPED_STATES = ('T', 't')
-
-
 def is_stopped(pid: int) -> bool:
-    """
-    Tell whether a process was stopped by SIGSTOP or by a debugger.
-
-    :param pid: the number of the process
-    :returns: whether it was; false where nobody can tell
-    """
-    return _state(pid) in STOPPED_STATES
+    """Return whether SIGSTOP or a debugger stopped a process; False if that is unknown."""
+    fields = _stat_fields(pid)
+    return fields is not None and fields[0] in STOPPED_STATES
 
 
 def is_running(pid: int) -> bool:
+    """Return whether a process exists and is no zombie; False if that is unknown."""
+    fields = _stat_fields(pid)
+    return fields is not None and fields[0] != 'Z'
+
+
+def is_in_background(pid: int) -> bool:
+    """Return whether Ctrl+C misses a process: it is in the background of its terminal."""
+    fields = _stat_fields(pid)
+    if fields is None:
+        return False
+    group, foreground = int(fields[2]), int(fields[5])
+    return foreground not in (-1, group)
+
+
+def _stat_fields(pid: int) -> list[str] | None:
     """
-    Tell whether a process is there and no zombie, which its parent has yet to collect.
+    Return the fields of a process in ``/proc`` after its name; None if they are unknown.
 
-    :param pid: the number of the process
-    :returns: whether it is; false where nobody can tell
+    They begin with its state, parent, process group, session, terminal, and the terminal's
+    foreground process group (-1 without a terminal).
     """
-    return _state(pid) not in (None, 'Z')
-
-
-def _state(pid: int) -> str | None:
-    """Return what Linux calls the state of a process; None if nobody can tell."""
     try:
         status = Path(f'/proc/{pid}/stat').read_text()
     except OSError:
         return None
-    # Its name comes before, in brackets, and may hold any character.
-    return status.rpartition(')')[2].split()[0]
-
-
-#: How much lower than others the priority is.
-NICENESS = 10
+    # The name comes before, in brackets, and may hold any character.
+    return status.rpartition(')')[2].split()
 
 
 def lower_priority() -> None:
-    """Let others go first."""
+    """Let other processes go first."""
     with contextlib.suppress(OSError):
         os.nice(NICENESS)
 
 
 def set_idle_priority() -> None:
     """
-    Run only when nobody else wants to.
+    Run only when no other process wants to.
 
-    With a mere low priority Linux still lets somebody who wakes up wait for a moment.
+    With a mere low priority Linux still lets a process that wakes up wait for a moment.
     """
     lower_priority()
     with contextlib.suppress(AttributeError, OSError):

@@ -19,8 +19,12 @@ from collections.abc import Iterable
 import math
 import textwrap
 
-from kachaka_simple_control.display.drive_status import DriveState, DriveStatus
-from kachaka_simple_control.display.renderers import which
+from kachaka_simple_control.display.drive_status import (
+    DriveState,
+    DriveStatus,
+    ODOMETRY_MAX_AGE,
+)
+from kachaka_simple_control.display.renderers import step_label
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.report.plan_view import format_fixed
 from kachaka_simple_control.report.plot_style import BLUE, GREY, ORANGE
@@ -28,15 +32,14 @@ from kachaka_simple_control.report.text_tables import one_line
 from rich.console import Console
 from rich.text import Text
 
+#: How many lines a panel has.
 HEIGHT = 6
-#: In a terminal with less room, a panel helps nobody.
-MIN_COLUMNS, MIN_ROWS = 60, 12
-#: A bar any wider tells nothing more.
+#: What a panel needs of a terminal [columns, rows].
+MIN_SIZE = 60, 12
+#: A wider bar shows nothing more.
 MAX_COLUMNS = 120
-NAME = 28
-#: Odometry older than this [s] says nothing of now.
-ODOMETRY_MAX_AGE = 0.5
-LABEL = 11
+MAX_NAME_WIDTH = 28
+LABEL_WIDTH = 11
 #: By number, for many terminals show a bold "black" as grey.
 WHITE, BLACK = '#ffffff', '#000000'
 #: Each state has a word; its colours can be told apart by the colour-blind as well.
@@ -46,7 +49,7 @@ _STYLES = {
     DriveState.CUT_SHORT: f'bold {BLACK} on {ORANGE}',
 }
 _OTHER_STYLE = 'bold reverse'
-_WORDS = {
+_TEXTS = {
     DriveState.READY: 'nothing to drive yet',
     DriveState.WAITING: 'for the robot to listen',
     DriveState.CONNECTING: 'the robot is there; zeros first',
@@ -55,35 +58,33 @@ _WORDS = {
 }
 
 
-def render_panel(console: Console, columns: int, glance: DriveStatus, hint: str) -> list[str]:
+def render_panel(console: Console, columns: int, status: DriveStatus, hint: str) -> list[str]:
     """
-    Draw what there is to see.
+    Return the lines of a panel, ``HEIGHT`` of them, none wider than the terminal.
 
     :param console: knows which colours and characters there are
     :param columns: how wide the terminal is
-    :param glance: what there is to see
     :param hint: how to stop
-    :returns: as many lines as the panel is high, none wider than the terminal
     """
     # One column is left free: a terminal may break a line that fills it.
     width = min(columns - 1, MAX_COLUMNS)
     console.width = columns
-    signs = '\u2501\u2500' if console.encoding.startswith('utf') else '#-'
+    done, rest = '\u2501\u2500' if console.encoding.startswith('utf') else '#-'
     rows = [
-        _head(glance, hint, signs[1], width), *_state(glance, width),
-        _bar(glance, signs, width), _commanded(glance), _odometry(glance)]
-    return [_drawn(console, row, width) for row in rows]
+        _head(status, hint, rest, width), *_state(status, width),
+        _bar(status, done, rest, width), _commanded(status), _odometry(status)]
+    return [_render(console, row, width) for row in rows]
 
 
-def _drawn(console: Console, row: Text, width: int) -> str:
+def _render(console: Console, row: Text, width: int) -> str:
     row.truncate(width, overflow='ellipsis')
     with console.capture() as capture:
         console.print(row, no_wrap=True, overflow='ellipsis', width=width, end='')
     return capture.get().rstrip('\n')
 
 
-def _head(glance: DriveStatus, hint: str, line: str, width: int) -> Text:
-    names = [one_line(name, NAME) for name in (glance.title, glance.robot) if name]
+def _head(status: DriveStatus, hint: str, line: str, width: int) -> Text:
+    names = [one_line(name, MAX_NAME_WIDTH) for name in (status.title, status.robot) if name]
     room = max(1, width - len(hint) - 3)
     text = Text(' on '.join(names), style='bold')
     if text.cell_len > room:
@@ -93,72 +94,73 @@ def _head(glance: DriveStatus, hint: str, line: str, width: int) -> Text:
     return Text.assemble(text, (f' {rule} ', GREY), (hint, 'bold'))
 
 
-def _state(glance: DriveStatus, width: int) -> list[Text]:
-    word = f' {glance.state.value.upper()} '
-    words = _words(glance)
-    style = _STYLES.get(glance.state, _OTHER_STYLE)
-    if glance.state is not DriveState.CUT_SHORT:
-        return [Text.assemble((word, style), f'  {words}'), _step(glance)]
-    # The reason may be long, and there is no step to tell of.
-    parts = textwrap.wrap(words, width - len(word) - 2) or ['']
+def _state(status: DriveStatus, width: int) -> list[Text]:
+    word = f' {status.state.value.upper()} '
+    text = _state_text(status)
+    style = _STYLES.get(status.state, _OTHER_STYLE)
+    if status.state is not DriveState.CUT_SHORT:
+        return [Text.assemble((word, style), f'  {text}'), _step(status)]
+    # The reason may be long, and there is no step.
+    parts = textwrap.wrap(text, width - len(word) - 2) or ['']
     return [Text.assemble((word, style), f'  {parts[0]}'),
             Text(' ' * (len(word) + 2) + ' '.join(parts[1:]))]
 
 
-def _words(glance: DriveStatus) -> str:
-    if glance.silent_for is not None:
-        return f'no news for {glance.silent_for:.0f} s: the program is held up'
-    if glance.state is DriveState.DRIVING and glance.step is not None:
-        return f'{which(glance.step)}: {glance.step.words}'
-    if glance.state is DriveState.CUT_SHORT:
-        return one_line(glance.reason or '', 2 * MAX_COLUMNS)
-    if (glance.state is DriveState.STOPPED and glance.seen is not None
-            and glance.seen_ago < ODOMETRY_MAX_AGE):
+def _state_text(status: DriveStatus) -> str:
+    if status.silent_for is not None:
+        return f'no news for {status.silent_for:.0f} s: the program is held up'
+    if status.state is DriveState.DRIVING and status.step is not None:
+        return f'{step_label(status.step)}: {status.step.description}'
+    if status.state is DriveState.CUT_SHORT:
+        return one_line(status.reason or '', 2 * MAX_COLUMNS)
+    if (status.state is DriveState.STOPPED and status.odometry is not None
+            and status.odometry_age < ODOMETRY_MAX_AGE):
         return 'odometry sees the robot stand still'
-    return _WORDS.get(glance.state, '')
+    return _TEXTS.get(status.state, '')
 
 
-def _bar(glance: DriveStatus, signs: str, width: int) -> Text:
-    if glance.duration is None:
+def _bar(status: DriveStatus, done_sign: str, rest_sign: str, width: int) -> Text:
+    if status.duration is None:
         return Text()
     figures = (
-        f'  {100.0 * glance.fraction:3.0f} %   {format_fixed(glance.time_left, 1)} s left of '
-               f'{format_fixed(glance.duration, 1)} s')
+        f'  {100.0 * status.fraction:3.0f} %   {format_fixed(status.time_left, 1)} s left of '
+        f'{format_fixed(status.duration, 1)} s')
     room = max(1, width - len(figures))
-    done = min(room, max(0, round(glance.fraction * room)))
+    done = min(room, max(0, round(status.fraction * room)))
     # Two signs, for there may be no colours.
     return Text.assemble(
-        (signs[0] * done, f'bold {BLUE}'), (signs[1] * (room - done), GREY), figures)
+        (done_sign * done, f'bold {BLUE}'), (rest_sign * (room - done), GREY), figures)
 
 
-def _step(glance: DriveStatus) -> Text:
-    if glance.step is None:
+def _step(status: DriveStatus) -> Text:
+    if status.step is None:
         return _row('this step', ['none'])
-    left = glance.step.left
-    ways = [f'{format_fixed(glance.step.time_left, 1)} s']
-    if left.distance is not None:
-        ways.append(f'{format_fixed(left.distance, 3)} m')
-    if left.angle is not None:
-        ways.append(f'{format_fixed(math.degrees(left.angle), 1)} deg')
-    by = ' by odometry' if left.is_seen else ' by commands'
-    return _row('this step', [f'{", ".join(ways)} left{by if len(ways) > 1 else ""}'])
+    remaining = status.step.remaining
+    figures = [f'{format_fixed(status.step.time_left, 1)} s']
+    if remaining.distance is not None:
+        figures.append(f'{format_fixed(remaining.distance, 3)} m')
+    if remaining.angle is not None:
+        figures.append(f'{format_fixed(math.degrees(remaining.angle), 1)} deg')
+    source = ' by odometry' if remaining.by_odometry else ' by commands'
+    return _row('this step', [f'{", ".join(figures)} left{source if len(figures) > 1 else ""}'])
 
 
-def _commanded(glance: DriveStatus) -> Text:
-    return _row('commanded', ['nothing yet'] if glance.commanded is None else
-                _velocity(glance.commanded))
+def _commanded(status: DriveStatus) -> Text:
+    return _row('commanded', ['nothing yet'] if status.commanded is None else
+                _velocity(status.commanded))
 
 
-def _odometry(glance: DriveStatus) -> Text:
-    if glance.seen is None:
+def _odometry(status: DriveStatus) -> Text:
+    if status.odometry is None:
         return _row('odometry', ['nothing yet'])
-    return _row('odometry', [*_velocity(glance.seen), f'{format_fixed(glance.seen_ago, 1)} s ago'])
+    return _row('odometry', [
+        *_velocity(status.odometry), f'{format_fixed(status.odometry_age, 1)} s ago'])
 
 
 def _velocity(velocity: Velocity) -> list[str]:
     return [f'{format_fixed(velocity.linear_x, 3):>6} m/s',
-        f'{format_fixed(velocity.angular_z, 3):>6} rad/s']
+            f'{format_fixed(velocity.angular_z, 3):>6} rad/s']
 
 
 def _row(label: str, cells: Iterable[str]) -> Text:
-    return Text(f'{label:{LABEL}} {"   ".join(cells)}')
+    return Text(f'{label:{LABEL_WIDTH}} {"   ".join(cells)}')

@@ -12,35 +12,45 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-A few lines at the bottom of a terminal that stay while others write above them.
+The terminal of a drive: rows at its bottom that stay, and the process that draws them.
 
-The terminal is told to scroll all lines but the lowest ones.  So whoever else writes to it goes
-on writing as ever, straight to the terminal, and what he writes scrolls above the lines that
-stay.  Nothing of it passes through us, and nobody has to wait for us.  Each of these texts is to
-be written at once, for then nothing of others comes in between.
+The terminal is told to scroll all rows but the lowest ones.  What others write goes straight to
+the terminal as before, and scrolls above the rows that stay; no one has to wait.  Each of the
+texts here must be written at once, so that nothing of others comes in between.
+
+The program that drives imports this module: it must load quickly, and without rich.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+import contextlib
+import os
+import threading
+
+from kachaka_simple_control.control import processes
+from kachaka_simple_control.control.output import has_room, STDERR
+from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 
 _SAVE, _RESTORE = '\x1b7', '\x1b8'
 _HIDE, _SHOW = '\x1b[?25l', '\x1b[?25h'
 _SCROLL_ALL = '\x1b[r'
 _CLEAR_BELOW, _CLEAR_LINE = '\x1b[J', '\x1b[2K'
 
-#: Takes the lines away, whatever became of them; the cursor stays after what others wrote.
-#: Harmless where there are none.
+#: Removes the rows; the cursor stays after what others wrote.  Harmless where there are none.
 RELEASE_ROWS = f'{_SAVE}{_SCROLL_ALL}{_RESTORE}{_CLEAR_BELOW}{_SHOW}'
+
+DISPLAY_MODULE = 'kachaka_simple_control.display.display_process'
+#: How long it may take to clear the terminal [s]; there is nothing worth waiting for.
+DISPLAY_EXIT_TIMEOUT = 1.0
 
 
 def reserve_rows(rows: int, height: int) -> str:
     """
-    Return what makes room below the cursor.
+    Return the text that makes room below the cursor, and clears what is there.
 
-    :param rows: how many lines the terminal has
+    :param rows: how many rows the terminal has
     :param height: how many of them are to stay
-    :returns: the text; what is below the cursor is cleared
     """
     room = '\n' * height + f'\x1b[{height}A'
     return f'{_CLEAR_BELOW}{room}{_SAVE}\x1b[1;{rows - height}r{_RESTORE}'
@@ -48,13 +58,64 @@ def reserve_rows(rows: int, height: int) -> str:
 
 def draw_rows(rows: int, lines: Sequence[str]) -> str:
     """
-    Return what draws the lines that stay.
+    Return the text that draws the rows that stay; the cursor stays where it is.
 
-    :param rows: how many lines the terminal has
+    :param rows: how many rows the terminal has
     :param lines: the lines, none wider than the terminal
-    :returns: the text; the cursor stays where it is
     """
     first = rows - len(lines) + 1
     drawn = ''.join(
-        f'\x1b[{first + place};1H{_CLEAR_LINE}{line}' for place, line in enumerate(lines))
+        f'\x1b[{first + index};1H{_CLEAR_LINE}{line}' for index, line in enumerate(lines))
     return f'{_SAVE}{_HIDE}{drawn}{_RESTORE}{_SHOW}'
+
+
+def is_terminal(descriptor: int) -> bool:
+    """Return whether a descriptor is a terminal that can keep rows."""
+    try:
+        return os.isatty(descriptor) and os.environ.get('TERM', 'dumb') not in ('', 'dumb')
+    except OSError:
+        return False
+
+
+def should_display(is_lesson: bool) -> bool:
+    """
+    Return whether a display has anything to show.
+
+    :param is_lesson: whether the node's own log lines describe each step
+    """
+    return not is_lesson or is_terminal(STDERR)
+
+
+class DisplayProcess(SubscriberProcess):
+    """
+    The process that shows a drive; this side restores the terminal.
+
+    A display that was killed cannot do that: it is done here, at once, so that what it drew last
+    is not taken for news.  One that hangs in the end is killed; but one that waits for a terminal
+    which takes nothing, after Ctrl+S, clears it when it does.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(processes.python_command(DISPLAY_MODULE))
+        self._restoring = threading.Thread(target=self._restore, name='display', daemon=True)
+        self._restoring.start()
+
+    def close(self, timeout: float) -> int | None:
+        """
+        Close the pipe and wait for the process to exit.
+
+        :param timeout: how long to wait at most [s]
+        :returns: its exit code; None if it waits for the terminal
+        """
+        if super().close(min(timeout, DISPLAY_EXIT_TIMEOUT)) is None:
+            if not has_room(STDERR):
+                return None
+            self._process.kill()
+        code = self._process.wait()
+        self._restoring.join(DISPLAY_EXIT_TIMEOUT)
+        return code
+
+    def _restore(self) -> None:
+        if self._process.wait() != 0 and is_terminal(STDERR):
+            with contextlib.suppress(OSError):
+                os.write(STDERR, RELEASE_ROWS.encode())

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The display of a drive at a real terminal: seen, out of the way, and gone in the end."""
+"""The display of a drive at a real terminal: visible, harmless, and gone in the end."""
 
 import os
 import signal
@@ -24,9 +24,9 @@ import types
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.display import terminal
-from kachaka_simple_control.display.display_launcher import DISPLAY_MODULE
 from kachaka_simple_control.display.display_process import TerminalDisplay
 from kachaka_simple_control.display.renderers import LineRenderer, PanelRenderer, renderer_for
+from kachaka_simple_control.display.terminal import DISPLAY_MODULE
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Wait
@@ -49,7 +49,7 @@ PUBLISHER = """
 import os, sys, time
 from kachaka_simple_control.telemetry.events import EventBus
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcesses
-from kachaka_simple_control.display.display_launcher import DisplayProcess
+from kachaka_simple_control.display.terminal import DisplayProcess
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
@@ -87,20 +87,20 @@ def publisher(distance):
 
 
 def begin(shown):
-    """Let a drive begin when it can be seen."""
+    """Let a drive begin once the panel is drawn."""
     shown.look_for('WAITING')
     shown.press(b'\n')
     shown.look_for('DRIVING')
 
 
 def is_clean(screen):
-    """Tell whether a terminal is as it was before."""
+    """Return whether a terminal is as it was before."""
     return screen.cursor_is_shown and screen.bottom == screen.rows and not any(
         'Ctrl+C' in line or 'commanded' in line for line in screen.lines)
 
 
 def all_lines(text, count):
-    """Tell whether all log lines are there, whole and in order."""
+    """Return whether all log lines are there, whole and in order."""
     return [line for line in text if line.startswith('[INFO]')] == [
         f'[INFO] line {10 * number} is whole' for number in range(count)]
 
@@ -164,7 +164,7 @@ def test_when_the_display_is_killed_the_terminal_is_cleared_and_the_drive_goes_o
         assert is_clean(shown.screen)
 
 
-def test_a_display_that_hangs_holds_nobody_up():
+def test_a_display_that_hangs_delays_no_one():
     with at_terminal(publisher(1.0)) as shown:
         begin(shown)
         display = shown.display()
@@ -195,12 +195,12 @@ def test_frames_are_drawn_while_the_robot_s_thread_sleeps(monkeypatch):
     """Right after a velocity: at any other time they might slow down the next one."""
     reader, writer = os.pipe()
     sent, drawn = [0.0], []
-    screen = types.SimpleNamespace(
+    renderer = types.SimpleNamespace(
         period=0.03, close=lambda: None, on_event=lambda *_: None,
         show=lambda *_: drawn.append(time.monotonic() - sent[-1]))
     with os.fdopen(reader) as stdin:
         monkeypatch.setattr(sys, 'stdin', stdin)
-        display = threading.Thread(target=TerminalDisplay(screen, os.getppid()).run)
+        display = threading.Thread(target=TerminalDisplay(renderer, os.getppid()).run)
         display.start()
         for _ in range(25):
             sent.append(time.monotonic())
@@ -213,18 +213,18 @@ def test_frames_are_drawn_while_the_robot_s_thread_sleeps(monkeypatch):
     assert statistics.median(drawn) < 0.02
 
 
-def test_a_display_that_comes_late_tells_all_lines():
+def test_a_display_that_starts_late_writes_all_lines():
     """The drive was over before its program had started."""
-    told, velocity = [], Velocity(0.25)
+    velocity = Velocity(0.25)
     motion = Motion('there', (Forward(0.25), Wait(1.0)))
-    told.append(MotionPlanned(motion, Limits(0.25, 1.0), 10.0))
-    told += [event for tick in range(20) for event in (
+    events = [MotionPlanned(motion, Limits(0.25, 1.0), 10.0)]
+    events += [event for tick in range(20) for event in (
         VelocitySent(100.0 + tick / 10, velocity), *([MotionStarted(100.0)] if tick == 0 else []))]
-    told += [MotionEnded(102.0), SessionEnded(102.5)]
+    events += [MotionEnded(102.0), SessionEnded(102.5)]
     ended = subprocess.run(
         processes.python_command(DISPLAY_MODULE), env=processes.child_environment(),
         capture_output=True, check=True,
-        input=b''.join(packet for event in told for packet in encode(event)))
+        input=b''.join(packet for event in events for packet in encode(event)))
     assert ended.stderr.decode().splitlines() == [
         'step 1 of 2: forward 0.25 m (1 s)', 'step 2 of 2: wait 1 s (1 s)']
 
@@ -249,7 +249,7 @@ def test_where_there_is_no_panel_closing_it_does_no_harm():
     assert screen.above == ['one', 'two']
 
 
-def test_without_rich_it_says_so_once_and_tells_lines(monkeypatch):
+def test_without_rich_it_says_so_once_and_writes_lines(monkeypatch):
     leader, follower = os.openpty()
     monkeypatch.setenv('TERM', 'xterm')
     assert isinstance(renderer_for(follower), PanelRenderer)

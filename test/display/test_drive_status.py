@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a person is told of a drive while it goes on: worked out from events, told the time."""
+"""The status of a drive, its lines and its panel, from events and the time."""
 
 import io
 from itertools import pairwise
@@ -19,8 +19,8 @@ import math
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from kachaka_simple_control.display.drive_status import COARSE, DriveState, DriveTracker
-from kachaka_simple_control.display.renderers import APART, StepLogger
+from kachaka_simple_control.display.drive_status import DriveState, DriveTracker, PLAN_RATE
+from kachaka_simple_control.display.renderers import MIN_LINE_PERIOD, StepLogger
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
@@ -42,61 +42,61 @@ START = 100.0
 #: At full speed at once: 2 s forward, 1 s to the left, 1 s of rest.
 ABRUPT = Limits(0.25, 1.0)
 THREE = Motion('three', (Forward(0.5), Turn(1.0), Wait(1.0)))
-OPENED = SessionStarted('three', 'kachaka', ABRUPT, 0.3, 0.0, 'cmd_vel', 'odometry')
+STARTED = SessionStarted('three', 'kachaka', ABRUPT, 0.3, 0.0, 'cmd_vel', 'odometry')
 TIMES = st.floats(0.0, 1000.0)
 VELOCITIES = st.builds(Velocity, st.floats(-1.0, 1.0), st.floats(-2.0, 2.0))
 EVENTS = st.one_of(
-    st.just(OPENED), st.builds(MotionPlanned, st.just(THREE), st.just(ABRUPT), st.just(10.0)),
+    st.just(STARTED), st.builds(MotionPlanned, st.just(THREE), st.just(ABRUPT), st.just(10.0)),
     st.just(MotionPlanned(Motion('empty', ()), ABRUPT, 10.0)),
     st.builds(MotionStarted, TIMES), st.builds(VelocitySent, TIMES, VELOCITIES),
     st.builds(OdometryReceived, TIMES, st.builds(Pose, st.floats(-9, 9), st.floats(-9, 9)),
-    VELOCITIES),
+              VELOCITIES),
     st.builds(MotionEnded, TIMES, st.none() | st.text()), st.builds(SessionEnded, TIMES))
 
 
-def begun(motion=THREE, limits=ABRUPT, opened=OPENED):
-    """Return the progress of a motion whose first velocity was sent."""
-    progress = DriveTracker()
-    for event in (opened, MotionPlanned(motion, limits, 10.0), VelocitySent(START, Velocity(0.25)),
-                  MotionStarted(START)):
-        progress.on_event(event)
-    return progress
+def started(motion=THREE, limits=ABRUPT, session=STARTED):
+    """Return the tracker of a motion whose first velocity was sent."""
+    tracker = DriveTracker()
+    for event in (session, MotionPlanned(motion, limits, 10.0),
+                  VelocitySent(START, Velocity(0.25)), MotionStarted(START)):
+        tracker.on_event(event)
+    return tracker
 
 
 def driven(until, step=0.1, gain=1.0):
-    """Return the progress of a drive that goes as planned, with odometry at each message."""
-    progress, pose = begun(), ORIGIN
+    """Return the tracker of a drive that goes as planned, with odometry at each message."""
+    tracker, pose = started(), ORIGIN
     for tick in range(round(until / step) + 1):
         elapsed = tick * step
         velocity = Velocity(0.25) if elapsed < 2.0 - 1e-9 else (
             Velocity(0.0, 1.0) if elapsed < 3.0 - 1e-9 else ZERO)
-        progress.on_event(VelocitySent(START + elapsed, velocity))
+        tracker.on_event(VelocitySent(START + elapsed, velocity))
         pose = Pose(0.25 * gain * min(elapsed, 2.0), 0.0, max(0.0, min(elapsed - 2.0, 1.0)))
-        progress.on_event(OdometryReceived(START + elapsed, pose, velocity))
-    return progress
+        tracker.on_event(OdometryReceived(START + elapsed, pose, velocity))
+    return tracker
 
 
 @given(st.lists(EVENTS, max_size=12), TIMES)
-def test_any_events_in_any_order_are_looked_at(told, now):
-    """A display must not fail in the middle of a drive, whatever it is told."""
-    progress = DriveTracker()
-    for event in told:
-        progress.on_event(event)
-        glance = progress.status_at(now)
-        assert 0.0 <= glance.fraction <= 1.0 + 1e-9
-        assert glance.seen_ago >= 0.0
-        if glance.step is not None:
-            assert 0.0 <= glance.step.time_left <= glance.step.duration
-            assert glance.step.time_left <= glance.time_left + 1e-9
+def test_any_events_in_any_order_give_a_status(events, now):
+    """A display must not fail in the middle of a drive, whatever it receives."""
+    tracker = DriveTracker()
+    for event in events:
+        tracker.on_event(event)
+        status = tracker.status_at(now)
+        assert 0.0 <= status.fraction <= 1.0 + 1e-9
+        assert status.odometry_age >= 0.0
+        if status.step is not None:
+            assert 0.0 <= status.step.time_left <= status.step.duration
+            assert status.step.time_left <= status.time_left + 1e-9
             assert all(left is None or left >= 0.0
-                       for left in (glance.step.left.distance, glance.step.left.angle))
+                       for left in (status.step.remaining.distance, status.step.remaining.angle))
 
 
 @UNHURRIED
 @given(MOTIONS, LIMITS, st.floats(5.0, 100.0))
 def test_when_steps_are_due_does_not_depend_on_the_rate(motion, limits, rate):
     try:
-        fine, coarse = plan(motion, limits, rate), plan(motion, limits, COARSE)
+        fine, coarse = plan(motion, limits, rate), plan(motion, limits, PLAN_RATE)
     except InvalidMotionError:
         assume(False)
     assert [(one.start, one.end) for one in fine.steps] == [
@@ -112,75 +112,75 @@ def test_time_runs_off_as_planned(motion, limits, part):
         assume(False)
     assume(planned.steps)
     now = START + part * planned.duration
-    glance = begun(motion, limits).status_at(now)
+    status = started(motion, limits).status_at(now)
     elapsed = now - START
-    assert glance.time_left == pytest.approx(planned.duration - elapsed, abs=1e-9)
-    stage = planned.steps[glance.step.number - 1] if glance.step.count else None
-    if stage is not None:
-        assert stage.start - 1e-9 <= elapsed <= stage.end + 1e-9
-        assert glance.step.time_left == pytest.approx(stage.end - elapsed, abs=1e-9)
+    assert status.time_left == pytest.approx(planned.duration - elapsed, abs=1e-9)
+    step = planned.steps[status.step.number - 1] if status.step.count else None
+    if step is not None:
+        assert step.start - 1e-9 <= elapsed <= step.end + 1e-9
+        assert status.step.time_left == pytest.approx(step.end - elapsed, abs=1e-9)
 
 
-def test_each_step_is_told_with_its_number_its_words_and_what_is_left():
-    for elapsed, number, words in ((0.0, 1, 'forward 0.5 m'), (1.9, 1, 'forward 0.5 m'),
+def test_a_step_has_its_number_its_description_and_what_remains():
+    for elapsed, number, description in ((0.0, 1, 'forward 0.5 m'), (1.9, 1, 'forward 0.5 m'),
                                    (2.1, 2, 'turn 57.296 deg'), (3.5, 3, 'wait 1 s')):
         step = driven(elapsed).status_at(START + elapsed).step
-        assert (step.number, step.count, step.words) == (number, 3, words)
+        assert (step.number, step.count, step.description) == (number, 3, description)
     step = driven(0.8).status_at(START + 0.8).step
     assert step.time_left == pytest.approx(1.2)
-    assert (step.left.distance, step.left.angle) == (pytest.approx(0.3), None)
+    assert (step.remaining.distance, step.remaining.angle) == (pytest.approx(0.3), None)
     step = driven(2.4).status_at(START + 2.4).step
-    assert (step.left.distance, step.left.angle) == (None, pytest.approx(0.6))
+    assert (step.remaining.distance, step.remaining.angle) == (None, pytest.approx(0.6))
 
 
-def test_what_is_left_is_what_odometry_says_as_long_as_it_speaks():
-    """Of a robot that goes half as far as it is told."""
-    progress = driven(1.0, gain=0.5)
-    left = progress.status_at(START + 1.0).step.left
-    assert (left.distance, left.is_seen) == (pytest.approx(0.375), True)
+def test_what_remains_is_by_odometry_as_long_as_that_is_new():
+    """Of a robot that goes half as far as commanded."""
+    tracker = driven(1.0, gain=0.5)
+    remaining = tracker.status_at(START + 1.0).step.remaining
+    assert (remaining.distance, remaining.by_odometry) == (pytest.approx(0.375), True)
     for tick in range(11, 18):
-        progress.on_event(VelocitySent(START + tick / 10, Velocity(0.25)))
-    left = progress.status_at(START + 1.7).step.left
-    assert (left.distance, left.is_seen) == (pytest.approx(0.075), False)
+        tracker.on_event(VelocitySent(START + tick / 10, Velocity(0.25)))
+    remaining = tracker.status_at(START + 1.7).step.remaining
+    assert (remaining.distance, remaining.by_odometry) == (pytest.approx(0.075), False)
 
 
-def test_a_stretch_over_two_steps_is_shared_between_them():
-    progress = begun()
-    progress.on_event(OdometryReceived(START + 1.9, Pose(0.475), Velocity(0.25)))
-    progress.on_event(OdometryReceived(START + 2.1, Pose(0.5, 0.0, 0.1), Velocity(0.0, 1.0)))
-    assert progress.status_at(START + 2.1).step.left.angle == pytest.approx(0.95)
+def test_a_displacement_over_two_steps_is_shared_between_them():
+    tracker = started()
+    tracker.on_event(OdometryReceived(START + 1.9, Pose(0.475), Velocity(0.25)))
+    tracker.on_event(OdometryReceived(START + 2.1, Pose(0.5, 0.0, 0.1), Velocity(0.0, 1.0)))
+    assert tracker.status_at(START + 2.1).step.remaining.angle == pytest.approx(0.95)
 
 
 def test_states_follow_each_other():
-    progress = DriveTracker()
-    assert progress.status_at(0.0).state is DriveState.READY
-    progress.on_event(OPENED)
-    progress.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
-    assert progress.status_at(1.0).state is DriveState.WAITING
-    progress.on_event(VelocitySent(2.0, ZERO))
-    assert progress.status_at(2.05).state is DriveState.CONNECTING
-    progress.on_event(VelocitySent(2.1, Velocity(0.25)))
-    progress.on_event(MotionStarted(2.1))
-    assert progress.status_at(2.1).state is DriveState.DRIVING
-    progress.on_event(VelocitySent(6.1, ZERO))
-    progress.on_event(MotionEnded(6.1))
-    assert progress.status_at(6.15).state is DriveState.STOPPING
-    assert progress.status_at(6.3).state is DriveState.STOPPED
-    assert progress.status_at(6.3).fraction == 1.0
+    tracker = DriveTracker()
+    assert tracker.status_at(0.0).state is DriveState.READY
+    tracker.on_event(STARTED)
+    tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
+    assert tracker.status_at(1.0).state is DriveState.WAITING
+    tracker.on_event(VelocitySent(2.0, ZERO))
+    assert tracker.status_at(2.05).state is DriveState.CONNECTING
+    tracker.on_event(VelocitySent(2.1, Velocity(0.25)))
+    tracker.on_event(MotionStarted(2.1))
+    assert tracker.status_at(2.1).state is DriveState.DRIVING
+    tracker.on_event(VelocitySent(6.1, ZERO))
+    tracker.on_event(MotionEnded(6.1))
+    assert tracker.status_at(6.15).state is DriveState.STOPPING
+    assert tracker.status_at(6.3).state is DriveState.STOPPED
+    assert tracker.status_at(6.3).fraction == 1.0
 
 
 def test_a_stop_is_seen_from_its_first_zeros():
-    """Its end is told 0.4 s later; until then no step begins that never will."""
-    progress = driven(1.9)
+    """MotionEnded comes 0.4 s later; until then no step begins that never will."""
+    tracker = driven(1.9)
     for number in range(10):
-        progress.on_event(VelocitySent(START + 1.95 + 0.0001 * number, ZERO))
-    progress.on_event(VelocitySent(START + 1.99, ZERO))
-    glance = progress.status_at(START + 2.03)
-    assert glance.state is DriveState.STOPPING
-    assert glance.step.number == 1
-    assert StepLogger().update(glance, START + 2.03) == []
-    progress.on_event(MotionEnded(START + 2.35, 'stopped by SIGINT'))
-    assert progress.status_at(START + 2.5).state is DriveState.CUT_SHORT
+        tracker.on_event(VelocitySent(START + 1.95 + 0.0001 * number, ZERO))
+    tracker.on_event(VelocitySent(START + 1.99, ZERO))
+    status = tracker.status_at(START + 2.03)
+    assert status.state is DriveState.STOPPING
+    assert status.step.number == 1
+    assert StepLogger().update(status, START + 2.03) == []
+    tracker.on_event(MotionEnded(START + 2.35, 'stopped by SIGINT'))
+    assert tracker.status_at(START + 2.5).state is DriveState.CUT_SHORT
 
 
 def test_zeros_of_a_plan_are_no_stop():
@@ -188,47 +188,47 @@ def test_zeros_of_a_plan_are_no_stop():
 
 
 def test_as_long_as_odometry_sees_it_move_it_is_stopping():
-    progress = driven(1.0)
-    progress.on_event(MotionEnded(START + 1.0, 'stopped by SIGINT'))
-    assert progress.status_at(START + 1.2).state is DriveState.STOPPING
-    progress.on_event(OdometryReceived(START + 1.2, Pose(0.3), ZERO))
-    glance = progress.status_at(START + 1.2)
-    assert (glance.state, glance.reason) == (DriveState.CUT_SHORT, 'stopped by SIGINT')
-    assert glance.fraction == pytest.approx(0.25)
+    tracker = driven(1.0)
+    tracker.on_event(MotionEnded(START + 1.0, 'stopped by SIGINT'))
+    assert tracker.status_at(START + 1.2).state is DriveState.STOPPING
+    tracker.on_event(OdometryReceived(START + 1.2, Pose(0.3), ZERO))
+    status = tracker.status_at(START + 1.2)
+    assert (status.state, status.reason) == (DriveState.CUT_SHORT, 'stopped by SIGINT')
+    assert status.fraction == pytest.approx(0.25)
 
 
-def test_a_program_that_says_nothing_is_held_up():
-    progress = driven(1.0)
-    assert progress.status_at(START + 1.5).silent_for is None
-    assert progress.status_at(START + 3.0).silent_for == pytest.approx(2.0)
-    progress.on_event(MotionEnded(START + 3.0))
-    assert progress.status_at(START + 5.0).silent_for is None
+def test_a_program_that_sends_nothing_is_held_up():
+    tracker = driven(1.0)
+    assert tracker.status_at(START + 1.5).silent_for is None
+    assert tracker.status_at(START + 3.0).silent_for == pytest.approx(2.0)
+    tracker.on_event(MotionEnded(START + 3.0))
+    assert tracker.status_at(START + 5.0).silent_for is None
 
 
-def test_movements_by_call_are_counted_without_an_end():
-    """Nobody knows how many a program has in mind."""
+def test_motions_by_call_are_counted_without_a_total():
+    """How many a program will call is unknown."""
     lesson = SessionStarted('lesson', 'kachaka', ABRUPT, 0.3, 0.0, 'cmd_vel', None)
-    progress = begun(Motion('move_robot', (Move(0.1, 0.0, 1.0),)), ABRUPT, lesson)
-    assert progress.status_at(START).step.number == 1
-    progress.on_event(MotionEnded(START + 1.0))
-    progress.on_event(MotionPlanned(Motion('move_robot', (Move(0.0, 0.5, 1.0),)), ABRUPT, 10.0))
-    step = progress.status_at(START + 1.0).step
-    assert (step.number, step.count, step.words) == (2, None, 'move 0 m/s, 0.5 rad/s')
+    tracker = started(Motion('move_robot', (Move(0.1, 0.0, 1.0),)), ABRUPT, lesson)
+    assert tracker.status_at(START).step.number == 1
+    tracker.on_event(MotionEnded(START + 1.0))
+    tracker.on_event(MotionPlanned(Motion('move_robot', (Move(0.0, 0.5, 1.0),)), ABRUPT, 10.0))
+    step = tracker.status_at(START + 1.0).step
+    assert (step.number, step.count, step.description) == (2, None, 'move 0 m/s, 0.5 rad/s')
 
 
 @UNHURRIED
 @given(st.lists(st.floats(0.01, 3.0), min_size=1, max_size=20))
-def test_lines_tell_each_step_once_and_not_too_fast(durations):
-    progress = begun(Motion('three', tuple(map(Wait, durations))))
-    lines, told = StepLogger(), []
+def test_each_step_has_one_line_and_lines_are_not_too_fast(durations):
+    tracker = started(Motion('three', tuple(map(Wait, durations))))
+    logger, lines = StepLogger(), []
     for tick in range(round(sum(durations) * 20) + 1):
         now = START + tick / 20
-        told += [(now, line) for line in lines.update(progress.status_at(now), now)]
-    assert told[0][1].startswith('step 1 of ')
-    assert all(two - one >= APART - 1e-9 for (one, _), (two, _) in pairwise(told))
-    numbers = [int(line.split()[1]) for _, line in told]
+        lines += [(now, line) for line in logger.update(tracker.status_at(now), now)]
+    assert lines[0][1].startswith('step 1 of ')
+    assert all(two - one >= MIN_LINE_PERIOD - 1e-9 for (one, _), (two, _) in pairwise(lines))
+    numbers = [int(line.split()[1]) for _, line in lines]
     assert numbers == sorted(set(numbers))
-    for before, (_, line), number in zip([0, *numbers], told, numbers):
+    for before, (_, line), number in zip([0, *numbers], lines, numbers):
         passed = number - before - 1
         assert line.endswith(
             f'; {passed} {"step" if passed == 1 else "steps"} before it passed'
@@ -237,43 +237,43 @@ def test_lines_tell_each_step_once_and_not_too_fast(durations):
         assert numbers == list(range(1, len(durations) + 1))
 
 
-def test_a_line_has_what_there_is_to_know():
-    assert StepLogger().update(begun().status_at(START), START) == [
+def test_a_line_has_number_description_and_duration():
+    assert StepLogger().update(started().status_at(START), START) == [
         'step 1 of 3: forward 0.5 m (2 s)']
 
 
-def test_a_motion_that_is_driven_again_is_told_again():
-    progress, lines, told = begun(), StepLogger(), []
+def test_a_motion_that_is_driven_again_is_logged_again():
+    tracker, logger, lines = started(), StepLogger(), []
     for run in range(2):
         start = START + 10.0 * run
-        progress.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
-        told += lines.update(progress.status_at(start - 0.1), start - 0.1)
-        progress.on_event(MotionStarted(start))
-        told += lines.update(progress.status_at(start), start)
-        progress.on_event(MotionEnded(start + 4.0))
-    assert told == ['step 1 of 3: forward 0.5 m (2 s)'] * 2
+        tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
+        lines += logger.update(tracker.status_at(start - 0.1), start - 0.1)
+        tracker.on_event(MotionStarted(start))
+        lines += logger.update(tracker.status_at(start), start)
+        tracker.on_event(MotionEnded(start + 4.0))
+    assert lines == ['step 1 of 3: forward 0.5 m (2 s)'] * 2
 
 
-def test_a_robot_that_does_not_come_is_told_of_once():
-    progress, lines = DriveTracker(), StepLogger()
-    progress.on_event(OPENED)
-    progress.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
-    told = [line for tick in range(100) for line
-        in lines.update(progress.status_at(tick), float(tick))]
-    assert told == ['three: waiting for the robot']
+def test_a_robot_that_does_not_listen_is_noted_once():
+    tracker, logger = DriveTracker(), StepLogger()
+    tracker.on_event(STARTED)
+    tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
+    lines = [line for tick in range(100)
+             for line in logger.update(tracker.status_at(tick), float(tick))]
+    assert lines == ['three: waiting for the robot']
 
 
 @pytest.fixture
 def drawn():
-    """Return what draws a panel without colours."""
+    """Return a function that draws a panel without colours."""
     pytest.importorskip('rich', reason='needs rich')
     from kachaka_simple_control.display.panel import render_panel
     from rich.console import Console
 
-    def draw(glance, columns, encoding='utf-8', hint='Ctrl+C stops the robot'):
+    def draw(status, columns, encoding='utf-8', hint='Ctrl+C stops the robot'):
         file = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
         return render_panel(
-            Console(file=file, highlight=False, markup=False), columns, glance, hint)
+            Console(file=file, highlight=False, markup=False), columns, status, hint)
     return draw
 
 
@@ -289,18 +289,18 @@ def test_a_panel_has_all_figures(drawn, columns):
 
 
 @UNHURRIED
-@given(columns=st.integers(60, 250), told=st.lists(EVENTS, max_size=8), now=TIMES,
+@given(columns=st.integers(60, 250), events=st.lists(EVENTS, max_size=8), now=TIMES,
        title=st.text(max_size=80))
-def test_no_line_of_a_panel_is_wider_than_the_terminal(columns, told, now, title):
+def test_no_line_of_a_panel_is_wider_than_the_terminal(columns, events, now, title):
     pytest.importorskip('rich', reason='needs rich')
     from kachaka_simple_control.display.panel import HEIGHT, render_panel
     from rich.cells import cell_len
     from rich.console import Console
-    progress = DriveTracker()
-    for event in (SessionStarted(title, 'kachaka', ABRUPT, 0.3, 0.0, 'a', None), *told):
-        progress.on_event(event)
+    tracker = DriveTracker()
+    for event in (SessionStarted(title, 'kachaka', ABRUPT, 0.3, 0.0, 'a', None), *events):
+        tracker.on_event(event)
     console = Console(file=io.StringIO(), highlight=False, markup=False)
-    lines = render_panel(console, columns, progress.status_at(now), 'Ctrl+C stops the robot')
+    lines = render_panel(console, columns, tracker.status_at(now), 'Ctrl+C stops the robot')
     assert len(lines) == HEIGHT
     assert max(map(cell_len, lines)) < columns
     assert all(line.isprintable() for line in lines)
@@ -316,8 +316,8 @@ def test_the_bar_can_be_read_without_colours(drawn, encoding):
 
 
 def test_a_long_reason_takes_two_lines(drawn):
-    progress = driven(1.0)
+    tracker = driven(1.0)
     reason = 'the guardian stopped the robot: the node fell silent, and stayed so'
-    progress.on_event(MotionEnded(START + 1.0, reason))
-    lines = drawn(progress.status_at(START + 5.0), 60)
+    tracker.on_event(MotionEnded(START + 1.0, reason))
+    lines = drawn(tracker.status_at(START + 5.0), 60)
     assert ' '.join(' '.join(lines[1:3]).split()) == f'CUT SHORT {reason}'
