@@ -55,40 +55,41 @@ if TYPE_CHECKING:
 #: The deepest queue that can be asked for; DDS takes memory for it [messages].
 MAX_DEPTH = 100_000
 _DEPTHS = f'from 1 to {MAX_DEPTH}'
+#: How many messages may wait for the publisher thread; what comes then is dropped.
+MAX_QUEUE = 200
+#: How long the publisher thread may take to end [s].
+THREAD_EXIT_TIMEOUT = 1.0
+TOPIC = '~/commanded_velocity'
+#: How often subscribers are counted [s]: counting takes longer than all the rest here.
+VIEWER_CHECK_PERIOD = 0.2
+#: How often a diagnosis is made [s].
+DIAGNOSTICS_PERIOD = 1.0
 
 
 class NoEventCallbacks:
     """
-    In place of the events of a publisher.
+    Replaces the event callbacks of a publisher by none.
 
-    By default each has two, which cost every turn of the executor more than they are worth here:
-    whoever asks for a quality that is not offered is told so on the other side.
+    By default each publisher has two, which cost every turn of the executor more than they are
+    worth here: a subscriber that asks for an incompatible QoS is told so on its own side.
     """
 
     def create_event_handlers(self, *_: object) -> list[Any]:
-        """
-        Handle no event.
-
-        :returns: nothing
-        """
+        """Return no handlers."""
         return []
 
 
 def create_debug_publisher(
         node: Node, velocities: VelocityPublisher, kind: type, topic: str,
-        quality: QoSProfile) -> Publisher:
+        qos: QoSProfile) -> Publisher:
     """
-    Make a publisher of something that is shown.
+    Create a publisher whose QoS can be changed by the parameters that ROS has for that.
 
-    Its quality of service can be changed by the parameters that ROS has for that.
-
-    :param node: whose it is
     :param velocities: the publisher that moves the robot
     :param kind: the type of the message
     :param topic: its name, before remapping
-    :param quality: the quality of service where nobody wants another one
-    :returns: the publisher
-    :raises UsageError: if the topic is the one that moves the robot, or a quality cannot be had
+    :param qos: its default QoS
+    :raises UsageError: if the topic is the one that moves the robot, or the QoS is refused
     """
     name = node.resolve_topic_name(topic)
     if name == velocities.topic_name:
@@ -97,32 +98,31 @@ def create_debug_publisher(
             'of its own')
     publisher: Publisher = with_qos_overrides(
         lambda options: node.create_publisher(
-            kind, topic, quality, event_callbacks=NoEventCallbacks(),  # type: ignore[arg-type]
+            kind, topic, qos, event_callbacks=NoEventCallbacks(),  # type: ignore[arg-type]
             qos_overriding_options=options),
-        _refuse_to_wait)
+        _check_history)
     return publisher
 
 
 def with_qos_overrides(
-        make: Callable[[QoSOverridingOptions], Any],
+        create: Callable[[QoSOverridingOptions], Any],
         check: Callable[[QoSProfile], SetParametersResult] | None = None) -> Any:
     """
-    Make something whose quality of service parameters may change.
+    Return what a function creates, with a QoS that parameters may change.
 
-    :param make: makes it, told which of its qualities can be changed
-    :param check: refuses a quality
-    :returns: what was made
-    :raises UsageError: if a parameter asks for a quality that cannot be had
+    :param create: takes the options for overriding
+    :param check: refuses a QoS
+    :raises UsageError: if a parameter asks for a QoS that is refused
     """
-    def checked(quality: QoSProfile) -> SetParametersResult:
-        possible = _refuse_depth(quality)
-        return check(quality) if check is not None and possible.successful else possible
+    def check_all(qos: QoSProfile) -> SetParametersResult:
+        result = _check_depth(qos)
+        return check(qos) if check is not None and result.successful else result
 
     try:
         with warnings.catch_warnings():
             # For a depth of 0 rclpy takes another one, and only warns.
             warnings.simplefilter('error', UserWarning)
-            return make(QoSOverridingOptions.with_default_policies(callback=checked))
+            return create(QoSOverridingOptions.with_default_policies(callback=check_all))
     except (InvalidQosOverridesError, ParameterException, RuntimeError, TypeError,
             UserWarning) as error:
         # Of several lines only the first says what is wrong.
@@ -132,141 +132,114 @@ def with_qos_overrides(
         raise UsageError(text) from None
 
 
-def _refuse_depth(quality: QoSProfile) -> SetParametersResult:
+def _check_depth(qos: QoSProfile) -> SetParametersResult:
     # Of this DDS would print a dozen lines.
-    is_possible = 1 <= quality.depth <= MAX_DEPTH
+    is_possible = 1 <= qos.depth <= MAX_DEPTH
     return SetParametersResult(
         successful=is_possible,
-        reason='' if is_possible else f'depth is {quality.depth}; it must be {_DEPTHS}')
+        reason='' if is_possible else f'depth is {qos.depth}; it must be {_DEPTHS}')
 
 
-def _refuse_to_wait(quality: QoSProfile) -> SetParametersResult:
+def _check_history(qos: QoSProfile) -> SetParametersResult:
     # A full history makes publishing wait for readers, and the robot's thread with it.
-    if quality.history == HistoryPolicy.KEEP_ALL:
+    if qos.history == HistoryPolicy.KEEP_ALL:
         return SetParametersResult(
             successful=False, reason='history keep_all would let a slow reader hold up the drive')
     return SetParametersResult(successful=True)
 
 
-#: So many messages may wait for DDS; what comes then is left away.
-MAX_QUEUE = 200
-#: How long the thread may take to end [s].
-THREAD_EXIT_TIMEOUT = 1.0
-
-#: Makes a message, in the thread that publishes it.
-Make = Callable[[], bytes]
+#: Returns a serialised message; called in the thread that publishes it.
+Serialize = Callable[[], bytes]
 
 
 class PublisherThread:
-    """One thread for all that a node shows; it begins with the first message."""
+    """
+    One thread that publishes all debug topics of a node; it starts with the first message.
 
-    def __init__(self, is_open: Callable[[], bool]) -> None:
-        """
-        Publish nothing yet.
+    :param may_publish: whether anything may be published now
+    :param on_error: called with each message's error
+    """
 
-        :param is_open: whether anything may be published yet
-        """
-        self._is_open = is_open
-        self._waiting: SimpleQueue[tuple[Publisher, Make] | None] = SimpleQueue()
+    def __init__(
+            self, may_publish: Callable[[], bool],
+            on_error: Callable[[Publisher, Exception], None]) -> None:
+        self._may_publish, self._on_error = may_publish, on_error
+        self._queue: SimpleQueue[tuple[Publisher, Serialize] | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
         self._starting = threading.Lock()
-        #: what is told when something could not be made
-        self.on_error: Callable[[Publisher, Exception], None] = _ignore
 
-    def publish(self, publisher: Publisher, make: Make) -> None:
-        """
-        Publish something soon, in its turn; returns at once.
-
-        :param publisher: where
-        :param make: returns the message as bytes
-        """
-        if self._waiting.qsize() < MAX_QUEUE:
-            self._waiting.put((publisher, make))
+    def publish(self, publisher: Publisher, serialize: Serialize) -> None:
+        """Put a message into the queue, and return at once."""
+        if self._queue.qsize() < MAX_QUEUE:
+            self._queue.put((publisher, serialize))
         if self._thread is None:
             self._start()
 
     def close(self) -> None:
-        """Publish nothing more."""
-        self._waiting.put(None)
+        """Publish what is in the queue, and nothing more."""
+        self._queue.put(None)
         if self._thread is not None:
             self._thread.join(THREAD_EXIT_TIMEOUT)
 
     def _start(self) -> None:
         with self._starting:
             if self._thread is None:
-                self._thread = threading.Thread(target=self._serve, name='shown', daemon=True)
+                self._thread = threading.Thread(
+                    target=self._run, name='debug topics', daemon=True)
                 self._thread.start()
 
-    def _serve(self) -> None:
-        while (waiting := self._waiting.get()) is not None:
-            publisher, make = waiting
+    def _run(self) -> None:
+        while (item := self._queue.get()) is not None:
+            publisher, serialize = item
             try:
-                if self._is_open():
-                    self._publish(publisher, make)
+                if self._may_publish():
+                    self._publish(publisher, serialize)
             except Exception as error:  # whatever it is, the next message is another one
-                self.on_error(publisher, error)
+                self._on_error(publisher, error)
 
-    def _publish(self, publisher: Publisher, make: Make) -> None:
-        publisher.publish(make())
-
-
-def _ignore(publisher: Publisher, error: Exception) -> None:
-    """Tell nobody."""
-
-
-TOPIC = '~/commanded_velocity'
-#: How often to check whether anybody subscribes [s]: the check takes longer than all the rest.
-VIEWER_CHECK_PERIOD = 0.2
+    def _publish(self, publisher: Publisher, serialize: Serialize) -> None:
+        publisher.publish(serialize())
 
 
 class CommandedVelocityPublisher:
     """
-    Publishes velocities after they left, as long as somebody subscribes.
+    Publishes velocities after they were sent, as long as there are subscribers.
 
-    The thread that moves the robot does no more for it than to look whether anybody does, and to
-    put a velocity into a queue.  Best effort: for a plot the newest counts, and a reliable writer
-    has more to do for readers that are slow, gone or frozen.
+    The thread that moves the robot only counts subscribers now and then, and puts a velocity into
+    a queue.  Best effort: for a plot the newest counts, and a reliable writer has more to do for
+    readers that are slow, gone or frozen.
+
+    :param velocities: the publisher that moves the robot
+    :param frame: the frame of the robot
+    :raises UsageError: if the topic is remapped to where it would move the robot
     """
 
     def __init__(
-            self, node: Node, velocities: VelocityPublisher, aside: PublisherThread,
+            self, node: Node, velocities: VelocityPublisher, thread: PublisherThread,
             frame: str) -> None:
-        """
-        Publish nothing yet.
-
-        :param node: whose topic it is
-        :param velocities: the publisher that moves the robot
-        :param aside: publishes without holding anybody up
-        :param frame: the frame of the robot
-        :raises UsageError: if the topic is remapped to where it would move the robot
-        """
         self._publisher = create_debug_publisher(
             node, velocities, TwistStamped, TOPIC,
             QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
-        self._aside = aside
+        self._thread = thread
         self._clock = node.get_clock()
         # Made once: a message takes longer to make than to send.
         self._message = TwistStamped()
         self._message.header.frame_id = frame
-        self._is_watched = False
-        self._looked = float('-inf')
+        self._has_subscribers = False
+        self._check_time = float('-inf')
 
     def on_sent(self, event: Event) -> None:
-        """
-        Publish what was sent.
-
-        :param event: what happened; a velocity that is told of has left just now
-        """
+        """Publish the velocity of a ``VelocitySent``, which left just now."""
         if not isinstance(event, VelocitySent):
             return
-        if event.time - self._looked >= VIEWER_CHECK_PERIOD:
-            self._looked = event.time
-            self._is_watched = self._publisher.get_subscription_count() > 0
-        if self._is_watched:
-            self._aside.publish(self._publisher, partial(
-                self._packed, event.velocity, self._clock.now().nanoseconds))
+        if event.time - self._check_time >= VIEWER_CHECK_PERIOD:
+            self._check_time = event.time
+            self._has_subscribers = self._publisher.get_subscription_count() > 0
+        if self._has_subscribers:
+            self._thread.publish(self._publisher, partial(
+                self._serialize, event.velocity, self._clock.now().nanoseconds))
 
-    def _packed(self, velocity: Velocity, time: int) -> bytes:
+    def _serialize(self, velocity: Velocity, time: int) -> bytes:
         message = self._message
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(time, 1_000_000_000)
         message.twist.linear.x = velocity.linear_x
@@ -274,88 +247,67 @@ class CommandedVelocityPublisher:
         return bytes(serialize_message(message))
 
 
-#: How often a diagnosis is made [s].
-DIAGNOSTICS_PERIOD = 1.0
-
-Show = Callable[[Any], None]
+#: Takes a plan, a frame or an event.
+Handler = Callable[[Any], None]
 
 
 class IntrospectionPublishers:
     """
     The topics beside the velocities: paths, commanded velocity, diagnostics.
 
-    Whatever fails in it is told once and left away from then on; the drive goes on.
+    What fails is logged once and not published from then on; the drive goes on.
+
+    :param velocities: the publisher that moves the robot
+    :raises UsageError: if a topic is remapped to where it would move the robot
     """
 
     def __init__(self, node: Node, velocities: VelocityPublisher, profile: RobotProfile) -> None:
-        """
-        Publish nothing yet.
-
-        :param node: whose topics they are
-        :param velocities: the publisher that moves the robot
-        :param profile: the kind of robot
-        :raises UsageError: if a topic is remapped to where it would move the robot
-        """
         self._node = node
-        self._tally = TickStatistics()
-        self._lookout: StatusReader | None = None
-        self._aside = PublisherThread(lambda: self._is_open)
-        self._aside.on_error = self._could_not
+        self._statistics = TickStatistics()
+        self._status_reader: StatusReader | None = None
+        self._thread = PublisherThread(lambda: self._is_open, self._log_error)
         self._failed: set[str] = set()
-        self._plans: list[Show] = []
-        self._frames: list[Show] = []
-        self._events: dict[type, list[Show]] = {}
-        #: told everything, at any time: quick, and careful on their own
-        self._hearers: list[EventHandler] = [
-            self._safe(TOPIC,
-            CommandedVelocityPublisher(node, velocities, self._aside, profile.frame).on_sent)]
-        self._show_paths(velocities)
-        self._show_diagnostics(velocities, profile.name)
+        self._on_plan: list[Handler] = []
+        self._on_frame: list[Handler] = []
+        #: by type of event; called only while the session is open
+        self._on_event: dict[type, list[Handler]] = {}
+        #: called with all events, at any time: they return at once
+        self._always: list[EventHandler] = [self._failing_once(TOPIC, CommandedVelocityPublisher(
+            node, velocities, self._thread, profile.frame).on_sent)]
+        self._add_paths(velocities)
+        self._add_diagnostics(velocities, profile.name)
 
-    def attach(self, audience: EventBus, lookout: StatusReader) -> None:
-        """
-        Show what happens from now on.
-
-        :param audience: tells it
-        :param lookout: looks at the session with the robot
-        """
-        self._lookout = lookout
-        for hearer in (*self._hearers, self._hear):
-            audience.subscribe(hearer)
+    def attach(self, event_bus: EventBus, status_reader: StatusReader) -> None:
+        """Publish what happens from now on."""
+        self._status_reader = status_reader
+        for handler in (*self._always, self._handle):
+            event_bus.subscribe(handler)
 
     def on_plan(self, plan: Plan) -> None:
-        """
-        Show a plan that is driven next.
-
-        :param plan: the plan
-        """
-        for show in self._plans:
-            show(plan)
+        """Publish a plan that is driven next."""
+        for handler in self._on_plan:
+            handler(plan)
 
     def in_frame(self, frame: str) -> None:
-        """
-        Take note of the frame that odometry is in.
-
-        :param frame: its name
-        """
-        for show in self._frames:
-            show(frame)
+        """Use the frame that odometry is in."""
+        for handler in self._on_frame:
+            handler(frame)
 
     def close(self) -> None:
         """Publish nothing more."""
-        self._aside.close()
+        self._thread.close()
 
     @property
     def _is_open(self) -> bool:
-        return self._lookout is not None and not self._lookout.is_closed
+        return self._status_reader is not None and not self._status_reader.is_closed
 
-    def _hear(self, event: Event) -> None:
-        shows = self._events.get(type(event))
-        if shows and self._is_open:
-            for show in shows:
-                show(event)
+    def _handle(self, event: Event) -> None:
+        handlers = self._on_event.get(type(event))
+        if handlers and self._is_open:
+            for handler in handlers:
+                handler(event)
 
-    def _show_paths(self, velocities: VelocityPublisher) -> None:
+    def _add_paths(self, velocities: VelocityPublisher) -> None:
         # Imported here: a drive needs no nav_msgs, it only shows less of itself.
         try:
             from kachaka_simple_control.ros.path_topics import (
@@ -366,56 +318,57 @@ class IntrospectionPublishers:
             )
         except ImportError:
             return
-        planned = PlannedPathPublisher(self._node, velocities, self._aside)
-        driven = DrivenPathPublisher(self._node, velocities, self._aside)
-        self._plans.append(self._safe(PLANNED, planned.on_plan))
-        self._frames += [
-            self._safe(PLANNED, planned.in_frame), self._safe(DRIVEN, driven.in_frame)]
-        self._events[MotionStarted] = [self._safe(PLANNED, planned.on_motion_started)]
-        self._events[OdometryReceived] = [
-            self._safe(PLANNED, planned.on_odometry), self._safe(DRIVEN, driven.on_odometry)]
+        planned = PlannedPathPublisher(self._node, velocities, self._thread)
+        driven = DrivenPathPublisher(self._node, velocities, self._thread)
+        self._on_plan.append(self._failing_once(PLANNED, planned.on_plan))
+        self._on_frame += [self._failing_once(PLANNED, planned.in_frame),
+                           self._failing_once(DRIVEN, driven.in_frame)]
+        self._on_event[MotionStarted] = [self._failing_once(PLANNED, planned.on_motion_started)]
+        self._on_event[OdometryReceived] = [self._failing_once(PLANNED, planned.on_odometry),
+                                            self._failing_once(DRIVEN, driven.on_odometry)]
 
-    def _show_diagnostics(self, velocities: VelocityPublisher, robot: str) -> None:
+    def _add_diagnostics(self, velocities: VelocityPublisher, robot: str) -> None:
         try:
             from kachaka_simple_control.ros.diagnostics import DiagnosticsPublisher
         except ImportError:
             return
         diagnostics = DiagnosticsPublisher(
-            self._node, velocities, self._aside, robot, self._condition)
-        self._plans.append(self._tally.on_plan)
-        self._hearers.append(self._tally.on_event)
+            self._node, velocities, self._thread, robot, self._diagnose)
+        self._on_plan.append(self._statistics.on_plan)
+        self._always.append(self._statistics.on_event)
         # A timer would otherwise follow /clock, which may stand still while the robot drives.
         self._timer = self._node.create_timer(
-            DIAGNOSTICS_PERIOD, self._safe('/diagnostics', lambda _: self._diagnose(diagnostics)),
+            DIAGNOSTICS_PERIOD,
+            self._failing_once('/diagnostics', lambda _: self._publish_diagnosis(diagnostics)),
             clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _diagnose(self, diagnostics: DiagnosticsPublisher) -> None:
-        self._tally.process()
+    def _publish_diagnosis(self, diagnostics: DiagnosticsPublisher) -> None:
+        self._statistics.process()
         diagnostics.publish()
 
-    def _condition(self) -> Diagnosis | None:
-        if self._lookout is None or self._lookout.is_closed:
+    def _diagnose(self) -> Diagnosis | None:
+        if self._status_reader is None or self._status_reader.is_closed:
             return None
         now = time.monotonic()
-        return diagnose(self._tally, self._lookout.read(now), now)
+        return diagnose(self._statistics, self._status_reader.read(now), now)
 
-    def _safe(self, name: str, show: Show) -> Show:
-        """Return what shows something, but fails only once and ends nothing."""
+    def _failing_once(self, name: str, handler: Handler) -> Handler:
+        """Return a handler that logs its first error, and does nothing from then on."""
         has_failed = False
 
-        def guarded(what: Any = None) -> None:
+        def guarded(argument: Any = None) -> None:
             nonlocal has_failed
             if has_failed:
                 return
             try:
-                show(what)
+                handler(argument)
             except Exception as error:  # whatever it is, the robot comes first
                 has_failed = True
                 self._node.get_logger().warning(
                     f'{name} is shown no more: {type(error).__name__}: {error}')
         return guarded
 
-    def _could_not(self, publisher: Publisher, error: Exception) -> None:
+    def _log_error(self, publisher: Publisher, error: Exception) -> None:
         name = str(publisher.topic_name)
         if self._is_open and name not in self._failed:
             self._failed.add(name)

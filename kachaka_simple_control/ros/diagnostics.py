@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Tell ``/diagnostics`` how the drive goes."""
+"""Publish the diagnosis of a drive on ``/diagnostics``."""
 
 from __future__ import annotations
 
@@ -30,41 +30,38 @@ DEPTH = 10
 
 
 class DiagnosticsPublisher:
-    """Publishes a diagnosis whenever it is asked to, if anybody subscribes."""
+    """
+    Publishes a diagnosis on request, if there are subscribers.
+
+    :param velocities: the publisher that moves the robot
+    :param robot: name of the robot
+    :param diagnose: makes the diagnosis; None when there is none to make
+    :raises UsageError: if the topic is remapped to where it would move the robot
+    """
 
     def __init__(
-            self, node: Node, velocities: VelocityPublisher, aside: PublisherThread, robot: str,
-            condition: Callable[[], Diagnosis | None]) -> None:
-        """
-        Publish nothing yet.
-
-        :param node: whose condition it is
-        :param velocities: the publisher that moves the robot
-        :param aside: publishes without holding anybody up
-        :param robot: what people call the robot
-        :param condition: makes the diagnosis; None when there is none to make
-        :raises UsageError: if the topic is remapped to where it would move the robot
-        """
+            self, node: Node, velocities: VelocityPublisher, thread: PublisherThread, robot: str,
+            diagnose: Callable[[], Diagnosis | None]) -> None:
         self._publisher = create_debug_publisher(
             node, velocities, DiagnosticArray, TOPIC, QoSProfile(depth=DEPTH))
-        self._aside = aside
+        self._thread = thread
         self._clock = node.get_clock()
         self._name = f'{node.get_fully_qualified_name().lstrip("/")}: drive'
         self._robot = f'{robot} on {velocities.topic_name}'
-        self._condition = condition
+        self._diagnose = diagnose
 
     def publish(self) -> None:
-        """Publish how it is now."""
+        """Publish the diagnosis now."""
         if not self._publisher.get_subscription_count():
             return
-        condition = self._condition()
-        if condition is None:
+        diagnosis = self._diagnose()
+        if diagnosis is None:
             return
         message = DiagnosticArray()
         message.header.stamp = self._clock.now().to_msg()
         message.status = [DiagnosticStatus(
             # A byte is bytes in rclpy.
-            level=bytes([condition.level]), name=self._name, message=condition.message,
+            level=bytes([diagnosis.level]), name=self._name, message=diagnosis.message,
             hardware_id=self._robot,
-            values=[KeyValue(key=key, value=value) for key, value in condition.values.items()])]
-        self._aside.publish(self._publisher, lambda: bytes(serialize_message(message)))
+            values=[KeyValue(key=key, value=value) for key, value in diagnosis.values.items()])]
+        self._thread.publish(self._publisher, lambda: bytes(serialize_message(message)))

@@ -26,115 +26,85 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 PLANNED, DRIVEN = '~/planned_path', '~/driven_path'
-#: The frame of odometry where nobody tells another one.
+#: The frame of poses before odometry has named one.
 FRAME = 'odom'
 #: The driven path is not published more often than this [s].
 PERIOD = 0.5
 
 
 class PlannedPathPublisher:
-    """Publishes where the newest plan goes, before the robot moves; kept for who comes later."""
+    """
+    Publishes where the newest plan goes, before the robot moves; kept for late subscribers.
 
-    def __init__(self, node: Node, velocities: VelocityPublisher, aside: PublisherThread) -> None:
-        """
-        Publish nothing yet.
+    :param velocities: the publisher that moves the robot
+    :raises UsageError: if the topic is remapped to where it would move the robot
+    """
 
-        :param node: whose topic it is
-        :param velocities: the publisher that moves the robot
-        :param aside: publishes without holding anybody up
-        :raises UsageError: if the topic is remapped to where it would move the robot
-        """
+    def __init__(self, node: Node, velocities: VelocityPublisher, thread: PublisherThread) -> None:
         self._publisher = create_debug_publisher(
             node, velocities, Path, PLANNED,
             QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-        self._aside = aside
+        self._thread = thread
         self._clock = node.get_clock()
-        self._bytes = PathSerializer(FRAME)
+        self._serializer = PathSerializer(FRAME)
         self._pose: Pose | None = None
-        #: what was published for a robot of which nobody knew yet where it is
-        self._placeless: Plan | None = None
+        #: published from the origin, because the robot's pose was unknown
+        self._plan_from_origin: Plan | None = None
 
     def in_frame(self, frame: str) -> None:
-        """
-        Take note of the frame of odometry.
-
-        :param frame: its name
-        """
-        self._bytes = PathSerializer(frame)
+        """Use the frame of odometry."""
+        self._serializer = PathSerializer(frame)
 
     def on_plan(self, plan: Plan) -> None:
-        """
-        Publish where a plan goes.
-
-        :param plan: what is driven next
-        """
-        self._placeless = plan if self._pose is None else None
+        """Publish where a plan that is driven next goes."""
+        self._plan_from_origin = plan if self._pose is None else None
         self._publish(plan, self._pose or ORIGIN)
 
-    def on_motion_started(self, began: MotionStarted) -> None:
-        """
-        Leave the plan as it was published: the robot moves.
+    def on_motion_started(self, event: MotionStarted) -> None:
+        """Leave the plan as it was published: the robot moves."""
+        del event
+        self._plan_from_origin = None
 
-        :param began: when
-        """
-        del began
-        self._placeless = None
-
-    def on_odometry(self, answered: OdometryReceived) -> None:
-        """
-        Take note of where the robot is.
-
-        :param answered: where
-        """
-        self._pose = answered.pose
-        plan, self._placeless = self._placeless, None
+    def on_odometry(self, event: OdometryReceived) -> None:
+        """Publish the plan anew from the robot's pose, if it was published from the origin."""
+        self._pose = event.pose
+        plan, self._plan_from_origin = self._plan_from_origin, None
         if plan is not None:
-            self._publish(plan, answered.pose)
+            self._publish(plan, event.pose)
 
     def _publish(self, plan: Plan, start: Pose) -> None:
-        poses = [self._bytes.pose(pose) for pose in sample_path(plan, start)]
-        path = self._bytes.path(poses, self._clock.now().nanoseconds)
-        self._aside.publish(self._publisher, lambda: path)
+        poses = [self._serializer.pose(pose) for pose in sample_path(plan, start)]
+        path = self._serializer.path(poses, self._clock.now().nanoseconds)
+        self._thread.publish(self._publisher, lambda: path)
 
 
 class DrivenPathPublisher:
-    """Publishes where odometry saw the robot, from its first pose on, to whoever subscribes."""
+    """
+    Publishes where odometry saw the robot, from its first pose on, if there are subscribers.
 
-    def __init__(self, node: Node, velocities: VelocityPublisher, aside: PublisherThread) -> None:
-        """
-        Publish nothing yet.
+    :param velocities: the publisher that moves the robot
+    :raises UsageError: if the topic is remapped to where it would move the robot
+    """
 
-        :param node: whose topic it is
-        :param velocities: the publisher that moves the robot
-        :param aside: publishes without holding anybody up
-        :raises UsageError: if the topic is remapped to where it would move the robot
-        """
+    def __init__(self, node: Node, velocities: VelocityPublisher, thread: PublisherThread) -> None:
         self._publisher = create_debug_publisher(
             node, velocities, Path, DRIVEN, QoSProfile(depth=1))
-        self._aside = aside
+        self._thread = thread
         self._clock = node.get_clock()
-        self._published = float('-inf')
+        self._publish_time = float('-inf')
         self.in_frame(FRAME)
 
     def in_frame(self, frame: str) -> None:
-        """
-        Begin anew in another frame.
+        """Begin anew in the frame of odometry."""
+        self._serializer = PathSerializer(frame)
+        self._history = PoseHistory(
+            MAX_POSES, lambda pose: self._serializer.pose(pose, self._clock.now().nanoseconds))
 
-        :param frame: the frame of odometry
-        """
-        self._bytes = PathSerializer(frame)
-        self._trail = PoseHistory(
-            MAX_POSES, lambda pose: self._bytes.pose(pose, self._clock.now().nanoseconds))
-
-    def on_odometry(self, answered: OdometryReceived) -> None:
-        """
-        Take note of where the robot is, and publish where it was when it is time to.
-
-        :param answered: where
-        """
-        self._trail.add(answered.pose)
-        if (answered.time - self._published >= PERIOD
+    def on_odometry(self, event: OdometryReceived) -> None:
+        """Add a pose, and publish the path if that is due."""
+        self._history.add(event.pose)
+        if (event.time - self._publish_time >= PERIOD
                 and self._publisher.get_subscription_count()):
-            self._published = answered.time
-            path = self._bytes.path(self._trail.kept, self._clock.now().nanoseconds)
-            self._aside.publish(self._publisher, lambda: path)
+            self._publish_time = event.time
+            path = self._serializer.path(self._history.kept, self._clock.now().nanoseconds)
+            self._thread.publish(self._publisher, lambda: path)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a node shows of itself, over real topics, and that none of it gets in the way."""
+"""Debug topics of a node, over real DDS, and that none of them delays a drive."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from topic_observer import figures, ODOMETRY, places, SHOWN, VELOCITY  # noqa: E
 
 
 def drive(node, *arguments):
-    """Start a movement in another thread, and return that."""
+    """Start a drive in another thread, and return that."""
     thread = threading.Thread(target=node.move_robot, args=arguments)
     thread.start()
     return thread
@@ -59,7 +59,7 @@ def test_the_plan_is_shown_before_the_robot_moves_from_where_it_is(listener, wat
     assert places(late[-1]) == places(planned[-1])
 
 
-def test_a_robot_that_does_not_say_where_it_is_is_planned_from_the_origin(
+def test_without_odometry_the_path_is_planned_from_the_origin(
         listener, watcher, make):
     node = make()
     planned = watcher.planned()
@@ -85,7 +85,7 @@ def test_each_velocity_is_shown_with_its_time(listener, watcher, make):
     assert stamps == pytest.approx(sent, abs=0.05)
 
 
-def test_the_way_driven_is_shown_as_odometry_tells_it(listener, watcher, make):
+def test_the_driven_path_follows_odometry(listener, watcher, make):
     pose = watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make()
     seen = watcher.driven()
@@ -112,17 +112,17 @@ def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, 
     driving = next(one for one in seen if figures(one)['state'] == 'driving')
     assert driving.status[0].name == 'kachaka_simple_control: drive'
     assert driving.status[0].hardware_id == f'kachaka on {VELOCITY}'
-    told = figures(driving)
-    assert list(told) == [
+    values = figures(driving)
+    assert list(values) == [
         'state', 'motion', 'step', 'late ticks', 'skipped ticks', 'listeners',
         'other publishers', 'guardian', 'odometry age', 'manual control']
-    assert told['motion'] == 'move_robot'
-    assert told['step'] == '1 of 1'
-    assert told['listeners'] == '1'
-    assert told['other publishers'] == 'none'
-    assert told['guardian'] == 'matched'
-    assert told['odometry age'] == 'never heard'
-    assert told['manual control'].startswith('asked for')
+    assert values['motion'] == 'move_robot'
+    assert values['step'] == '1 of 1'
+    assert values['listeners'] == '1'
+    assert values['other publishers'] == 'none'
+    assert values['guardian'] == 'matched'
+    assert values['odometry age'] == 'never heard'
+    assert values['manual control'].startswith('asked for')
     thread.join()
     assert wait_until(lambda: figures(seen[-1])['state'] == 'at rest')
     assert [move.count for move in listener.moves()] == [25]
@@ -151,7 +151,7 @@ def stop_soon(node, listener):
     threading.Thread(target=stop).start()
 
 
-def test_what_fails_to_show_is_told_once_and_ends_nothing(listener, watcher, make, monkeypatch):
+def test_a_topic_that_fails_is_logged_once_and_ends_nothing(listener, watcher, make, monkeypatch):
     from kachaka_simple_control.ros import debug_topics, path_topics, session_status
 
     def fail(*what):
@@ -162,26 +162,26 @@ def test_what_fails_to_show_is_told_once_and_ends_nothing(listener, watcher, mak
     monkeypatch.setattr(session_status.StatusReader, 'read', fail)
     watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make()
-    told = []
-    monkeypatch.setattr(node.get_logger().__class__, 'warning', lambda self, text: told.append(
-        text))
+    warnings = []
+    monkeypatch.setattr(
+        node.get_logger().__class__, 'warning', lambda self, text: warnings.append(text))
     watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()
     node.move_robot(0.1, 0.0, 1.5)
     assert [move.count for move in listener.moves()] == [15]
-    shown = [text for text in told if 'cannot show' in text]
-    # Once each, and the planned path by its plan and by its place.
+    shown = [text for text in warnings if 'cannot show' in text]
+    # Once each, and the planned path by its plan and by its pose.
     assert len(shown) == 5
     assert {text.split()[0] for text in shown} == set(SHOWN)
 
 
-def test_dds_that_takes_its_time_for_what_is_shown_holds_nobody_up(
+def test_slow_dds_of_debug_topics_delays_no_velocity(
         listener, watcher, make, monkeypatch):
     """As it was seen to, for a third of a second, while somebody joins the graph."""
     watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make(rate=20.0)
-    aside, sent = node._introspection._aside, []
+    thread, sent = node._introspection._thread, []
     monkeypatch.setattr(
-        aside, '_publish', lambda *what: sent.append(what) or time.sleep(0.4))
+        thread, '_publish', lambda *what: sent.append(what) or time.sleep(0.4))
     watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()
     node.move_robot(0.1, 0.0, 2.0)
     assert sent
@@ -197,19 +197,20 @@ def test_dds_that_takes_its_time_for_what_is_shown_holds_nobody_up(
     assert len(sent) == count
 
 
-def test_what_cannot_be_shown_in_time_is_left_away(make):
+def test_messages_beyond_the_queue_are_dropped(make):
     node = make()
-    aside, made = node._introspection._aside, []
-    aside._publish = lambda publisher, make: (time.sleep(0.05), made.append(make()))
+    thread, made = node._introspection._thread, []
+    thread._publish = lambda publisher, serialize: (
+        time.sleep(0.05), made.append(serialize()))
     began = time.monotonic()
     for number in range(1000):
-        aside.publish(None, lambda number=number: number)
+        thread.publish(None, lambda number=number: number)
     assert time.monotonic() - began < 0.5
-    assert wait_until(aside._waiting.empty)
+    assert wait_until(thread._queue.empty)
     assert len(made) <= 220
 
 
-def test_nothing_is_shown_after_the_node_was_closed(listener, watcher, make):
+def test_nothing_is_published_after_the_session_was_closed(listener, watcher, make):
     watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make()
     seen = [watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()]
