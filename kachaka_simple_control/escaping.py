@@ -11,34 +11,31 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Text that comes from outside, as it can be printed: in one line, not too long, harmless."""
+"""Text from outside, made safe to print: in one line, not too long, without control characters."""
 
 from __future__ import annotations
 
 
-def escaped(text: object, most: int = 200) -> str:
+def escaped(text: object, max_length: int = 200) -> str:
     r"""
-    Return a text so that it stands in one line and does nothing to a terminal.
+    Return a text in one line that does nothing to a terminal.
 
-    Line breaks, escape sequences and other characters that cannot be seen are written as Python
-    writes them: ``\n``, ``\x1b``.
+    Line breaks, escape sequences and other characters that cannot be printed are written as
+    Python writes them: ``\n``, ``\x1b``.
 
     :param text: the text, of any length
-    :param most: how many characters there are for it
-    :returns: what to print of it, with three dots where it was longer
+    :param max_length: of the result [characters]; a longer text ends with three dots
     """
     line = ''.join(
         sign if sign.isprintable() else sign.encode('unicode_escape').decode('ascii')
-        for sign in str(text)[:most + 1])
-    return line if len(line) <= most else line[:most - 3] + '...'
+        for sign in str(text)[:max_length + 1])
+    return line if len(line) <= max_length else line[:max_length - 3] + '...'
 
 
-def quoted(text: str, most: int = 40) -> str:
+def quoted(text: str, max_length: int = 40) -> str:
     """
-    Return a text in quotes, in one line and not too long.
+    Return a text in quotes, as Python writes it.
 
-    :param text: the text
-    :param most: how many of its characters are shown
-    :returns: what to print of it
+    :param max_length: how many of its characters are shown; a longer text ends with three dots
     """
-    return repr(text if len(text) <= most else text[:most - 3] + '...')
+    return repr(text if len(text) <= max_length else text[:max_length - 3] + '...')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A parser of command lines whose errors are one line."""
+"""The argument parser of all commands; apart from them, so that each imports only its own."""
 
 from __future__ import annotations
 
@@ -23,12 +23,8 @@ from kachaka_simple_control.exit_codes import BAD_USAGE
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """A parser whose errors are one line, whatever was typed."""
+    """A parser whose error messages are one line, whatever was typed."""
 
     def error(self, message: str) -> NoReturn:
-        """
-        End the program with exit code 2.
-
-        :param message: what is wrong
-        """
+        """Print a message and exit with code 2."""
         self.exit(BAD_USAGE, f'{self.prog}: {escaped(message, 300)}\n')

@@ -26,7 +26,7 @@ import pytest
     ('\udcff', r'\udcff'),
     ('', ''),
 ])
-def test_what_cannot_be_seen_is_written_out(text, shown):
+def test_what_cannot_be_printed_is_escaped(text, shown):
     assert escaped(text) == shown
 
 
@@ -37,7 +37,7 @@ def test_it_is_no_longer_than_asked_for():
     assert quoted('a' * 100_000, 60) == repr('a' * 57 + '...')
 
 
-def test_errors_of_a_robot_are_told_so():
+def test_errors_of_a_robot_are_escaped():
     texts = ErrorTexts(r'[{"code": 7, "title_en": "\u001b[2J' + 'a' * 1000 + '"}]')
     described = texts.describe(7)
     assert described.startswith(r'error 7 (\x1b[2Jaaa')

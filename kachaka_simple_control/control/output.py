@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Output that nobody reads holds nobody up: what finds no room is left out.
+Standard output and standard error that never block: what finds no room is dropped.
 
-A full pipe, or a terminal after Ctrl+S, makes whoever writes to it wait for ever.  ROS's logger
-writes in C and keeps Python's interpreter lock meanwhile, so that no thread runs, not even one
-that stops a robot.
+A full pipe, or a terminal after Ctrl+S, blocks each write to it for ever.  ROS's logger writes
+in C and keeps Python's interpreter lock meanwhile, so that no thread runs, not even one that
+stops a robot.
 """
 
 from __future__ import annotations
@@ -41,58 +41,53 @@ FLUSH_TIMEOUT = 1.0
 
 def make_nonblocking(*descriptors: int) -> None:
     """
-    See to it that no write to some outputs waits for its reader.
+    Make outputs non-blocking for this process, and Python's streams drop what finds no room.
 
-    Where it can be, the output is opened anew, for the flag that says so belongs to all that share
-    an opened file: a shell would go on with it.  Elsewhere (a socket, the terminal of another
-    user) the flag is set as long as this program runs.  Files are left as they are.
+    Where possible the output is opened anew, for ``O_NONBLOCK`` belongs to all processes that
+    share an open file: a shell would keep it.  Elsewhere (a socket, the terminal of another user)
+    the flag is set until this program exits.  Regular files are left as they are.
 
     :param descriptors: 1, 2 or both
     """
-    for descriptor in filter(_may_wait, descriptors):
-        _unblock(descriptor)
+    for descriptor in filter(_may_block, descriptors):
+        _set_nonblocking(descriptor)
     # Standard error may share the flag with standard output, and either may have been inherited.
-    for descriptor in filter(_never_waits, STREAMS):
-        _replace(descriptor)
+    for descriptor in filter(_is_nonblocking, STREAMS):
+        _replace_stream(descriptor)
 
 
 def make_log_nonblocking() -> None:
-    """See to it that ROS's logger never waits for its reader."""
+    """Make the output of ROS's logger non-blocking."""
     to_stdout = os.environ.get('RCUTILS_LOGGING_USE_STDOUT') == '1'
     make_nonblocking(*[STDOUT, STDERR] if to_stdout else [STDERR])
 
 
 def make_blocking(descriptor: int) -> None:
-    """
-    Let this process alone wait for the reader of an output that it has inherited.
-
-    :param descriptor: the output
-    """
-    if _never_waits(descriptor):
+    """Make an inherited output blocking, for this process alone."""
+    if _is_nonblocking(descriptor):
         with contextlib.suppress(OSError):
             _reopen(descriptor, 0)
 
 
 def discard_unread() -> None:
-    """Leave out what standard output does not take, for Python would wait for that in its end."""
-    if not _may_wait(STDOUT):
+    """Drop what standard output does not take; Python would wait for that when it exits."""
+    if not _may_block(STDOUT):
         return
-    held_back = sys.stdout
+    stdout = sys.stdout
     make_nonblocking(STDOUT)
     end = time.monotonic() + FLUSH_TIMEOUT
     with contextlib.suppress(OSError, ValueError, AttributeError):
-        while not _is_flushed(held_back):
+        while not _is_flushed(stdout):
             if not has_room(STDOUT, max(0.0, end - time.monotonic())):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), STDOUT)
 
 
 def has_room(descriptor: int, timeout: float = 0.0) -> bool:
     """
-    Wait until an output takes something.
+    Wait until an output can be written to.
 
-    :param descriptor: the output
-    :param timeout: how long [s]
-    :returns: whether it does, or has nobody left to read it, which a write tells at once
+    :param timeout: how long to wait [s]
+    :returns: whether it can; True as well if it has no reader left, which a write finds at once
     """
     poll = select.poll()
     poll.register(descriptor, select.POLLOUT)
@@ -101,21 +96,17 @@ def has_room(descriptor: int, timeout: float = 0.0) -> bool:
 
 class NonblockingStream(io.RawIOBase):
     """
-    The bytes of a stream on a descriptor that never waits: what finds no room in time is dropped.
+    A raw stream on a non-blocking descriptor: what finds no room in time is dropped.
 
-    It waits once: until there was room again, whatever follows is dropped at once.  A reader that
+    It waits once: until there is room again, all further data is dropped at once.  A reader that
     is gone is no error either.
+
+    :param descriptor: where to write; it stays open
     """
 
     mode = 'wb'
 
     def __init__(self, descriptor: int, name: str) -> None:
-        """
-        Have written nothing.
-
-        :param descriptor: where to write; it stays open
-        :param name: what the stream is called
-        """
         self._descriptor = descriptor
         self._is_stuck = False
         self.name = name
@@ -129,15 +120,14 @@ class NonblockingStream(io.RawIOBase):
         return os.isatty(self._descriptor)
 
     def writable(self) -> bool:
-        """Return that it can be written to."""
+        """Return True."""
         return True
 
     def write(self, data: Any, /) -> int:
         """
-        Write all there is room for, and drop the rest.
+        Write what there is room for, and drop the rest.
 
-        :param data: the bytes
-        :returns: how many those are
+        :returns: the length of all data [bytes]
         """
         rest = memoryview(data).cast('B')
         count = len(rest)
@@ -159,7 +149,7 @@ def _write(descriptor: int, data: memoryview) -> int:
         return os.write(descriptor, data)
     except BlockingIOError:
         return 0
-    except OSError:  # nobody is left to read it
+    except OSError:  # no reader is left
         return len(data)
 
 
@@ -171,28 +161,28 @@ def _is_flushed(stream: TextIO) -> bool:
     return True
 
 
-def _may_wait(descriptor: int) -> bool:
+def _may_block(descriptor: int) -> bool:
     try:
         mode = os.fstat(descriptor).st_mode
-        waits = stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode) or os.isatty(descriptor)
-        return waits and os.get_blocking(descriptor)
+        can_be_full = stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode) or os.isatty(descriptor)
+        return can_be_full and os.get_blocking(descriptor)
     except OSError:  # closed
         return False
 
 
-def _never_waits(descriptor: int) -> bool:
+def _is_nonblocking(descriptor: int) -> bool:
     try:
         return not os.get_blocking(descriptor)
-    except OSError:
+    except OSError:  # closed
         return False
 
 
-def _unblock(descriptor: int) -> None:
+def _set_nonblocking(descriptor: int) -> None:
     try:
         _reopen(descriptor, os.O_NONBLOCK)
     except OSError:
         os.set_blocking(descriptor, False)
-        atexit.register(_restore, descriptor)
+        atexit.register(_restore_blocking, descriptor)
 
 
 def _reopen(descriptor: int, flags: int) -> None:
@@ -202,7 +192,7 @@ def _reopen(descriptor: int, flags: int) -> None:
     os.close(opened)
 
 
-def _restore(descriptor: int) -> None:
+def _restore_blocking(descriptor: int) -> None:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError, AttributeError):
             stream.flush()
@@ -210,8 +200,8 @@ def _restore(descriptor: int) -> None:
         os.set_blocking(descriptor, True)
 
 
-def _replace(descriptor: int) -> None:
-    """Put a stream that never waits in place of Python's own, which would raise an error."""
+def _replace_stream(descriptor: int) -> None:
+    """Replace Python's own stream, which would raise BlockingIOError, by a non-blocking one."""
     name = STREAMS[descriptor]
     original: TextIO | None = getattr(sys, f'__{name}__')
     if not isinstance(original, io.TextIOWrapper) or isinstance(
@@ -222,8 +212,8 @@ def _replace(descriptor: int) -> None:
             return
     with contextlib.suppress(OSError, ValueError):
         original.flush()
-    # Directly, without a buffer between: the lock of one, held by a thread that waits for room
-    # when Python ends, would abort it.
+    # Without a buffer between: the lock of one, held by a thread that waits for room when Python
+    # exits, would abort the interpreter.
     stream = io.TextIOWrapper(
         NonblockingStream(descriptor, original.name),
         encoding=original.encoding, errors=original.errors,
@@ -235,23 +225,19 @@ def _replace(descriptor: int) -> None:
 
 @contextlib.contextmanager
 def print_only_on_success() -> Iterator[None]:
-    """
-    Print what comes out of ROS's C code only if all goes well; one line tells the rest.
-
-    :returns: a context manager
-    """
+    """Hold back what ROS's C code prints to standard error; drop it if the block raises."""
     sys.stderr.flush()
     try:
-        terminal = os.dup(2)
+        terminal = os.dup(STDERR)
     except OSError:  # it is closed
         yield
         return
     with os.fdopen(os.memfd_create('stderr'), 'w+b', buffering=0) as printed:
-        os.dup2(printed.fileno(), 2)
+        os.dup2(printed.fileno(), STDERR)
         try:
             yield
             printed.seek(0)
             os.write(terminal, printed.read())
         finally:
-            os.dup2(terminal, 2)
+            os.dup2(terminal, STDERR)
             os.close(terminal)

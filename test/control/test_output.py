@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Output that nobody reads: it holds neither the robot's stop up, nor the program's end."""
+"""Output without a reader delays neither the robot's stop nor the program's exit."""
 
 import contextlib
 import os
@@ -36,7 +36,7 @@ from kachaka_simple_control.control.output import make_nonblocking
 
 
 class Piped:
-    """A program whose output goes to a pipe that somebody holds and may not read."""
+    """A program whose output goes to a pipe that the test may leave unread."""
 
     def __init__(self, command, full=('stdout', 'stderr'), log=None):
         """Start it; what does not go to the pipe goes to a file."""
@@ -106,7 +106,7 @@ def run(text, **options):
     return subprocess.run(code(text), env=environment(), timeout=20.0, check=True, **options)
 
 
-def test_text_for_nobody_is_dropped_after_one_wait():
+def test_unread_text_is_dropped_after_one_wait():
     begun = time.monotonic()
     with piped(code("""
 make_nonblocking(1, 2)
@@ -119,7 +119,7 @@ sys.exit(7)
     assert time.monotonic() - begun < 2 * FLUSH_TIMEOUT + 2.0
 
 
-def test_a_reader_who_is_slow_gets_all():
+def test_a_slow_reader_gets_all():
     with piped(code("""
 make_nonblocking(1, 2)
 for line in range(5000):
@@ -131,8 +131,8 @@ for line in range(5000):
     assert sorted(lines) == sorted(2 * [f'{line:09}' for line in range(5000)])
 
 
-def test_the_terminal_or_pipe_of_a_shell_goes_on_waiting():
-    """The flag belongs to all that share an opened file."""
+def test_the_terminal_or_pipe_of_a_shell_stays_blocking():
+    """The flag belongs to all that share an open file."""
     leader, follower = pty.openpty()
     reader, writer = os.pipe()
     for shared in (follower, writer):
@@ -146,8 +146,8 @@ assert os.get_blocking(0)
         os.close(descriptor)
 
 
-def test_a_socket_waits_again_in_the_end():
-    """It cannot be opened anew, so that whoever shares it does not wait meanwhile."""
+def test_a_socket_is_blocking_again_in_the_end():
+    """It cannot be opened anew, so that it is non-blocking for all that share it meanwhile."""
     ours, theirs = socket.socketpair()
     with ours, theirs:
         run("""
@@ -174,11 +174,11 @@ print('after')
 
 
 @pytest.mark.parametrize('how', ['os.close(1); os.close(2)', 'sys.stdout = sys.stderr = None'])
-def test_a_program_without_output_has_nothing_to_wait_for(how):
+def test_closed_outputs_are_no_error(how):
     run(f'{how}\nmake_nonblocking(1, 2)\n')
 
 
-def test_a_reader_who_is_gone_is_no_error():
+def test_a_reader_that_is_gone_is_no_error():
     reader, writer = os.pipe()
     os.close(reader)
     run("""
@@ -189,7 +189,7 @@ print('nor this', file=sys.stderr)
     os.close(writer)
 
 
-def test_a_stopped_terminal_holds_nobody_up():
+def test_a_stopped_terminal_delays_no_exit():
     with at_terminal([sys.executable, '-c', """
 import sys
 from kachaka_simple_control.control.output import make_nonblocking
@@ -204,7 +204,7 @@ print('y', file=sys.stderr)
         assert shown.process.wait(10.0) == 0
 
 
-def test_a_stream_that_somebody_put_in_place_stays():
+def test_a_stream_that_was_replaced_before_stays():
     run("""
 import io
 mine = sys.stderr = io.StringIO()
@@ -215,8 +215,8 @@ assert mine.getvalue() == 'x\\n'
 """, stderr=subprocess.PIPE)
 
 
-def test_a_display_draws_whole_frames_all_the_same():
-    """It has a process of its own, which may wait."""
+def test_a_display_can_make_its_output_blocking_again():
+    """It has a process of its own, which may wait for room to draw whole frames."""
     run("""
 from kachaka_simple_control.control.output import make_blocking
 make_nonblocking(2)
@@ -237,8 +237,8 @@ node = KachakaSimpleControl()
 SOON = 8.0
 
 
-def assert_stopped_and_given_back(listener, since):
-    """Assert that the whole stop was sent, and the robot given back."""
+def assert_stopped_and_released(listener, since):
+    """Assert that the whole stop was sent, and manual control released."""
     zeros = [heard.time for heard in listener.heard if not heard.moves and heard.time > since]
     assert len(zeros) >= 15
     assert zeros[-1] - zeros[0] > 0.35
@@ -247,14 +247,14 @@ def assert_stopped_and_given_back(listener, since):
 
 
 def moving(listener):
-    """Return when it moves: the time [s, system clock]."""
+    """Wait until the robot moves; return the time [s, system clock]."""
     listener.wait_for(lambda heard: heard.moves)
     time.sleep(0.2)
     return time.time()
 
 
 @needs_ros
-def test_ros_s_logger_does_not_hold_python_up(tmp_path):
+def test_ros_s_logger_does_not_block_python(tmp_path):
     """It writes in C, and keeps the interpreter's lock meanwhile."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
     with piped([sys.executable, '-c', SCRIPT + """
@@ -280,7 +280,7 @@ print('gap', max(two - one for one, two in zip(beats, beats[1:])), flush=True)
 
 @needs_ros
 @pytest.mark.parametrize('signum, code', [(None, 0), (signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_the_command_stops_the_robot_and_ends_though_nobody_reads(listener, signum, code):
+def test_the_command_stops_the_robot_and_exits_without_a_reader(listener, signum, code):
     with piped(COMMAND) as started:
         moved = moving(listener)
         started.fill()
@@ -291,13 +291,13 @@ def test_the_command_stops_the_robot_and_ends_though_nobody_reads(listener, sign
         else:
             started.process.send_signal(signum)
         assert started.end(SOON) == code
-    assert_stopped_and_given_back(listener, moved)
+    assert_stopped_and_released(listener, moved)
 
 
 @needs_ros
 @pytest.mark.parametrize('full', [('stderr',), ('stdout', 'stderr')])
-def test_the_result_and_the_last_line_hold_nobody_up(full, tmp_path):
-    """The robot is brought along, so that a table follows; and a fault, so that a line does."""
+def test_the_result_and_the_last_line_delay_no_exit(full, tmp_path):
+    """With --sim a table follows; without a robot, an error line."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     pytest.importorskip('jsonschema', reason='needs jsonschema')
@@ -315,7 +315,7 @@ def test_the_result_and_the_last_line_hold_nobody_up(full, tmp_path):
 
 
 @needs_ros
-def test_a_bridge_whose_log_nobody_reads_goes_on():
+def test_a_bridge_whose_log_is_unread_goes_on():
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     bridge = [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command', '--sim']
@@ -330,7 +330,7 @@ def test_a_bridge_whose_log_nobody_reads_goes_on():
 
 
 @needs_ros
-def test_a_result_is_printed_whole_to_one_who_reads_later():
+def test_a_result_is_printed_whole_to_a_late_reader():
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     pytest.importorskip('jsonschema', reason='needs jsonschema')
@@ -344,7 +344,7 @@ def test_a_result_is_printed_whole_to_one_who_reads_later():
 
 @needs_ros
 @pytest.mark.parametrize('signum, code', [(None, 0), (signal.SIGINT, 130)])
-def test_a_script_whose_log_nobody_reads_is_as_safe(listener, signum, code):
+def test_a_script_whose_log_is_unread_is_as_safe(listener, signum, code):
     with piped([sys.executable, '-c', SCRIPT + """
 node.move_robot(0.1, 0.0, 2.0)
 node.destroy_node()
@@ -354,7 +354,7 @@ node.destroy_node()
         if signum is not None:
             started.process.send_signal(signum)
         assert started.end(SOON) == code
-    assert_stopped_and_given_back(listener, moved)
+    assert_stopped_and_released(listener, moved)
 
 
 @needs_ros
@@ -362,7 +362,7 @@ node.destroy_node()
     # In the middle of a print, and with some text left for Python to print in the end.
     'while True:\n    print("x" * 99)',
     'time.sleep(2.0)\nfor line in range(40):\n    print("x" * 99)\ntime.sleep(30.0)'])
-def test_a_print_that_waits_for_its_reader_does_not_hold_up_ctrl_c(listener, text):
+def test_a_print_that_waits_for_its_reader_does_not_delay_ctrl_c(listener, text):
     with piped([sys.executable, '-c', SCRIPT + f"""
 threading.Thread(target=node.move_robot, args=(0.1, 0.0, 30.0), daemon=True).start()
 {text}
@@ -372,7 +372,7 @@ threading.Thread(target=node.move_robot, args=(0.1, 0.0, 30.0), daemon=True).sta
         time.sleep(3.0)
         started.process.send_signal(signal.SIGINT)
         assert started.end(SOON) == 130
-    assert_stopped_and_given_back(listener, moved)
+    assert_stopped_and_released(listener, moved)
 
 
 @needs_ros
@@ -386,7 +386,7 @@ def test_after_ctrl_s_a_drive_ends_and_leaves_the_terminal_clean(listener):
         told = time.time()
         shown.process.send_signal(signal.SIGINT)
         assert shown.process.wait(SOON) == 130
-        assert_stopped_and_given_back(listener, told)
+        assert_stopped_and_released(listener, told)
         shown.press(b'\x11')
         shown.look(1.0)
         assert shown.screen.bottom == shown.screen.rows
