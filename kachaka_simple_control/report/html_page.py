@@ -514,7 +514,8 @@ def _settings(summary: Summary) -> str:
         'robot': opened.robot, 'velocities go to': opened.velocity_topic,
         'sent as': opened.message_type,
         'odometry comes from': opened.odometry_topic or 'nowhere',
-        'hold [s]': format_number(opened.hold) if math.isfinite(opened.hold) else 'none', **limits}
+        'hold [s]': (format_number(opened.command_timeout)
+                     if math.isfinite(opened.command_timeout) else 'none'), **limits}
     return (
         '<details><summary>Settings and versions</summary>'
         f'{named(robot, "The robot; limits in m, rad and s")}'

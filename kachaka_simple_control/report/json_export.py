@@ -79,7 +79,7 @@ def fields(summary: Summary, recording: str | None) -> Fields:
                   for number, step in enumerate(summary.steps, 1)],
         'recording': {'is_whole': recording is None, 'why_not': recording},
         'limits': None if opened is None else asdict(opened.limits),
-        'hold_s': None if opened is None else opened.hold,
+        'hold_s': None if opened is None else opened.command_timeout,
         'topics': None if opened is None else {
             'velocity': opened.velocity_topic, 'type': opened.message_type,
             'odometry': opened.odometry_topic},

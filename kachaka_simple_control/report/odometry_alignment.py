@@ -156,7 +156,7 @@ class AlignedDrive:
 
         :param record: what happened
         """
-        hold = math.inf if record.opened is None else record.opened.hold
+        hold = math.inf if record.opened is None else record.opened.command_timeout
         began = [motion.began for motion in record.motions if motion.has_begun]
         #: t = 0 [s on the steady clock]; nan if nothing began
         self.began = began[0] if began else math.nan

@@ -209,7 +209,7 @@ class Summary:
         opened = self.record.opened
         odometry = [seen.answer for seen in self.path.odometry]
         return step_results([one for one, _ in pairs], [name for _, name in pairs], odometry,
-                            math.inf if opened is None else opened.hold)
+                            math.inf if opened is None else opened.command_timeout)
 
     @cached_property
     def timing(self) -> Timing:

@@ -182,7 +182,7 @@ def session_started(
         title=title,
         robot=profile.name,
         limits=profile.limits,
-        hold=profile.hold,
+        command_timeout=profile.hold,
         epoch=time.time() - time.monotonic(),
         velocity_topic=node.resolve_topic_name(names.velocity),
         odometry_topic=node.resolve_topic_name(names.odometry) if names.odometry else None,

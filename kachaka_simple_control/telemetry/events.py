@@ -31,7 +31,7 @@ class SessionStarted:
     :param title: name of what it drives
     :param robot: name of the robot
     :param limits: what the robot can do
-    :param hold: how long the robot keeps a velocity without a new one [s]
+    :param command_timeout: how long the robot keeps a velocity without a new one [s]
     :param epoch: what to add to a time of the steady clock for the time since 1970 [s]
     :param velocity_topic: the resolved name of the topic of velocities
     :param odometry_topic: the resolved name of the topic of odometry; None without one
@@ -45,7 +45,7 @@ class SessionStarted:
     title: str
     robot: str
     limits: Limits
-    hold: float
+    command_timeout: float
     epoch: float
     velocity_topic: str
     odometry_topic: str | None
