@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Who hears what happens while it happens: records, displays, reports."""
+"""Events of a drive, published in process and to processes that never delay it."""

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How well something works, as ``diagnostic_msgs`` has it; without ROS, for whoever decides."""
+"""The diagnosis of one thing, as ``diagnostic_msgs`` has it, without ROS: shared by all layers."""
 
 from __future__ import annotations
 
