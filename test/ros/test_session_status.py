@@ -11,9 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Late and skipped velocities are counted as they are defined, and steps as they pass."""
+"""Statistics of ticks and steps, and the diagnosis made of them and of a session's status."""
 
 from __future__ import annotations
+
+import dataclasses
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,13 +23,23 @@ from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.ros.session_status import TickStatistics
+from kachaka_simple_control.telemetry.diagnosis import Level
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
     MotionPlanned,
     MotionStarted,
     VelocitySent,
 )
+import pytest
+
+pytest.importorskip('rclpy', reason='needs ROS 2')
+
+from kachaka_simple_control.ros.session_status import (  # noqa: I100
+    diagnose,
+    SessionStatus,
+    TickStatistics,
+)
+from plans import ABRUPT  # noqa: I100
 
 LIMITS = Limits(0.3, 1.5)
 MOTION = Motion('three', (Move(0.1, 0.0, 0.35), Move(0.0, 0.5, 0.3), Move(0.1, 0.0, 0.1)))
@@ -69,7 +81,7 @@ def test_a_quarter_of_a_period_is_late():
     assert send(started(), 0.1251, 0.2, 0.33, 0.35) == (2, 0)
 
 
-def test_a_velocity_whose_time_passed_was_skipped():
+def test_a_velocity_whose_time_passed_counts_as_skipped():
     # Due at 0.1 and 0.2 and never sent; the one of 0.3 comes in time.
     assert send(started(), 0.301) == (0, 2)
     # That of 0.3 comes late, the short one of 0.35 in time.
@@ -84,7 +96,7 @@ def test_the_last_zero_may_be_late_and_the_stop_after_it_may_not():
     assert send(statistics, 1.5) == (1, 0)
 
 
-def test_steps_are_told_by_number():
+def test_steps_are_numbered():
     statistics = TickStatistics()
     assert statistics.step(START) == (0, 0)
     statistics = started()
@@ -102,7 +114,7 @@ def test_a_motion_that_has_not_started_is_in_no_step():
     assert statistics.step(START) == (0, 3)
 
 
-def test_an_end_is_told_with_its_reason():
+def test_an_end_has_its_reason():
     statistics = started()
     statistics.on_event(MotionEnded(START + 0.2, 'the robot left'))
     statistics.process()
@@ -127,3 +139,50 @@ def test_lateness_is_counted_tick_by_tick(delays):
             break
     statistics.process()
     assert (statistics.late, statistics.skipped) == (late, skipped)
+
+
+IN_ORDER = SessionStatus(
+    subscriber_count=1, other_publishers=(), guardian='matched', odometry_age=0.02,
+    manual_control='asked for 3 s ago', halted_by=None)
+
+
+def diagnosis_of(statistics=None, **changes):
+    """Return the diagnosis of a session in order but for some changes."""
+    return diagnose(statistics or TickStatistics(), dataclasses.replace(IN_ORDER, **changes), 0.0)
+
+
+@pytest.mark.parametrize('changes, level, text', [
+    ({}, Level.OK, 'nothing to drive yet'),
+    ({'odometry_age': None}, Level.OK, 'nothing to drive yet'),
+    ({'subscriber_count': 0}, Level.WARN, 'nobody takes our velocities'),
+    ({'other_publishers': ('joy', 'nav')}, Level.WARN,
+     'others have publishers of velocities: joy, nav'),
+    ({'odometry_age': 1.5}, Level.WARN, 'odometry is silent'),
+    ({'guardian': 'stopped the robot because the node fell silent', 'subscriber_count': 0},
+     Level.ERROR, 'the guardian stopped the robot because the node fell silent'),
+    ({'halted_by': 'stopped by SIGINT', 'odometry_age': 9.0},
+     Level.ERROR, 'halted for good: stopped by SIGINT'),
+])
+def test_the_worst_is_the_message(changes, level, text):
+    assert diagnosis_of(**changes)[:2] == (level, text)
+
+
+def test_skipped_velocities_and_an_early_end_are_worth_a_warning():
+    statistics = TickStatistics()
+    statistics.skipped = 2
+    assert diagnosis_of(statistics)[:2] == (Level.WARN, 'velocities were skipped')
+    statistics.on_event(MotionPlanned(Motion('on', (Move(0.1, 0.0, 1.0),)), ABRUPT, 10.0))
+    statistics.on_event(MotionEnded(1.0, 'the robot left'))
+    statistics.process()
+    diagnosis = diagnosis_of(statistics)
+    assert diagnosis[:2] == (
+        Level.WARN, 'the last motion was over before its end: the robot left')
+    assert diagnosis.values['state'] == 'stopped early'
+    assert diagnosis.values['motion'] == 'on'
+
+
+def test_unknown_values_are_said_to_be_unknown():
+    values = diagnosis_of(odometry_age=None).values
+    assert values['odometry age'] == 'never heard'
+    assert values['motion'] == values['other publishers'] == 'none'
+    assert values['step'] == '0 of 0'
