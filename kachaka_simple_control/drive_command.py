@@ -67,9 +67,9 @@ def drive(options: Options) -> None:
         robot_control = KachakaSimpleControl(parameter_overrides=[
             Parameter(name, value=value)
             for name, value in _parameters(options, motion_file).items()])
-        told = helpers.enter_context(SubscriberProcesses(robot_control.event_bus))
+        subscribers = helpers.enter_context(SubscriberProcesses(robot_control.event_bus))
         try:
-            _start_listeners(told, options, is_lesson=motion_file is None)
+            _start_subscribers(subscribers, options, is_lesson=motion_file is None)
             robot_control.event_bus.publish(session_started(
                 robot_control, _title(motion_file), robot_control.profile,
                 robot_control.robot_names, robot_control.node_parameters))
@@ -84,20 +84,21 @@ def drive(options: Options) -> None:
             try:
                 robot_control.stop_robot()
             finally:
-                told.still_after = still_after = robot_control.stop_confirmed_after
+                subscribers.still_after = still_after = robot_control.stop_confirmed_after
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
     if options.starts_bridge and robot_control.drive_log.steps:
         print(table(robot_control.drive_log, still_after))
 
 
-def _start_listeners(told: SubscriberProcesses, options: Options, is_lesson: bool) -> None:
+def _start_subscribers(
+        subscribers: SubscriberProcesses, options: Options, is_lesson: bool) -> None:
     if not options.quiet and should_display(is_lesson):
-        told.add(DisplayProcess())
+        subscribers.add(DisplayProcess())
     if options.report is not None:
         if (missing := lacking()) is not None:
             print(f'report: {missing}', file=sys.stderr)
-        told.start(REPORTER, options.report)
+        subscribers.start(REPORTER, options.report)
 
 
 def _title(motion_file: MotionFile | None) -> str:
