@@ -19,7 +19,13 @@ import math
 
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_simple_control.kachaka.error_codes import SUCCESS
-from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity
+from kachaka_simple_control.motion.geometry import (
+    compose,
+    ORIGIN,
+    Pose,
+    relative_to,
+    Velocity,
+)
 
 #: The frames that the official bridge's users see.
 MAP_FRAME = 'map'
@@ -107,54 +113,25 @@ def transform(where: Pose, frame: str, child: str, stamp: int) -> pb2.RosTransfo
 
 
 class MapToOdom:
-    """
-    The place of odometry on the map: the same, until somebody corrects it.
-
-    :param offset: where odometry begins on the map
-    """
+    """The transform from odometry to the map: the identity until ``correct`` is called."""
 
     def __init__(self) -> None:
-        """Let map and odometry be the same."""
+        #: pose of the origin of odometry on the map
         self.offset = ORIGIN
 
     def to_map(self, pose: Pose) -> Pose:
-        """
-        Return where something is on the map.
-
-        :param pose: where it is in odometry
-        :returns: the same pose on the map
-        """
-        return _after(self.offset, pose)
+        """Return a pose given in odometry as a pose on the map."""
+        return compose(self.offset, pose)
 
     def to_odometry(self, pose: Pose) -> Pose:
+        """Return a pose given on the map as a pose in odometry."""
+        return relative_to(self.offset, pose)
+
+    def correct(self, map_pose: Pose, odometry_pose: Pose) -> None:
         """
-        Return where something is in odometry.
+        Set the transform so that both poses are the same place.
 
-        :param pose: where it is on the map
-        :returns: the same pose in odometry
+        :param map_pose: the pose on the map
+        :param odometry_pose: the pose in odometry
         """
-        return _after(_inverse(self.offset), pose)
-
-    def correct(self, believed: Pose, pose: Pose) -> None:
-        """
-        Let the robot believe that it is somewhere.
-
-        :param believed: where, on the map
-        :param pose: where it is in odometry
-        """
-        self.offset = _after(believed, _inverse(pose))
-
-
-def _after(first: Pose, second: Pose) -> Pose:
-    """Return the second pose, seen from where the first one is seen from."""
-    cosine, sine = math.cos(first.theta), math.sin(first.theta)
-    return Pose(
-        first.x + cosine * second.x - sine * second.y,
-        first.y + sine * second.x + cosine * second.y,
-        first.theta + second.theta)
-
-
-def _inverse(pose: Pose) -> Pose:
-    cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
-    return Pose(
-        -cosine * pose.x - sine * pose.y, sine * pose.x - cosine * pose.y, -pose.theta)
+        self.offset = compose(map_pose, relative_to(odometry_pose, ORIGIN))

@@ -1,0 +1,59 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The transform between map and odometry of the simulated robot."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+pytest.importorskip('kachaka_api', reason='needs the SDK of the robot')
+
+from kachaka_simple_control.kachaka.simulator.grpc_messages import MapToOdom
+from kachaka_simple_control.motion.geometry import ORIGIN, Pose
+
+POSES = st.builds(
+    Pose, st.floats(-10.0, 10.0), st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
+
+
+def figures(pose):
+    """Return a pose as a tuple."""
+    return pose.x, pose.y, pose.theta
+
+
+def test_map_and_odometry_are_the_same_before_a_correction():
+    transform = MapToOdom()
+    pose = Pose(1.0, -2.0, 0.5)
+    assert transform.offset == ORIGIN
+    assert transform.to_map(pose) == transform.to_odometry(pose) == pose
+
+
+def test_a_correction_turns_and_shifts_odometry():
+    """At x = 1 m in odometry the robot is at (2, 1) on the map and faces its y axis."""
+    transform = MapToOdom()
+    transform.correct(Pose(2.0, 1.0, math.pi / 2.0), Pose(1.0))
+    assert figures(transform.offset) == pytest.approx((2.0, 0.0, math.pi / 2.0))
+    assert figures(transform.to_map(Pose(1.5))) == pytest.approx((2.0, 1.5, math.pi / 2.0))
+
+
+@given(POSES, POSES, POSES)
+def test_both_directions_undo_each_other_and_the_correction_holds(on_map, in_odometry, pose):
+    transform = MapToOdom()
+    transform.correct(on_map, in_odometry)
+    assert figures(transform.to_map(in_odometry)) == pytest.approx(figures(on_map), abs=1e-9)
+    assert figures(transform.to_odometry(transform.to_map(pose))) == pytest.approx(
+        figures(pose), abs=1e-9)
