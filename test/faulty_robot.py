@@ -132,7 +132,7 @@ class Robot(pb2_grpc.KachakaApiServicer):
         with self.lock:
             pose, velocity = self.robot.odometry(time.monotonic())
         return pb2.GetRosOdometryResponse(
-            metadata=grpc_messages.metadata(time.monotonic_ns()),
+            metadata=pb2.Metadata(cursor=time.monotonic_ns()),
             odometry=grpc_messages.odometry(pose, velocity, 0))
 
     def GetError(self, request, context):  # noqa: N802

@@ -51,18 +51,18 @@ class Rehearsal:
 
     :param rate: how often a velocity is sent [Hz]
     :param lateness: how late a message is, given its number [s]; by default a fraction of a ms
-    :param fidelity: of the robot
+    :param parameters: of the robot
     :param odometry_period: between two poses [s]; None if none arrives
     """
 
     def __init__(
             self, rate: float = 10.0, lateness: Callable[[int], float] | None = None,
-            fidelity: SimulationParameters = IMPERFECT, odometry_period: float | None = 0.02,
+            parameters: SimulationParameters = IMPERFECT, odometry_period: float | None = 0.02,
             title: str = 'rehearsal') -> None:
         """Open the record; the robot stands somewhere and looks somewhere."""
         self.record, self.events, self.now = DriveLog(), [], 5000.0
         self._rate, self._late = rate, lateness or jitter()
-        self._robot = SimulatedKachaka(self.now, fidelity)
+        self._robot = SimulatedKachaka(self.now, parameters)
         self._robot.set_manual_control(True, self.now)
         self._odometry = math.inf if odometry_period is None else self.now
         self._period = odometry_period

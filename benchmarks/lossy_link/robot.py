@@ -28,8 +28,9 @@ import threading
 import time
 
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.bridge_node import KachakaBridge
-from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka, SUCCESS
+from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
+from kachaka_simple_control.kachaka.error_codes import SUCCESS
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -111,7 +112,7 @@ def end_with_input() -> None:
 def main() -> None:
     """Be a robot."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = KachakaBridge(TellingKachaka(), KACHAKA.namespace)
+    node = SimulatedBridge(TellingKachaka(), KACHAKA.namespace)
     threading.Thread(target=end_with_input, daemon=True).start()
     say('ready', time.monotonic())
     with contextlib.suppress(ExternalShutdownException):

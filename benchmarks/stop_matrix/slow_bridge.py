@@ -23,7 +23,7 @@ import threading
 import time
 
 from kachaka_simple_control.control.signals import ShutdownEvent
-from kachaka_simple_control.kachaka.bridge_node import KachakaBridge
+from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Velocity
 import rclpy
@@ -33,7 +33,7 @@ from rclpy.signals import SignalHandlerOptions
 CALL = 0.25
 
 
-class SlowBridge(KachakaBridge):
+class SlowBridge(SimulatedBridge):
     """As the official bridge does, it plays one velocity after the other, waiting for each."""
 
     def __init__(self, namespace: str, log: Path) -> None:

@@ -130,13 +130,13 @@ def _simulated(
         verdict: _FaultReason) -> Callable[[str], BridgeNode]:
     """Return what makes the node of a simulated robot, told the namespace."""
     try:
-        from kachaka_simple_control.kachaka.bridge_node import KachakaBridge
+        from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
     except ImportError as error:
         raise _EndedError(FAULTED, f'ROS 2 is missing here ({error})') from None
 
     def make(namespace: str) -> BridgeNode:
         robot = SimulatedKachaka(time.monotonic(), how, options.docked, options.seed)
-        return KachakaBridge(robot, namespace, options.frame_prefix, verdict.rival_found)
+        return SimulatedBridge(robot, namespace, options.frame_prefix, verdict.rival_found)
 
     return make
 

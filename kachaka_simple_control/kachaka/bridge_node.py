@@ -20,12 +20,13 @@ import time
 
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.simulator.robot import (
-    ERROR_NO_MANUAL_CONTROL,
+from kachaka_simple_control.kachaka.error_codes import ERROR_NO_MANUAL_CONTROL, SUCCESS
+from kachaka_simple_control.kachaka.simulator.drive_model import (
+    ODOMETRY_FRAME,
     ODOMETRY_PERIOD,
-    SimulatedKachaka,
-    SUCCESS,
+    ROBOT_FRAME,
 )
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.executors import ExecutorLoop, NodeExecutor
@@ -42,9 +43,6 @@ from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import SetBool
 
 NODE = 'kachaka_bridge'
-#: The frames of odometry, before their prefix.
-ODOMETRY_FRAME = 'odom'
-ROBOT_FRAME = 'base_footprint'
 #: In the official bridge both come from the robot; the simulated one has only one odometry.
 ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
 
@@ -140,7 +138,7 @@ class BridgeNode(Node):
         return response
 
 
-class KachakaBridge(BridgeNode):
+class SimulatedBridge(BridgeNode):
     """
     Shows a simulated robot, with the habits of the official bridge.
 

@@ -162,12 +162,12 @@ class Listeners:
 
 def test_odometry_is_published_only_while_somebody_listens():
     """Each of the two by itself."""
-    from kachaka_simple_control.kachaka.bridge_node import KachakaBridge
+    from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
     from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
     import rclpy
     from rclpy.signals import SignalHandlerOptions
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = KachakaBridge(SimulatedKachaka(time.monotonic()), '/alone')
+    node = SimulatedBridge(SimulatedKachaka(time.monotonic()), '/alone')
     try:
         for counts in ((0, 0), (1, 0), (0, 2)):
             node._odometry = [Listeners(count) for count in counts]

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The simulated robot as its owner's programs see it: over gRPC, without ROS.
+The simulated robot, over gRPC or in memory, without ROS.
 
-In a process of its own, which says where it listens in its first line on standard output::
+In a process of its own; its first line on standard output has the address::
 
     kachaka_sim --grpc-port 0
     python -m kachaka_simple_control.kachaka.simulator.command --grpc-port 0
@@ -30,9 +30,9 @@ Within this process, in a thread of its own::
         ...
         pose, velocity = server.call(lambda robot, now: robot.state(now))
 
-``serving`` takes ``port`` (0: any free one), ``host`` and ``clock``.  A program whose own thread
-runs ``grpc.aio`` should use the process, or ``GrpcServer`` in its own loop: two loops with
-``grpc.aio`` in one process disturb each other.
+``serving`` takes ``port`` (0: any free one), ``host`` and ``clock``.  A program that runs
+``grpc.aio`` in a thread of its own should use the process, or ``GrpcServer`` in its own event
+loop: two event loops with ``grpc.aio`` in one process disturb each other.
 
-Importing this package alone needs neither grpc nor kachaka_api; its modules do.
+Importing this package needs neither grpc nor kachaka_api; its modules ``grpc_*`` do.
 """

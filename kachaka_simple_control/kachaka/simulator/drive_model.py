@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How the simulated robot moves and what its odometry says."""
+"""Drive and odometry of the simulated robot."""
 
 from __future__ import annotations
 
@@ -25,23 +25,25 @@ from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Veloci
 @dataclass(frozen=True)
 class SimulationParameters:
     """
-    What keeps a simulated robot from doing exactly as it is told.
+    Deviations of a simulated robot from the ideal, and how it leaves its dock.
 
     The maker publishes none of these figures: the defaults are those of an ideal robot, except
-    for the way off the dock, which has to take some time and is chosen.
+    for undocking, which takes some time and is chosen.
 
     :param lag: time constant of the drive, first order [s]
-    :param linear_acceleration: largest change of the forward velocity [m/s^2]
-    :param angular_acceleration: largest change of the turning velocity [rad/s^2]
-    :param linear_gain: true over demanded forward velocity
-    :param angular_gain: true over demanded turning velocity
-    :param velocity_noise: standard deviation of either velocity, as a part of it; drawn anew
-        each millisecond of motion
-    :param odometry_noise: standard deviation of x and of y in odometry [m]; drawn anew every
-        20 ms, and bounded: odometry does not drift
-    :param heading_noise: standard deviation of the heading in odometry [rad]; likewise
-    :param undock_distance: how far the robot drives straight off its dock [m]
-    :param undock_velocity: how fast it does that [m/s]
+    :param linear_acceleration: largest forward acceleration [m/s^2]
+    :param angular_acceleration: largest turning acceleration [rad/s^2]
+    :param linear_gain: true over commanded forward velocity
+    :param angular_gain: true over commanded turning velocity
+    :param velocity_noise: relative standard deviation of both velocities; drawn each millisecond
+        of motion
+    :param odometry_noise: standard deviation of x and of y in odometry [m]; drawn every 20 ms;
+        odometry does not drift
+    :param heading_noise: the same of the heading [rad]
+    :param undock_distance: distance that the robot drives straight off its dock [m]
+    :param undock_velocity: velocity of that motion [m/s]
+    :raises ValueError: if a figure is not finite (an acceleration may be infinite), is negative
+        (a gain may be), or is 0 where nothing would ever move
     """
 
     lag: float = 0.0
@@ -56,18 +58,13 @@ class SimulationParameters:
     undock_velocity: float = 0.1
 
     def __post_init__(self) -> None:
-        """
-        Refuse figures that no robot has.
-
-        :raises ValueError: if a figure is not finite (an acceleration may be infinite), is
-            negative (a gain may be), or is 0 where nothing would ever move
-        """
+        """Check each figure."""
         for field in fields(self):
             _check(field.name, getattr(self, field.name))
 
     @property
     def is_ideal(self) -> bool:
-        """Whether the velocity is constant between two commands, and equal to what was asked."""
+        """Whether the velocity is constant between two commands."""
         return (
             self.lag == 0.0 and self.velocity_noise == 0.0
             and math.isinf(self.linear_acceleration) and math.isinf(self.angular_acceleration))
@@ -75,24 +72,24 @@ class SimulationParameters:
 
 def _check(name: str, value: float) -> None:
     if name.endswith('gain'):
-        is_possible, demand = math.isfinite(value), 'a finite number'
+        is_valid, rule = math.isfinite(value), 'a finite number'
     elif name.endswith('acceleration'):
-        is_possible, demand = value > 0.0, 'above 0'
+        is_valid, rule = value > 0.0, 'above 0'
     elif name == 'undock_velocity':
-        is_possible, demand = math.isfinite(value) and value > 0.0, 'a finite number above 0'
+        is_valid, rule = math.isfinite(value) and value > 0.0, 'a finite number above 0'
     else:
-        is_possible, demand = math.isfinite(value) and value >= 0.0, 'a finite number, 0 or more'
-    if not is_possible:
-        raise ValueError(f'{name} is {value}; it must be {demand}')
+        is_valid, rule = math.isfinite(value) and value >= 0.0, 'a finite number, 0 or more'
+    if not is_valid:
+        raise ValueError(f'{name} is {value}; it must be {rule}')
 
 
 IDEAL = SimulationParameters()
 
 
-#: Where the velocity changes within a command, the path is put together from arcs this long [s].
-#: The length of each arc is exact, only its shape is not: a circle instead of a spiral.
-GRID = 0.001
-#: A robot told to stand still that is slower than this [m/s, rad/s] stands still.
+#: While the velocity changes, the path consists of arcs of this duration [s].  The length of each
+#: arc is exact; its shape is approximate: a circle instead of a spiral.
+GRID_PERIOD = 0.001
+#: With a target of zero, a robot slower than this [m/s, rad/s] stands still.
 STANDSTILL = 1e-6
 
 
@@ -103,177 +100,160 @@ def first_order_response(
         lag: float,
         acceleration: float) -> tuple[float, float]:
     """
-    Follow a demanded velocity for a time, exactly.
+    Return the exact response of the drive to a constant target.
 
-    With a = acceleration and T = lag: dv/dt = (target - v) / T, but never beyond -a and a.  So
-    the velocity runs along a ramp while |target - v| > a T, and along an exponential after it.
+    With a = acceleration and T = lag: dv/dt = (target - v) / T, limited to [-a, a].  So the
+    velocity follows a ramp while |target - v| > a T, and an exponential after it.
 
     :param velocity: velocity at the start
-    :param target: velocity demanded throughout
-    :param duration: how long [s]
+    :param target: commanded velocity, constant
+    :param duration: duration [s]
     :param lag: time constant [s], 0 for none
-    :param acceleration: largest change of the velocity per second, may be infinite
-    :returns: the velocity at the end, and the way gone
+    :param acceleration: largest acceleration, may be infinite
+    :returns: the velocity at the end, and the distance or angle covered
     """
-    way = 0.0
+    covered = 0.0
     if math.isfinite(acceleration):
         gap = target - velocity
         ramp = min(max(abs(gap) / acceleration - lag, 0.0), duration)
         change = math.copysign(acceleration * ramp, gap)
-        way = (velocity + change / 2.0) * ramp
+        covered = (velocity + change / 2.0) * ramp
         velocity, duration = velocity + change, duration - ramp
         if lag == 0.0 and duration > 0.0:
             velocity = target
     elif lag == 0.0:
         velocity = target
     if lag == 0.0:
-        return velocity, way + velocity * duration
-    # expm1 keeps the digits of steps that are short beside the lag.
-    part = -math.expm1(-duration / lag)
+        return velocity, covered + velocity * duration
+    # The closed part of the gap; expm1 is exact for durations that are short beside the lag.
+    closed = -math.expm1(-duration / lag)
     gap = target - velocity
-    return velocity + gap * part, way + target * duration - gap * lag * part
+    return velocity + gap * closed, covered + target * duration - gap * lag * closed
 
 
 @dataclass(frozen=True)
 class _State:
     time: float
     pose: Pose
-    #: what the drive makes of the demand, before gains and noise
+    #: before gains and noise
     velocity: Velocity
 
 
 class DriveModel:
     """
-    A unicycle that follows demanded velocities; told the time, never asking for it.
+    A unicycle that follows commanded velocities; starts at rest at the origin.
 
-    Asking changes nothing: the state is kept at commands and, where the velocity changes by
-    itself, on a grid of absolute times; an answer between them is worked out from there.  So
-    what is answered never depends on how often it is asked.
+    Each call takes the time [s], which must not decrease.  A query changes nothing: the state is
+    kept at commands and, while the velocity changes, on a grid of absolute times; a query in
+    between computes from there.  So results do not depend on how often the model is queried.
+
+    :param parameters: the deviations from an ideal robot
+    :param start: the time now [s]; the grid begins here
+    :param seed: of the velocity noise
     """
 
-    def __init__(self, fidelity: SimulationParameters, start: float, seed: int) -> None:
-        """
-        Stand still at the origin.
-
-        :param fidelity: what keeps it from doing as it is told
-        :param start: the time now [s]; the grid begins here
-        :param seed: of the velocity noise
-        """
-        self._fidelity = fidelity
+    def __init__(self, parameters: SimulationParameters, start: float, seed: int) -> None:
+        self._parameters = parameters
         self._start = start
         self._random = random.Random(seed)
         self._state = _State(start, ORIGIN, ZERO)
         self._target = ZERO
         self._tick = 0
-        self._gain = Velocity(fidelity.linear_gain, fidelity.angular_gain)
+        self._gain = Velocity(parameters.linear_gain, parameters.angular_gain)
 
     def set_target(self, target: Velocity, now: float) -> None:
-        """
-        Demand a velocity from now on.
-
-        :param target: the velocity
-        :param now: the time [s], never less than before
-        """
+        """Command a velocity from now on."""
         self._advance(now)
-        self._state = self._after(now)
+        self._state = self._state_at(now)
         self._target = target
 
     def state_at(self, now: float) -> tuple[Pose, Velocity]:
-        """
-        Return where the robot truly is, and how fast.
-
-        :param now: the time [s], never less than before
-        :returns: pose and velocity
-        """
+        """Return the true pose and velocity."""
         self._advance(now)
-        state = self._after(now)
+        state = self._state_at(now)
         velocity = Velocity(
             state.velocity.linear_x * self._gain.linear_x,
             state.velocity.angular_z * self._gain.angular_z)
         return state.pose, velocity
 
     @property
-    def _is_resting(self) -> bool:
+    def _is_at_rest(self) -> bool:
         return self._target.is_zero and self._state.velocity.is_zero
 
     def _advance(self, now: float) -> None:
-        """Move the state to the last grid point that is not in the future."""
-        if self._fidelity.is_ideal:
+        """Advance the state to the last grid point that is not in the future."""
+        if self._parameters.is_ideal:
             return
-        while not self._is_resting and (following := self._grid(self._tick + 1)) <= now:
-            self._state = self._after(following)
+        while not self._is_at_rest and (next_time := self._grid_time(self._tick + 1)) <= now:
+            self._state = self._state_at(next_time)
             self._tick += 1
             self._settle()
-            if not self._is_resting:
-                self._draw()
-        if self._is_resting and now > self._state.time:
-            self._tick = int((now - self._start) / GRID)
+            if not self._is_at_rest:
+                self._draw_gain()
+        if self._is_at_rest and now > self._state.time:
+            self._tick = int((now - self._start) / GRID_PERIOD)
             self._state = replace(self._state, time=now)
 
-    def _grid(self, tick: int) -> float:
-        # A product, not a sum: a thousand roundings a second would add up.
-        return self._start + tick * GRID
+    def _grid_time(self, tick: int) -> float:
+        # A product, not a sum: rounding errors would add up.
+        return self._start + tick * GRID_PERIOD
 
     def _settle(self) -> None:
         velocity = self._state.velocity
-        slowest = max(abs(velocity.linear_x), abs(velocity.angular_z))
-        if self._target.is_zero and slowest < STANDSTILL:
+        fastest = max(abs(velocity.linear_x), abs(velocity.angular_z))
+        if self._target.is_zero and fastest < STANDSTILL:
             self._state = replace(self._state, velocity=ZERO)
 
-    def _draw(self) -> None:
-        noise = self._fidelity.velocity_noise
+    def _draw_gain(self) -> None:
+        noise = self._parameters.velocity_noise
         if noise > 0.0:
             self._gain = Velocity(
-                self._fidelity.linear_gain * self._random.gauss(1.0, noise),
-                self._fidelity.angular_gain * self._random.gauss(1.0, noise))
+                self._parameters.linear_gain * self._random.gauss(1.0, noise),
+                self._parameters.angular_gain * self._random.gauss(1.0, noise))
 
-    def _after(self, now: float) -> _State:
+    def _state_at(self, now: float) -> _State:
         duration = now - self._state.time
-        fidelity, velocity = self._fidelity, self._state.velocity
+        parameters, velocity = self._parameters, self._state.velocity
         linear_x, distance = first_order_response(
             velocity.linear_x, self._target.linear_x, duration,
-            fidelity.lag, fidelity.linear_acceleration)
+            parameters.lag, parameters.linear_acceleration)
         angular_z, angle = first_order_response(
             velocity.angular_z, self._target.angular_z, duration,
-            fidelity.lag, fidelity.angular_acceleration)
+            parameters.lag, parameters.angular_acceleration)
         pose = advance(
             self._state.pose, distance * self._gain.linear_x, angle * self._gain.angular_z)
         return _State(now, pose, Velocity(linear_x, angular_z))
 
 
-#: Odometry is as new as this [s]: the official bridge asks for it every 20 ms.
+#: The period of odometry [s]: the official bridge asks for it every 20 ms.
 ODOMETRY_PERIOD = 0.02
+#: The frames of odometry (REP-105), as the official bridge names them.
+ODOMETRY_FRAME = 'odom'
+ROBOT_FRAME = 'base_footprint'
 
 
 class NoisyOdometry:
-    """Adds noise to a pose; of the time alone, so that asking more often changes nothing."""
+    """
+    Adds noise to a pose; it depends on the time alone, not on how often it is read.
 
-    def __init__(self, fidelity: SimulationParameters, start: float, seed: int) -> None:
-        """
-        Begin.
+    :param parameters: the standard deviations
+    :param start: the time now [s]
+    :param seed: of the noise
+    """
 
-        :param fidelity: how much noise
-        :param start: the time now [s]
-        :param seed: of the noise
-        """
-        self._fidelity = fidelity
+    def __init__(self, parameters: SimulationParameters, start: float, seed: int) -> None:
+        self._parameters = parameters
         self._start = start
         self._seed = seed
 
     def read(self, pose: Pose, now: float) -> Pose:
-        """
-        Return where the robot thinks it is.
-
-        :param pose: where it truly is
-        :param now: the time [s]
-        :returns: the pose with noise
-        """
-        fidelity = self._fidelity
-        if fidelity.odometry_noise == 0.0 and fidelity.heading_noise == 0.0:
+        """Return a true pose with the noise of a time [s]."""
+        parameters = self._parameters
+        if parameters.odometry_noise == 0.0 and parameters.heading_noise == 0.0:
             return pose
-        reading = int((now - self._start) / ODOMETRY_PERIOD)
-        noise = random.Random(f'{self._seed} {reading}')
+        sample = int((now - self._start) / ODOMETRY_PERIOD)
+        noise = random.Random(f'{self._seed} {sample}')
         return Pose(
-            pose.x + noise.gauss(0.0, fidelity.odometry_noise),
-            pose.y + noise.gauss(0.0, fidelity.odometry_noise),
-            pose.theta + noise.gauss(0.0, fidelity.heading_noise))
+            pose.x + noise.gauss(0.0, parameters.odometry_noise),
+            pose.y + noise.gauss(0.0, parameters.odometry_noise),
+            pose.theta + noise.gauss(0.0, parameters.heading_noise))

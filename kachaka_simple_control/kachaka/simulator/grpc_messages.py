@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Protobuf messages of the simulated robot."""
+"""Protobuf messages of the simulated robot, and its map frame."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ import math
 
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_simple_control.kachaka.error_codes import SUCCESS
+from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
 from kachaka_simple_control.motion.geometry import (
     compose,
     ORIGIN,
@@ -27,60 +28,37 @@ from kachaka_simple_control.motion.geometry import (
     Velocity,
 )
 
-#: The frames that the official bridge's users see.
-MAP_FRAME = 'map'
-ODOMETRY_FRAME = 'odom'
-ROBOT_FRAME = 'base_footprint'
-
 
 def result(code: int) -> pb2.Result:
     """
-    Return the outcome of a request.
+    Return the result of a request.
 
-    :param code: 0, or the code of the error
-    :returns: the message
+    :param code: 0 for success, else the error code
     """
     return pb2.Result(success=code == SUCCESS, error_code=code)
 
 
-def metadata(cursor: int) -> pb2.Metadata:
-    """
-    Return what goes with each reading.
-
-    :param cursor: of the reading
-    :returns: the message
-    """
-    return pb2.Metadata(cursor=cursor)
-
-
 def rotation(angle: float) -> pb2.Quaternion:
     """
-    Return a turn about the vertical.
+    Return a rotation about the z axis.
 
-    :param angle: the turn [rad], counter-clockwise positive
-    :returns: the message
+    :param angle: the angle [rad], counter-clockwise positive
     """
     return pb2.Quaternion(z=math.sin(angle / 2.0), w=math.cos(angle / 2.0))
 
 
 def pose(value: Pose) -> pb2.Pose:
-    """
-    Return a pose, with its heading from -pi to pi.
-
-    :param value: the pose
-    :returns: the message
-    """
+    """Return a pose, with its heading wrapped to [-pi, pi]."""
     return pb2.Pose(x=value.x, y=value.y, theta=math.remainder(value.theta, math.tau))
 
 
 def odometry(where: Pose, velocity: Velocity, stamp: int) -> pb2.RosOdometry:
     """
-    Return odometry as ROS has it; its covariances are 0, for it says nothing about them.
+    Return an odometry message as ROS has it; all covariances are 0.
 
     :param where: the pose in odometry
     :param velocity: the velocity
-    :param stamp: when it was read [ns since 1970]
-    :returns: the message
+    :param stamp: the time of the sample [ns since 1970]
     """
     return pb2.RosOdometry(
         header=pb2.RosHeader(stamp_nsec=stamp, frame_id=ODOMETRY_FRAME),
@@ -99,13 +77,12 @@ def odometry(where: Pose, velocity: Velocity, stamp: int) -> pb2.RosOdometry:
 
 def transform(where: Pose, frame: str, child: str, stamp: int) -> pb2.RosTransformStamped:
     """
-    Return where a frame is.
+    Return the transform from a frame to its child frame.
 
-    :param where: its pose in the other
-    :param frame: the other
-    :param child: the frame
-    :param stamp: when it was there [ns since 1970]
-    :returns: the message
+    :param where: the pose of the child frame in the frame
+    :param frame: the frame
+    :param child: the child frame
+    :param stamp: the time of the transform [ns since 1970]
     """
     return pb2.RosTransformStamped(
         header=pb2.RosHeader(stamp_nsec=stamp, frame_id=frame), child_frame_id=child,

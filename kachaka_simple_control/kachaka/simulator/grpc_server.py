@@ -39,93 +39,79 @@ from kachaka_simple_control.kachaka.simulator.grpc_state import Clock, Simulator
 from kachaka_simple_control.kachaka.simulator.grpc_tasks import CommandService
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 
-#: Every call that the robot's service has.
-CALLS = tuple(name for name in vars(KachakaApiServicer) if name[0].isupper())
-PARTS = (
-    CommandService, DrivingService, EquipmentService, MapService, SensingService, StateService,
-    TransformService)
-#: The calls that a simulated robot has no answer to.
-UNIMPLEMENTED = tuple(
-    name for name in CALLS if not any(hasattr(part, name) for part in PARTS))
-
-
-class SimulatedKachakaServicer(KachakaApiServicer):  # type: ignore[misc]
-    """The service of a Kachaka, put together from its parts."""
-
-    def __init__(self, station: SimulatorState) -> None:
-        """
-        Serve a robot.
-
-        :param station: where it is
-        """
-        for part in (kind(station) for kind in PARTS):
-            for name in CALLS:
-                if hasattr(part, name):
-                    setattr(self, name, getattr(part, name))
-        for name in UNIMPLEMENTED:
-            setattr(self, name, _refusal(name))
-
-
-def _refusal(name: str) -> Callable[[Any, Any], Awaitable[None]]:
-    async def refuse(_request: Any, context: Any) -> None:
-        await context.abort(
-            grpc.StatusCode.UNIMPLEMENTED, f'the simulated Kachaka has no {name}')
-    return refuse
-
-
-#: Where a Kachaka listens.
+#: The robot's port, and the loopback address: only this machine reaches the simulated robot.
 PORT = 26400
-#: Nobody else on the network can reach a simulated robot unless somebody wants it.
 LOOPBACK = '127.0.0.1'
 #: Without it, a second server on the same port would take every other call of the first.
 OPTIONS = (('grpc.so_reuseport', 0),)
 
 
+class SimulatedKachakaServicer(
+        CommandService, DrivingService, EquipmentService, MapService, SensingService,
+        StateService, TransformService, KachakaApiServicer):  # type: ignore[misc]
+    """The gRPC service of a Kachaka; calls that no part implements return UNIMPLEMENTED."""
+
+
+def _refuse(name: str) -> Callable[[Any, Any, Any], Awaitable[None]]:
+    async def refuse(_servicer: Any, _request: Any, context: Any) -> None:
+        await context.abort(
+            grpc.StatusCode.UNIMPLEMENTED, f'the simulated Kachaka has no {name}')
+    return refuse
+
+
+#: Every call of the robot's service, and those that the simulated robot does not implement.
+CALLS = tuple(name for name in vars(KachakaApiServicer) if name[0].isupper())
+UNIMPLEMENTED = tuple(
+    name for name in CALLS
+    if getattr(SimulatedKachakaServicer, name) is getattr(KachakaApiServicer, name))
+for _name in UNIMPLEMENTED:
+    setattr(SimulatedKachakaServicer, _name, _refuse(_name))
+
+
 class GrpcServer:
-    """A robot behind an address; of one event loop."""
+    """
+    The gRPC server of a robot; make and use it in one event loop.
+
+    :param robot: the robot; only the server may call it from now on
+    :param clock: its clock
+    """
 
     def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
-        """
-        Prepare it; call it in the loop that it is to run in.
-
-        :param robot: the robot; the server alone calls it from now on
-        :param clock: the time
-        """
-        self.station = SimulatorState(robot, clock)
+        self.state = SimulatorState(robot, clock)
         self._server = grpc.aio.server(options=OPTIONS)
-        add_KachakaApiServicer_to_server(SimulatedKachakaServicer(self.station), self._server)
-        self._keeping: asyncio.Task[None] | None = None
+        add_KachakaApiServicer_to_server(SimulatedKachakaServicer(self.state), self._server)
+        self._state_task: asyncio.Task[None] | None = None
 
     async def start(self, host: str = LOOPBACK, port: int = PORT) -> str:
         """
         Listen.
 
-        :param host: the name or number of an address of this machine
-        :param port: the port; 0 for any that is free
+        :param host: the name or IP address of an interface of this machine
+        :param port: the port; 0 for any free one
         :returns: the address to call, as HOST:PORT
-        :raises OSError: if nobody can listen there
+        :raises OSError: if the port cannot be bound
         """
-        _try(host, port)
+        _require_bindable(host, port)
         name = f'[{host}]' if ':' in host else host
         try:
             port = self._server.add_insecure_port(f'{name}:{port}')
         except RuntimeError as error:
             raise OSError(str(error)) from error
         await self._server.start()
-        self._keeping = asyncio.create_task(self.station.run())
+        self._state_task = asyncio.create_task(self.state.run())
         return f'{name}:{port}'
 
     async def stop(self) -> None:
-        """End, and every call under way with it."""
+        """Stop the server and cancel every pending call."""
         await self._server.stop(None)
-        if self._keeping is not None:
-            self._keeping.cancel()
+        if self._state_task is not None:
+            self._state_task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
-                await self._keeping
+                await self._state_task
 
 
-def _try(host: str, port: int) -> None:
-    # grpc tells only that it could not; the system tells why.
+def _require_bindable(host: str, port: int) -> None:
+    """Raise the system's error if a port cannot be bound: that of grpc has no reason."""
     family, kind, protocol, _, address = socket.getaddrinfo(
         host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
     with socket.socket(family, kind, protocol) as trial:
@@ -138,39 +124,34 @@ T = TypeVar('T')
 
 class ServerThread:
     """
-    A running server, for the other threads.
+    A running server, for use from other threads.
 
     :param address: where it listens, as HOST:PORT
+    :param server: the server
+    :param loop: its event loop
     """
 
     def __init__(self, address: str, server: GrpcServer, loop: asyncio.AbstractEventLoop) -> None:
-        """
-        Note what runs.
-
-        :param address: where it listens, as HOST:PORT
-        :param server: the server
-        :param loop: the loop it runs in
-        """
         self.address = address
         self._server = server
         self._loop = loop
 
     def call(self, function: Callable[[SimulatedKachaka, float], T]) -> T:
         """
-        Ask or tell the robot something, between two calls of its clients.
+        Run a function in the server's event loop, between two gRPC calls.
 
-        :param function: what to do, given the robot and the time now [s]
+        :param function: called with the robot and the steady time [s]
         :returns: what it returned
         """
         async def work() -> T:
-            station = self._server.station
-            answer = function(station.robot, station.now())
-            station.notify()
+            state = self._server.state
+            answer = function(state.robot, state.now())
+            state.notify()
             return answer
         return asyncio.run_coroutine_threadsafe(work(), self._loop).result()
 
     def wake(self) -> None:
-        """Look at the clock again, which somebody moved."""
+        """Make the server read its clock again, after the clock was set."""
         self.call(lambda *_: None)
 
 
@@ -181,25 +162,25 @@ def serving(
         host: str = LOOPBACK,
         clock: Clock | None = None) -> Iterator[ServerThread]:
     """
-    Show a robot over gRPC for the length of a ``with`` block.
+    Serve a robot over gRPC for the length of a ``with`` block.
 
-    :param robot: the robot, whose time is that of the clock
-    :param port: where to listen; 0 for any port that is free
-    :param host: the name or number of an address of this machine
-    :param clock: the time; that of this machine by default
+    :param robot: the robot; its time base is that of the clock
+    :param port: the port; 0 for any free one
+    :param host: the name or IP address of an interface of this machine
+    :param clock: the clock; that of this machine by default
     :returns: a context manager for the running server
-    :raises OSError: if nobody can listen there
+    :raises OSError: if the port cannot be bound
     """
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, name='grpc-server')
     thread.start()
 
-    async def prepare() -> tuple[GrpcServer, str]:
+    async def start() -> tuple[GrpcServer, str]:
         server = GrpcServer(robot, clock or Clock())
         return server, await server.start(host, port)
 
     try:
-        server, address = asyncio.run_coroutine_threadsafe(prepare(), loop).result()
+        server, address = asyncio.run_coroutine_threadsafe(start(), loop).result()
         try:
             yield ServerThread(address, server, loop)
         finally:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The gRPC services of the simulated robot, but for commands."""
+"""The parts of the simulated robot's gRPC service, except for commands."""
 
 from __future__ import annotations
 
@@ -29,315 +29,285 @@ from kachaka_simple_control.kachaka.error_codes import (
     TEXTS,
 )
 from kachaka_simple_control.kachaka.simulator import grpc_messages
-from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_PERIOD
-from kachaka_simple_control.kachaka.simulator.grpc_messages import (
-    MAP_FRAME,
+from kachaka_simple_control.kachaka.simulator.drive_model import (
     ODOMETRY_FRAME,
+    ODOMETRY_PERIOD,
     ROBOT_FRAME,
 )
 from kachaka_simple_control.kachaka.simulator.grpc_state import (
-    constant,
     LongPollValue,
+    Service,
     SimulatorState,
 )
 from kachaka_simple_control.kachaka.simulator.grpc_tasks import HOME
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 
 
-class DrivingService:
-    """Manual control, velocities, and the emergency stop."""
+class DrivingService(Service):
+    """Manual control, velocities and the emergency stop."""
 
-    def __init__(self, station: SimulatorState) -> None:
-        """
-        Serve a robot.
-
-        :param station: where it is
-        """
-        self._station = station
-        self._manual_control = LongPollValue(station, station.robot.manual_control)
+    def __init__(self, state: SimulatorState) -> None:
+        super().__init__(state)
+        self._manual_control = LongPollValue(state, state.robot.manual_control)
 
     async def SetRobotVelocity(
             self, request: pb2.SetRobotVelocityRequest, context: Any
             ) -> pb2.SetRobotVelocityResponse:
-        """Drive with a velocity, for the hold; more than the largest is the largest."""
-        code = self._station.robot.set_robot_velocity(
-            request.linear, request.angular, self._station.now())
-        # Not announced: nobody waits for it, and it has to be quick.
+        """Drive with a velocity for the command timeout; it is clipped to the limits."""
+        code = self._state.robot.set_robot_velocity(
+            request.linear, request.angular, self._state.now())
+        # No notify: no long poll depends on it, and this call has to be quick.
         return pb2.SetRobotVelocityResponse(result=grpc_messages.result(code))
 
     async def SetManualControlEnabled(
             self, request: pb2.SetManualControlEnabledRequest, context: Any
             ) -> pb2.SetManualControlEnabledResponse:
-        """Take velocities for 60 s, or none."""
-        code = self._station.robot.set_manual_control(request.enable, self._station.now())
-        self._station.notify()
+        """Switch manual control on for 60 s, or off."""
+        code = self._state.robot.set_manual_control(request.enable, self._state.now())
+        self._state.notify()
         return pb2.SetManualControlEnabledResponse(result=grpc_messages.result(code))
 
     async def SetEmergencyStop(
             self, request: pb2.EmptyRequest, context: Any) -> pb2.SetEmergencyStopResponse:
-        """Stop, and stay until the power button is pressed."""
-        code = self._station.robot.set_emergency_stop(self._station.now())
-        self._station.notify()
+        """Stop, and refuse to move until the power button is pressed."""
+        code = self._state.robot.set_emergency_stop(self._state.now())
+        self._state.notify()
         return pb2.SetEmergencyStopResponse(result=grpc_messages.result(code))
 
     async def GetManualControlEnabled(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetManualControlEnabledResponse:
-        """Tell whether velocities are taken."""
+        """Return whether manual control is on."""
         cursor, enabled = await self._manual_control.get(request.metadata.cursor)
         return pb2.GetManualControlEnabledResponse(
-            metadata=grpc_messages.metadata(cursor), enabled=enabled)
+            metadata=pb2.Metadata(cursor=cursor), enabled=enabled)
 
 
-class SensingService:
-    """Odometry and its relatives, new every 20 ms (chosen: the official bridge asks as often)."""
+class SensingService(Service):
+    """Odometry and poses, new every 20 ms (chosen: the period of the official bridge)."""
 
-    def __init__(self, station: SimulatorState) -> None:
-        """
-        Serve a robot.
-
-        :param station: where it is
-        """
-        self._station = station
-        self._odometry = LongPollValue(station, self._read_odometry, ODOMETRY_PERIOD)
-        self._pose = LongPollValue(station, self._read_pose, ODOMETRY_PERIOD)
+    def __init__(self, state: SimulatorState) -> None:
+        super().__init__(state)
+        self._odometry = LongPollValue(state, self._read_odometry, ODOMETRY_PERIOD)
+        self._pose = LongPollValue(state, self._read_pose, ODOMETRY_PERIOD)
 
     async def GetRosOdometry(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRosOdometryResponse:
-        """Tell where the robot thinks it is, and how fast."""
+        """Return the pose in odometry and the velocity."""
         cursor, odometry = await self._odometry.get(request.metadata.cursor)
         return pb2.GetRosOdometryResponse(
-            metadata=grpc_messages.metadata(cursor), odometry=odometry)
+            metadata=pb2.Metadata(cursor=cursor), odometry=odometry)
 
     async def GetRosWheelOdometry(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRosWheelOdometryResponse:
-        """Tell the same as the wheels have it (chosen)."""
+        """Return the same as ``GetRosOdometry`` (chosen)."""
         cursor, odometry = await self._odometry.get(request.metadata.cursor)
         return pb2.GetRosWheelOdometryResponse(
-            metadata=grpc_messages.metadata(cursor), odometry=odometry)
+            metadata=pb2.Metadata(cursor=cursor), odometry=odometry)
 
     async def GetRobotPose(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRobotPoseResponse:
-        """Tell where the robot believes to be on its map."""
+        """Return the estimated pose on the map."""
         cursor, pose = await self._pose.get(request.metadata.cursor)
-        return pb2.GetRobotPoseResponse(metadata=grpc_messages.metadata(cursor), pose=pose)
+        return pb2.GetRobotPoseResponse(metadata=pb2.Metadata(cursor=cursor), pose=pose)
 
     async def SetRobotPose(
             self, request: pb2.SetRobotPoseRequest, context: Any) -> pb2.SetRobotPoseResponse:
-        """Let the robot believe to be somewhere; it stays where it is."""
-        station, pose = self._station, request.pose
-        believed = Pose(pose.x, pose.y, pose.theta)
+        """Set the estimated pose on the map; the robot does not move."""
+        state, pose = self._state, request.pose
+        map_pose = Pose(pose.x, pose.y, pose.theta)
         if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):
             return pb2.SetRobotPoseResponse(result=grpc_messages.result(ERROR_NOT_A_VELOCITY))
-        station.localisation.correct(believed, station.robot.odometry(station.now())[0])
-        station.notify()
+        state.map_to_odom.correct(map_pose, state.robot.odometry(state.now())[0])
+        state.notify()
         return pb2.SetRobotPoseResponse(result=grpc_messages.result(SUCCESS))
 
     def _read_pose(self, now: float) -> pb2.Pose:
-        pose, _ = self._station.robot.odometry(now)
-        return grpc_messages.pose(self._station.localisation.to_map(pose))
+        pose, _ = self._state.robot.odometry(now)
+        return grpc_messages.pose(self._state.map_to_odom.to_map(pose))
 
     def _read_odometry(self, now: float) -> pb2.RosOdometry:
-        pose, velocity = self._station.robot.odometry(now)
-        return grpc_messages.odometry(pose, velocity, self._station.clock.stamp())
+        pose, velocity = self._state.robot.odometry(now)
+        return grpc_messages.odometry(pose, velocity, self._state.clock.stamp())
 
 
+MAP_FRAME = 'map'
 BODY_FRAME = 'base_link'
 LASER_FRAME = 'laser_frame'
-#: Where the laser looks from; figures of kachaka_description in pf-robotics/kachaka-api.
+#: The pose of the laser in the body frame and its height [m], from kachaka_description in
+#: pf-robotics/kachaka-api.
 LASER, LASER_HEIGHT = Pose(0.156, 0.0, math.pi / 2.0), 0.1049
 
 
-class TransformService:
-    """From the map to the robot, and from the robot to its parts."""
+class TransformService(Service):
+    """Transforms from the map to the robot, and from the robot to its parts."""
 
-    def __init__(self, station: SimulatorState) -> None:
-        """
-        Serve a robot.
-
-        :param station: where it is
-        """
-        self._station = station
-        self._moving = LongPollValue(station, self._read, ODOMETRY_PERIOD)
-        self._constant = constant(station)
+    def __init__(self, state: SimulatorState) -> None:
+        super().__init__(state)
+        self._transforms = LongPollValue(state, self._read_transforms, ODOMETRY_PERIOD)
 
     async def GetStaticTransform(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetStaticTransformResponse:
-        """Tell where the body and the laser are on the robot."""
+        """Return the transforms to the body and to the laser."""
         cursor, _ = await self._constant.get(request.metadata.cursor)
-        stamp = self._station.clock.stamp()
+        stamp = self._state.clock.stamp()
         laser = grpc_messages.transform(LASER, BODY_FRAME, LASER_FRAME, stamp)
         laser.translation.z = LASER_HEIGHT
         body = grpc_messages.transform(ORIGIN, ROBOT_FRAME, BODY_FRAME, stamp)
         return pb2.GetStaticTransformResponse(
-            metadata=grpc_messages.metadata(cursor), transforms=[body, laser])
+            metadata=pb2.Metadata(cursor=cursor), transforms=[body, laser])
 
     async def GetDynamicTransform(
             self, request: pb2.EmptyRequest, context: Any
             ) -> AsyncIterator[pb2.GetDynamicTransformResponse]:
-        """Tell where the robot is, again and again until the client goes."""
+        """Stream the transforms from the map to the robot until the client disconnects."""
         cursor = 0
         while True:
-            cursor, transforms = await self._moving.get(cursor)
+            cursor, transforms = await self._transforms.get(cursor)
             yield pb2.GetDynamicTransformResponse(transforms=transforms)
 
-    def _read(self, now: float) -> list[pb2.RosTransformStamped]:
-        station = self._station
-        pose, _ = station.robot.odometry(now)
-        stamp, offset = station.clock.stamp(), station.localisation.offset
+    def _read_transforms(self, now: float) -> list[pb2.RosTransformStamped]:
+        state = self._state
+        pose, _ = state.robot.odometry(now)
+        stamp, offset = state.clock.stamp(), state.map_to_odom.offset
         return [
             grpc_messages.transform(offset, MAP_FRAME, ODOMETRY_FRAME, stamp),
             grpc_messages.transform(pose, ODOMETRY_FRAME, ROBOT_FRAME, stamp)]
 
 
-#: Chosen, so that nobody takes it for a real one.
+#: Chosen: no real robot has it.
 SERIAL_NUMBER = 'SIMULATED'
-#: The release of the robot's software that the SDK we read belongs to.
+#: The release of the robot's software that belongs to the SDK we implement.
 VERSION = '3.17.5'
-#: The list of errors in the robot's form; both of its languages are English here.
+#: The list of errors as the robot formats it; both of its languages are English here.
 ERRORS = json.dumps([
     {'code': code, 'error_type': kind, 'title': text, 'description': '',
      'title_en': text, 'description_en': '', 'ref_url': ''}
     for code, kind, text in TEXTS])
 
 
-class StateService:
-    """Names, readiness, errors."""
+class StateService(Service):
+    """Serial number, version, readiness and errors."""
 
-    def __init__(self, station: SimulatorState) -> None:
-        """
-        Serve a robot.
-
-        :param station: where it is
-        """
-        self._errors = LongPollValue(station, station.robot.errors)
-        self._constant = constant(station)
+    def __init__(self, state: SimulatorState) -> None:
+        super().__init__(state)
+        self._errors = LongPollValue(state, state.robot.errors)
 
     async def GetRobotSerialNumber(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRobotSerialNumberResponse:
-        """Tell a serial number that no real robot has."""
+        """Return a serial number that no real robot has."""
         cursor, _ = await self._constant.get(request.metadata.cursor)
         return pb2.GetRobotSerialNumberResponse(
-            metadata=grpc_messages.metadata(cursor), serial_number=SERIAL_NUMBER)
+            metadata=pb2.Metadata(cursor=cursor), serial_number=SERIAL_NUMBER)
 
     async def GetRobotVersion(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRobotVersionResponse:
-        """Tell the release of the software."""
+        """Return the release of the software."""
         cursor, _ = await self._constant.get(request.metadata.cursor)
         return pb2.GetRobotVersionResponse(
-            metadata=grpc_messages.metadata(cursor), version=VERSION)
+            metadata=pb2.Metadata(cursor=cursor), version=VERSION)
 
     async def IsReady(self, request: pb2.EmptyRequest, context: Any) -> pb2.IsReadyResponse:
-        """Say yes."""
+        """Return that the robot is ready."""
         return pb2.IsReadyResponse(ready=True)
 
     async def GetError(self, request: pb2.GetRequest, context: Any) -> pb2.GetErrorResponse:
-        """Tell what is wrong now."""
+        """Return the codes of the present errors."""
         cursor, codes = await self._errors.get(request.metadata.cursor)
-        return pb2.GetErrorResponse(metadata=grpc_messages.metadata(cursor), error_codes=codes)
+        return pb2.GetErrorResponse(metadata=pb2.Metadata(cursor=cursor), error_codes=codes)
 
     async def GetRobotErrorCodeJson(
             self, request: pb2.EmptyRequest, context: Any) -> pb2.GetRobotErrorCodeJsonResponse:
-        """Tell what the codes mean."""
+        """Return the list of error codes and their texts."""
         return pb2.GetRobotErrorCodeJsonResponse(
             json=ERRORS, result=grpc_messages.result(SUCCESS))
 
 
-#: Ranges of the maker (protos/kachaka-api.proto).
-LOUDEST = 10
-BRIGHTEST = 255
+#: The ranges in protos/kachaka-api.proto begin at 0.
+MAX_VOLUME = 10
+MAX_INTENSITY = 255
 
 
-class EquipmentService:
-    """Speaker, torches, battery, and whether it drives home by itself (it never does)."""
+class EquipmentService(Service):
+    """Speaker, torches, battery and auto homing; the simulated robot never homes by itself."""
 
-    def __init__(self, station: SimulatorState) -> None:
-        """
-        Serve a robot.
-
-        :param station: where it is
-        """
-        self._station = station
-        self._volume = LOUDEST // 2
-        self._homes = False
-        self._volumes = LongPollValue(station, lambda _: self._volume)
-        self._homing = LongPollValue(station, lambda _: self._homes)
-        self._docked = LongPollValue(station, station.robot.is_docked)
+    def __init__(self, state: SimulatorState) -> None:
+        super().__init__(state)
+        self._volume = MAX_VOLUME // 2
+        self._auto_homing = False
+        self._volume_value = LongPollValue(state, lambda _: self._volume)
+        self._auto_homing_value = LongPollValue(state, lambda _: self._auto_homing)
+        self._docked = LongPollValue(state, state.robot.is_docked)
 
     async def GetBatteryInfo(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetBatteryInfoResponse:
-        """Tell a battery that is always full, and charged on the dock."""
+        """Return a full battery, which charges on the dock."""
         cursor, is_docked = await self._docked.get(request.metadata.cursor)
         return pb2.GetBatteryInfoResponse(
-            metadata=grpc_messages.metadata(cursor), remaining_percentage=100.0,
+            metadata=pb2.Metadata(cursor=cursor), remaining_percentage=100.0,
             power_supply_status=(
                 pb2.POWER_SUPPLY_STATUS_CHARGING if is_docked
                 else pb2.POWER_SUPPLY_STATUS_DISCHARGING))
 
     async def GetSpeakerVolume(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetSpeakerVolumeResponse:
-        """Tell the volume."""
-        cursor, volume = await self._volumes.get(request.metadata.cursor)
-        return pb2.GetSpeakerVolumeResponse(metadata=grpc_messages.metadata(cursor), volume=volume)
+        """Return the volume."""
+        cursor, volume = await self._volume_value.get(request.metadata.cursor)
+        return pb2.GetSpeakerVolumeResponse(metadata=pb2.Metadata(cursor=cursor), volume=volume)
 
     async def SetSpeakerVolume(
             self, request: pb2.SetSpeakerVolumeRequest, context: Any
             ) -> pb2.SetSpeakerVolumeResponse:
-        """Keep a volume from 0 to 10."""
-        code = _check(request.volume, LOUDEST)
+        """Set the volume, from 0 to 10; without effect but for ``GetSpeakerVolume``."""
+        code = _check(request.volume, MAX_VOLUME)
         if code == SUCCESS:
             self._volume = request.volume
-            self._station.notify()
+            self._state.notify()
         return pb2.SetSpeakerVolumeResponse(result=grpc_messages.result(code))
 
     async def SetFrontTorchIntensity(
             self, request: pb2.SetFrontTorchIntensityRequest, context: Any
             ) -> pb2.SetFrontTorchIntensityResponse:
-        """Take an intensity from 0 to 255."""
+        """Check an intensity, from 0 to 255; without effect."""
         return pb2.SetFrontTorchIntensityResponse(
-            result=grpc_messages.result(_check(request.intensity, BRIGHTEST)))
+            result=grpc_messages.result(_check(request.intensity, MAX_INTENSITY)))
 
     async def SetBackTorchIntensity(
             self, request: pb2.SetBackTorchIntensityRequest, context: Any
             ) -> pb2.SetBackTorchIntensityResponse:
-        """Take an intensity from 0 to 255."""
+        """Check an intensity, from 0 to 255; without effect."""
         return pb2.SetBackTorchIntensityResponse(
-            result=grpc_messages.result(_check(request.intensity, BRIGHTEST)))
+            result=grpc_messages.result(_check(request.intensity, MAX_INTENSITY)))
 
     async def GetAutoHomingEnabled(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetAutoHomingEnabledResponse:
-        """Tell what was set."""
-        cursor, enabled = await self._homing.get(request.metadata.cursor)
+        """Return what ``SetAutoHomingEnabled`` has set."""
+        cursor, enabled = await self._auto_homing_value.get(request.metadata.cursor)
         return pb2.GetAutoHomingEnabledResponse(
-            metadata=grpc_messages.metadata(cursor), enabled=enabled)
+            metadata=pb2.Metadata(cursor=cursor), enabled=enabled)
 
     async def SetAutoHomingEnabled(
             self, request: pb2.SetAutoHomingEnabledRequest, context: Any
             ) -> pb2.SetAutoHomingEnabledResponse:
-        """Keep it; the simulated robot never drives home by itself."""
-        self._homes = request.enable
-        self._station.notify()
+        """Store the setting; without effect but for ``GetAutoHomingEnabled``."""
+        self._auto_homing = request.enable
+        self._state.notify()
         return pb2.SetAutoHomingEnabledResponse(result=grpc_messages.result(SUCCESS))
 
 
-def _check(value: int, most: int) -> int:
-    return SUCCESS if 0 <= value <= most else ERROR_OUT_OF_RANGE
+def _check(value: int, highest: int) -> int:
+    return SUCCESS if 0 <= value <= highest else ERROR_OUT_OF_RANGE
 
 
-class MapService:
-    """Places, furniture and maps; of all this there is the dock alone."""
+class MapService(Service):
+    """Locations, furniture and maps; the dock is the only one."""
 
-    def __init__(self, station: SimulatorState) -> None:
-        """
-        Serve a robot.
-
-        :param station: where it is
-        """
-        self._dock = grpc_messages.pose(station.robot.dock)
-        self._constant = constant(station)
+    def __init__(self, state: SimulatorState) -> None:
+        super().__init__(state)
+        self._dock = grpc_messages.pose(state.robot.dock)
 
     async def GetLocations(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetLocationsResponse:
-        """Tell where the dock is."""
+        """Return the location of the dock."""
         return pb2.GetLocationsResponse(
             metadata=await self._metadata(request), default_location_id=HOME,
             locations=[pb2.Location(
@@ -345,42 +315,42 @@ class MapService:
 
     async def GetLocationsDigest(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetLocationsDigestResponse:
-        """Tell that there is a dock."""
+        """Return that there is a dock."""
         return pb2.GetLocationsDigestResponse(
             metadata=await self._metadata(request),
             locations=[pb2.LocationDigest(id=HOME, name=HOME, type=pb2.LOCATION_TYPE_CHARGER)])
 
     async def GetShelves(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetShelvesResponse:
-        """Tell that there are none."""
+        """Return an empty list."""
         return pb2.GetShelvesResponse(metadata=await self._metadata(request))
 
     async def GetShelvesDigest(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetShelvesDigestResponse:
-        """Tell that there are none."""
+        """Return an empty list."""
         return pb2.GetShelvesDigestResponse(metadata=await self._metadata(request))
 
     async def GetMovingShelfId(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetMovingShelfIdResponse:
-        """Tell that the robot carries none."""
+        """Return that the robot carries no shelf."""
         return pb2.GetMovingShelfIdResponse(metadata=await self._metadata(request))
 
     async def ResetShelfPose(
             self, request: pb2.ResetShelfPoseRequest, context: Any) -> pb2.ResetShelfPoseResponse:
-        """Reset all there are, or refuse the one that there is not."""
+        """Reset all shelves, of which there are none; refuse an unknown one."""
         code = ERROR_UNKNOWN_NAME if request.shelf_id else SUCCESS
         return pb2.ResetShelfPoseResponse(result=grpc_messages.result(code))
 
     async def GetMapList(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetMapListResponse:
-        """Tell that there are none."""
+        """Return an empty list."""
         return pb2.GetMapListResponse(metadata=await self._metadata(request))
 
     async def GetCurrentMapId(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetCurrentMapIdResponse:
-        """Tell that there is none."""
+        """Return that there is no map."""
         return pb2.GetCurrentMapIdResponse(metadata=await self._metadata(request))
 
     async def _metadata(self, request: pb2.GetRequest) -> pb2.Metadata:
         cursor, _ = await self._constant.get(request.metadata.cursor)
-        return grpc_messages.metadata(cursor)
+        return pb2.Metadata(cursor=cursor)

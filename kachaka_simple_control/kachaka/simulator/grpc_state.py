@@ -30,138 +30,65 @@ class Clock:
     """
     The clocks of this machine.
 
-    Tests put another one in its place, which they move, and tell the server when they did.
+    Tests replace it by a clock that they set; they wake the server after each change.
     """
 
     def now(self) -> float:
-        """Return the steady time [s], which the robot lives in."""
+        """Return the steady time [s], the time base of the robot."""
         return time.monotonic()
 
     def stamp(self) -> int:
-        """Return the time of day, for the headers of messages [ns since 1970]."""
+        """Return the time of day for message headers [ns since 1970]."""
         return time.time_ns()
 
     def delay(self, until: float) -> float | None:
         """
-        Return how long to wait for a time.
+        Return how long to wait until a time.
 
         :param until: the steady time [s]
-        :returns: how long [s]; None for a clock that says by itself when it moved on
+        :returns: the delay [s]; None for a clock whose owner wakes the server
         """
         return max(until - self.now(), 0.0)
 
 
-T = TypeVar('T')
-
-
-class LongPollValue(Generic[T]):
-    """
-    A value and its cursor, as the maker describes them (docs/GRPC.md in pf-robotics/kachaka-api).
-
-    A client sends the cursor of the value it has.  If it is that of the newest value, the answer
-    waits for a newer one; with any other, and with 0, the newest value is the answer.
-    """
-
-    def __init__(
-            self, station: SimulatorState, read: Callable[[float], T],
-            period: float = 0.0) -> None:
-        """
-        Show a value.
-
-        :param station: where it is read
-        :param read: what reads it, told the time [s]
-        :param period: how often it is new, whatever it is [s]; 0 for whenever it is another one
-        """
-        self._station = station
-        self._read = read
-        self._period = period
-        self._begin = station.now()
-        self._index = 0
-        self._refresh_at(station.now())
-
-    async def get(self, cursor: int) -> tuple[int, T]:
-        """
-        Return the value once it is newer than what the client has.
-
-        :param cursor: of what the client has; 0 for nothing
-        :returns: cursor and value
-        """
-        while True:
-            self._refresh()
-            if cursor != self._cursor:
-                return self._cursor, self._value
-            await self._station.wait(self._next)
-
-    @property
-    def _next(self) -> float:
-        return self._begin + (self._index + 1) * self._period if self._period else math.inf
-
-    def _refresh(self) -> None:
-        now = self._station.now()
-        if self._period:
-            if now >= self._next:
-                # At the very time the quotient may be rounded down, and would be due for ever.
-                self._index = max(self._index + 1, int((now - self._begin) / self._period))
-                self._refresh_at(now)
-        elif self._read(now) != self._value:
-            self._refresh_at(now)
-
-    def _refresh_at(self, now: float) -> None:
-        self._value = self._read(now)
-        self._cursor = self._station.new_cursor()
-
-
-def constant(station: SimulatorState) -> LongPollValue[None]:
-    """
-    Return the topic of all that never changes, which has one cursor for good.
-
-    :param station: where it does not change
-    :returns: the topic
-    """
-    return LongPollValue(station, lambda _: None)
-
-
 class SimulatorState:
     """
-    Where the robot stands; of one event loop, so that nobody has to lock anything.
+    The robot, its clock and its map frame; for one event loop, so it needs no lock.
 
-    Whoever changes the robot says so, and whoever waits for a change is woken: by that, and by
-    ``run()`` whenever the robot changes by itself.
+    Code that changes the robot calls ``notify``, which wakes every waiting call.  ``run`` does the
+    same when the robot changes by itself.
+
+    :param robot: the robot; nothing else may pass it the time from now on
+    :param clock: the clock
     """
 
     def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
-        """
-        Take the robot in.
-
-        :param robot: told the time from now on by nobody else
-        :param clock: the time
-        """
         self.robot = robot
         self.clock = clock
-        self.localisation = MapToOdom()
+        self.map_to_odom = MapToOdom()
         self._changed = asyncio.Event()
         self._cursor = 0
 
     def now(self) -> float:
-        """Return the time [s]."""
+        """Return the steady time [s]."""
         return self.clock.now()
 
     def notify(self) -> None:
-        """Wake all who wait, for something changed."""
+        """Wake every call that waits for a change."""
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
 
     def new_cursor(self) -> int:
-        """Return a number that no reading had before, not even of a robot that ran earlier."""
-        # On the robot, too, it is a time.
+        """Return a number that no value had before, in this process or an earlier one."""
+        # The real robot's cursor is a time, too.
         self._cursor = max(self._cursor + 1, int(self.now() * 1e9))
         return self._cursor
 
     async def wait(self, until: float = math.inf) -> None:
         """
-        Return when something changed, or at a time.
+        Return when something has changed, or at a time.
 
-        :param until: the time [s]
+        :param until: the steady time [s]
         """
         timeout = self.clock.delay(until) if math.isfinite(until) else None
         with contextlib.suppress(asyncio.TimeoutError):
@@ -170,10 +97,79 @@ class SimulatorState:
             await asyncio.sleep(0.0)
 
     async def run(self) -> None:
-        """Let the robot live on while nobody asks for it, and say what becomes of it."""
+        """Advance the robot at the time of each change of its own, and notify."""
         while True:
-            following = self.robot.next_change(self.now())
-            await self.wait(following)
-            if self.now() >= following:
+            change_time = self.robot.next_change(self.now())
+            await self.wait(change_time)
+            if self.now() >= change_time:
                 self.robot.state(self.now())
                 self.notify()
+
+
+T = TypeVar('T')
+
+
+class LongPollValue(Generic[T]):
+    """
+    A value with a cursor, as docs/GRPC.md in pf-robotics/kachaka-api describes it.
+
+    A client sends the cursor of the value it has.  If that is the newest one, the call waits for
+    a newer value; for any other cursor, and for 0, it returns the newest value at once.
+
+    :param state: the robot and its clock
+    :param read: reads the value; called with the steady time [s]
+    :param period: the value is new each period [s]; 0: whenever it differs from the last one
+    """
+
+    def __init__(
+            self, state: SimulatorState, read: Callable[[float], T],
+            period: float = 0.0) -> None:
+        self._state = state
+        self._read = read
+        self._period = period
+        self._start = state.now()
+        self._index = 0
+        self._refresh_at(state.now())
+
+    async def get(self, cursor: int) -> tuple[int, T]:
+        """
+        Return cursor and value, once the value is newer than what the client has.
+
+        :param cursor: the cursor of the client's value; 0 if it has none
+        """
+        while True:
+            self._refresh()
+            if cursor != self._cursor:
+                return self._cursor, self._value
+            await self._state.wait(self._next_refresh)
+
+    @property
+    def _next_refresh(self) -> float:
+        return self._start + (self._index + 1) * self._period if self._period else math.inf
+
+    def _refresh(self) -> None:
+        now = self._state.now()
+        if self._period:
+            if now >= self._next_refresh:
+                # Exactly on time the quotient may be rounded down: the refresh would stay due.
+                self._index = max(self._index + 1, int((now - self._start) / self._period))
+                self._refresh_at(now)
+        elif self._read(now) != self._value:
+            self._refresh_at(now)
+
+    def _refresh_at(self, now: float) -> None:
+        self._value = self._read(now)
+        self._cursor = self._state.new_cursor()
+
+
+class Service:
+    """
+    Base of all parts of the robot's gRPC service; the servicer inherits from each of them.
+
+    :param state: the robot and its clock
+    """
+
+    def __init__(self, state: SimulatorState) -> None:
+        self._state = state
+        #: of values that never change
+        self._constant = LongPollValue(state, lambda _: None)

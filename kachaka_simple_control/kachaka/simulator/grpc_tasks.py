@@ -31,8 +31,8 @@ from kachaka_simple_control.kachaka.error_codes import (
 )
 from kachaka_simple_control.kachaka.simulator import grpc_messages
 from kachaka_simple_control.kachaka.simulator.grpc_state import (
-    constant,
     LongPollValue,
+    Service,
     SimulatorState,
 )
 from kachaka_simple_control.kachaka.simulator.tasks import (
@@ -46,19 +46,19 @@ from kachaka_simple_control.kachaka.simulator.tasks import (
 )
 from kachaka_simple_control.motion.geometry import Pose
 
-#: How long it speaks, whatever it says [s]; chosen.  It makes no sound.
-SPEAKING = 1.0
-#: The place of its dock, which every Kachaka has; the name is that of the maker's examples.
+#: The duration of a speak command, whatever the text [s]; chosen.  It makes no sound.
+SPEAK_DURATION = 1.0
+#: The location of the dock, which every Kachaka has; the name is that of the maker's examples.
 HOME = 'home'
 
 
 @dataclass(frozen=True)
 class ReceivedCommand:
     """
-    What a client sent.
+    A command of a client.
 
     :param command: the command
-    :param time: when it came [s since 1970]
+    :param time: when it was received [s since 1970]
     """
 
     command: pb2.Command
@@ -66,14 +66,13 @@ class ReceivedCommand:
 
 
 def task_from_request(
-        request: pb2.StartCommandRequest, station: SimulatorState, identity: str) -> Task | int:
+        request: pb2.StartCommandRequest, state: SimulatorState, identity: str) -> Task | int:
     """
-    Return what the robot has to do for a request.
+    Return the task that a request asks for, or an error code.
 
     :param request: the request
-    :param station: where the robot is
-    :param identity: the name of the errand
-    :returns: the errand, or the code of the error if there is none for it
+    :param state: the robot and its clock
+    :param identity: the name of the task
     """
     name = request.command.WhichOneof('command')
     if name is None:
@@ -82,156 +81,151 @@ def task_from_request(
     if not all(math.isfinite(value) for _, value in command.ListFields()
                if isinstance(value, float)):
         return ERROR_NOT_A_VELOCITY
-    legs = ACTIONS[name](command, station) if name in ACTIONS else ERROR_UNKNOWN_NAME
-    if isinstance(legs, int):
-        return legs
+    actions = ACTIONS[name](command, state) if name in ACTIONS else ERROR_UNKNOWN_NAME
+    if isinstance(actions, int):
+        return actions
     if request.HasField('lock_on_end'):
-        legs = (*legs, StandStill(request.lock_on_end.duration_sec, can_be_ended=True))
+        actions = (*actions, StandStill(request.lock_on_end.duration_sec, can_be_ended=True))
     return Task(
-        identity, legs,
+        identity, actions,
         ends_docked=name in {'return_home_command', 'move_to_location_command'},
-        note=ReceivedCommand(request.command, station.clock.stamp() // 10**9))
+        note=ReceivedCommand(request.command, state.clock.stamp() // 10**9))
 
 
-def _home(command: Any, station: SimulatorState) -> tuple[Action, ...]:
-    return station.robot.way_home(station.now())
+def _return_home(command: Any, state: SimulatorState) -> tuple[Action, ...]:
+    return state.robot.actions_to_dock(state.now())
 
 
-def _location(command: pb2.MoveToLocationCommand, station: SimulatorState) -> tuple[
-        Action, ...] | int:
-    return _home(command, station) if command.target_location_id == HOME else ERROR_UNKNOWN_NAME
+def _move_to_location(
+        command: pb2.MoveToLocationCommand, state: SimulatorState) -> tuple[Action, ...] | int:
+    if command.target_location_id != HOME:
+        return ERROR_UNKNOWN_NAME
+    return _return_home(command, state)
 
 
-def _pose(command: pb2.MoveToPoseCommand, station: SimulatorState) -> tuple[Action, ...]:
+def _move_to_pose(command: pb2.MoveToPoseCommand, state: SimulatorState) -> tuple[Action, ...]:
     goal = Pose(command.x, command.y, command.yaw)
-    return plan_to_pose(station.localisation.to_odometry(goal))
+    return plan_to_pose(state.map_to_odom.to_odometry(goal))
 
 
-def _lock(command: pb2.LockCommand, station: SimulatorState) -> tuple[Action, ...] | int:
+def _lock(command: pb2.LockCommand, state: SimulatorState) -> tuple[Action, ...] | int:
     if command.duration_sec < 0.0:
         return ERROR_OUT_OF_RANGE
     return (StandStill(command.duration_sec, can_be_ended=True),)
 
 
-def _muted(
+def _move_by_velocity(
         command: pb2.MoveByVelocityWithMutedSensorsCommand,
-        station: SimulatorState) -> tuple[Action, ...]:
+        state: SimulatorState) -> tuple[Action, ...]:
     velocity = command.signed_velocity
     return (DriveStraight(velocity * command.move_duration_sec, abs(velocity)),)
 
 
-def _return_shelf(command: pb2.ReturnShelfCommand, station: SimulatorState) -> int:
+def _return_shelf(command: pb2.ReturnShelfCommand, state: SimulatorState) -> int:
     return ERROR_UNKNOWN_NAME if command.target_shelf_id else ERROR_NO_FURNITURE
 
 
-#: How each command is done.  There is no furniture: what is about it fails as without any.
+#: The actions of each command, or an error code: there is no furniture.
 ACTIONS: dict[str, Callable[[Any, SimulatorState], tuple[Action, ...] | int]] = {
-    'move_forward_command': lambda command, station: (
+    'move_forward_command': lambda command, state: (
         DriveStraight(command.distance_meter, command.speed),),
-    'rotate_in_place_command': lambda command, station: (TurnInPlace(command.angle_radian),),
-    'move_to_pose_command': _pose,
-    'move_to_location_command': _location,
-    'return_home_command': _home,
+    'rotate_in_place_command': lambda command, state: (TurnInPlace(command.angle_radian),),
+    'move_to_pose_command': _move_to_pose,
+    'move_to_location_command': _move_to_location,
+    'return_home_command': _return_home,
     'lock_command': _lock,
-    'speak_command': lambda command, station: (StandStill(SPEAKING),),
-    'localize_command': lambda command, station: (TurnInPlace(math.tau),),
-    'move_by_velocity_with_muted_sensors_command': _muted,
-    'undock_shelf_command': lambda command, station: ERROR_NO_FURNITURE,
+    'speak_command': lambda command, state: (StandStill(SPEAK_DURATION),),
+    'localize_command': lambda command, state: (TurnInPlace(math.tau),),
+    'move_by_velocity_with_muted_sensors_command': _move_by_velocity,
+    'undock_shelf_command': lambda command, state: ERROR_NO_FURNITURE,
     'return_shelf_command': _return_shelf,
 }
 
 
-class CommandService:
-    """Commands, how they go, and how they went."""
+class CommandService(Service):
+    """Commands: start, cancel, state and results."""
 
-    def __init__(self, station: SimulatorState) -> None:
-        """
-        Serve a robot.
-
-        :param station: where it is
-        """
-        self._station = station
-        self._errand = LongPollValue(station, station.robot.task)
-        self._outcomes = LongPollValue(station, station.robot.task_results)
-        self._constant = constant(station)
+    def __init__(self, state: SimulatorState) -> None:
+        super().__init__(state)
+        self._task = LongPollValue(state, state.robot.task)
+        self._results = LongPollValue(state, state.robot.task_results)
 
     async def StartCommand(
             self, request: pb2.StartCommandRequest, context: Any) -> pb2.StartCommandResponse:
-        """Begin a command; it waits behind the others unless it is to end them."""
-        station = self._station
-        identity = f'{station.new_cursor():016x}'
-        errand = task_from_request(request, station, identity)
-        if isinstance(errand, int):
-            return pb2.StartCommandResponse(result=grpc_messages.result(errand))
-        code = station.robot.start_task(errand, station.now(), request.cancel_all)
-        station.notify()
+        """Start a command; unless it cancels the others, it waits for them."""
+        state = self._state
+        identity = f'{state.new_cursor():016x}'
+        task = task_from_request(request, state, identity)
+        if isinstance(task, int):
+            return pb2.StartCommandResponse(result=grpc_messages.result(task))
+        code = state.robot.start_task(task, state.now(), request.cancel_all)
+        state.notify()
         return pb2.StartCommandResponse(
             result=grpc_messages.result(code), command_id=identity if code == SUCCESS else '')
 
     async def CancelCommand(
             self, request: pb2.EmptyRequest, context: Any) -> pb2.CancelCommandResponse:
-        """End all commands at once."""
-        errand = self._station.robot.cancel_tasks(self._station.now())
-        self._station.notify()
-        code = ERROR_NOTHING_TO_DO if errand is None else SUCCESS
-        return pb2.CancelCommandResponse(
-            result=grpc_messages.result(code), command=_command(errand))
+        """Cancel all commands."""
+        task = self._state.robot.cancel_tasks(self._state.now())
+        self._state.notify()
+        code = ERROR_NOTHING_TO_DO if task is None else SUCCESS
+        return pb2.CancelCommandResponse(result=grpc_messages.result(code), command=_command(task))
 
     async def GetCommandState(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetCommandStateResponse:
-        """Tell what the robot does."""
-        cursor, errand = await self._errand.get(request.metadata.cursor)
+        """Return the running command."""
+        cursor, task = await self._task.get(request.metadata.cursor)
         return pb2.GetCommandStateResponse(
-            metadata=grpc_messages.metadata(cursor),
-            state=pb2.COMMAND_STATE_RUNNING if errand else pb2.COMMAND_STATE_PENDING,
-            command=_command(errand),
-            command_id=errand.identity if errand else '')
+            metadata=pb2.Metadata(cursor=cursor),
+            state=pb2.COMMAND_STATE_RUNNING if task else pb2.COMMAND_STATE_PENDING,
+            command=_command(task),
+            command_id=task.identity if task else '')
 
     async def GetLastCommandResult(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetLastCommandResultResponse:
-        """Tell how the last command went that is over."""
-        cursor, outcomes = await self._outcomes.get(request.metadata.cursor)
-        if not outcomes:
-            return pb2.GetLastCommandResultResponse(metadata=grpc_messages.metadata(cursor))
-        last = outcomes[-1]
+        """Return the result of the last command that has ended."""
+        cursor, results = await self._results.get(request.metadata.cursor)
+        if not results:
+            return pb2.GetLastCommandResultResponse(metadata=pb2.Metadata(cursor=cursor))
+        last = results[-1]
         return pb2.GetLastCommandResultResponse(
-            metadata=grpc_messages.metadata(cursor), result=grpc_messages.result(last.code),
+            metadata=pb2.Metadata(cursor=cursor), result=grpc_messages.result(last.code),
             command=_command(last.task), command_id=last.task.identity)
 
     async def GetHistoryList(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetHistoryListResponse:
-        """Tell how all commands went, newest last (chosen)."""
-        cursor, outcomes = await self._outcomes.get(request.metadata.cursor)
+        """Return the results of all commands, newest last (chosen)."""
+        cursor, results = await self._results.get(request.metadata.cursor)
         return pb2.GetHistoryListResponse(
-            metadata=grpc_messages.metadata(cursor),
-            histories=[_history(item) for item in outcomes])
+            metadata=pb2.Metadata(cursor=cursor),
+            histories=[_history(result) for result in results])
 
     async def Proceed(self, request: pb2.EmptyRequest, context: Any) -> pb2.ProceedResponse:
         """End a lock."""
-        code = self._station.robot.end_stay(self._station.now())
-        self._station.notify()
+        code = self._state.robot.end_standstill(self._state.now())
+        self._state.notify()
         return pb2.ProceedResponse(result=grpc_messages.result(code))
 
     async def GetShortcuts(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetShortcutsResponse:
-        """Tell that there are none."""
+        """Return an empty list."""
         cursor, _ = await self._constant.get(request.metadata.cursor)
-        return pb2.GetShortcutsResponse(metadata=grpc_messages.metadata(cursor))
+        return pb2.GetShortcutsResponse(metadata=pb2.Metadata(cursor=cursor))
 
     async def StartShortcutCommand(
             self, request: pb2.StartShortcutCommandRequest, context: Any
             ) -> pb2.StartShortcutCommandResponse:
-        """Refuse: there are none."""
+        """Refuse: there are no shortcuts."""
         return pb2.StartShortcutCommandResponse(result=grpc_messages.result(ERROR_UNKNOWN_NAME))
 
 
-def _command(errand: Task | None) -> pb2.Command | None:
-    return errand.note.command if errand and isinstance(errand.note, ReceivedCommand) else None
+def _command(task: Task | None) -> pb2.Command | None:
+    return task.note.command if task and isinstance(task.note, ReceivedCommand) else None
 
 
-def _history(outcome: TaskResult) -> pb2.History:
-    note = outcome.task.note
+def _history(result: TaskResult) -> pb2.History:
+    note = result.task.note
     return pb2.History(
-        id=outcome.task.identity, command=_command(outcome.task), success=outcome.is_success,
-        error_code=outcome.code,
+        id=result.task.identity, command=_command(result.task), success=result.is_success,
+        error_code=result.code,
         command_executed_time=note.time if isinstance(note, ReceivedCommand) else 0)

@@ -18,288 +18,279 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 import math
+from typing import ClassVar
 
 from kachaka_simple_control.kachaka.error_codes import ERROR_STUCK, SUCCESS
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.geometry import advance, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 
-#: How often the robot looks where it is while it drives by itself [s]; chosen.
+# None of these figures is published by the maker; all are chosen.
+#: The period of the controller of an action [s].
 CONTROL_PERIOD = 0.02
-#: It has arrived when it is as near as this [m, rad]; chosen.  A lag makes the last bit slow.
+#: An action is done within this distance of its goal [m, rad].  A lag makes the last bit slow.
 TOLERANCE, TOLERANCE_WITH_LAG = 1e-6, 1e-4
-#: And as slow as this [m/s, rad/s], unless it can stop at once; chosen.
-SLOW = 1e-3
-#: It has not arrived if it is farther away than this [m, rad] when it gives up; chosen.
+#: And, unless the robot can stop at once, below this speed [m/s, rad/s].
+MAX_END_SPEED = 1e-3
+#: An action that runs out of time has failed if the goal is farther away than this [m, rad].
 FAILED_TOLERANCE = 1e-3
-#: It gives up after so many times what the way takes at its speed, and so much more [s]; chosen.
-TIMES, MORE = 3.0, 10.0
-
-
-class ActionController:
-    """A leg under way; it ends where it should, whatever gains and noise do."""
-
-    def __init__(
-            self, leg: Action, start: Pose, now: float, limits: Limits,
-            fidelity: SimulationParameters) -> None:
-        """
-        Begin a leg.
-
-        :param leg: what to do
-        :param start: where the robot is
-        :param now: the time [s]
-        :param limits: its largest velocities
-        :param fidelity: how its drive is
-        """
-        self._start = start
-        self._lag = fidelity.lag
-        self._near, self._slow = (TOLERANCE, math.inf) if fidelity.is_ideal else (
-            TOLERANCE_WITH_LAG, SLOW)
-        self._is_turn = isinstance(leg, (TurnInPlace, FacePoint, TurnToHeading))
-        asked = abs(leg.speed) if isinstance(leg, DriveStraight) else 0.0
-        if self._is_turn:
-            self._speed = limits.max_angular_velocity
-            self._acceleration = fidelity.angular_acceleration
-        else:
-            self._speed = min(asked or math.inf, limits.max_linear_velocity)
-            self._acceleration = fidelity.linear_acceleration
-        self._stays = isinstance(leg, StandStill)
-        self._length = 0.0 if isinstance(leg, StandStill) else leg.length(start)
-        #: When to give up, or to go on [s].
-        self.end = now + (
-            leg.duration if isinstance(leg, StandStill)
-            else TIMES * abs(self._length) / self._speed + MORE)
-
-    def step(
-            self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity, float] | bool:
-        """
-        Look where the robot is.
-
-        :param pose: where it is
-        :param velocity: how fast it is
-        :param now: the time [s]
-        :returns: the velocity, and when to look again [s]; or, at the end, whether it is there
-        """
-        if self._stays:
-            return now >= self.end or (ZERO, self.end)
-        rest = self._rest(pose)
-        speed = velocity.angular_z if self._is_turn else velocity.linear_x
-        # Whoever drives past the place is not there.
-        if abs(rest) <= self._near and abs(speed) <= self._slow:
-            return True
-        if now >= self.end:
-            return abs(rest) <= FAILED_TOLERANCE
-        wanted = self._speed_for(rest)
-        return (
-            Velocity(angular_z=wanted) if self._is_turn else Velocity(linear_x=wanted),
-            now + CONTROL_PERIOD)
-
-    def _rest(self, pose: Pose) -> float:
-        if self._is_turn:
-            return self._length - (pose.theta - self._start.theta)
-        heading = self._start.theta
-        return self._length - (
-            (pose.x - self._start.x) * math.cos(heading)
-            + (pose.y - self._start.y) * math.sin(heading))
-
-    def _speed_for(self, rest: float) -> float:
-        # Without a lag: the rest within one look.  With one, a loop of gain 1 / (4 lag) is
-        # critically damped: as fast as it can be without going too far.
-        duration = CONTROL_PERIOD + 4.0 * self._lag
-        most = self._speed
-        if math.isfinite(self._acceleration):
-            duration += 3.0 * CONTROL_PERIOD
-            # Braking with half of what it can leaves room for its gains and its lag.
-            most = min(most, math.sqrt(self._acceleration * abs(rest)))
-        return max(-most, min(rest / duration, most))
-
-
-#: A point that is nearer than this [m] is where the robot stands.
-HERE = 1e-4
+#: The time limit of an action: a multiple of its time at full speed, and a margin [s].
+TIME_LIMIT_FACTOR, TIME_LIMIT_MARGIN = 3.0, 10.0
+#: A point within this distance [m] has no direction.
+SAME_POINT = 1e-4
+#: How many results are kept.
+MAX_RESULTS = 100
 
 
 @dataclass(frozen=True)
-class DriveStraight:
-    """
-    Drive straight on.
+class MotionAction:
+    """One straight line or one turn in place; base of all actions that move the robot."""
 
-    :param distance: how far [m], negative backwards
-    :param speed: how fast at most [m/s]; 0 for as fast as the robot can
+    is_turn: ClassVar[bool] = False
+
+    def length(self, start: Pose) -> float:
+        """
+        Return the signed distance [m] or angle [rad] to go.
+
+        :param start: the pose at the start of the action, in odometry
+        """
+        raise NotImplementedError
+
+    def max_speed(self, limits: Limits) -> float:
+        """Return the largest speed of the action [m/s] or [rad/s]."""
+        return limits.max_angular_velocity if self.is_turn else limits.max_linear_velocity
+
+
+@dataclass(frozen=True)
+class DriveStraight(MotionAction):
+    """
+    Drive straight.
+
+    :param distance: the distance [m], negative backwards
+    :param speed: the largest speed [m/s]; 0 for that of the robot
     """
 
     distance: float
     speed: float = 0.0
 
     def length(self, start: Pose) -> float:
-        """
-        Return how far this is.
-
-        :param start: where the robot is at its beginning
-        :returns: the signed way [m]
-        """
+        """Return the signed distance [m]."""
         return self.distance
+
+    def max_speed(self, limits: Limits) -> float:
+        """Return the largest speed [m/s]."""
+        return min(abs(self.speed) or math.inf, limits.max_linear_velocity)
 
 
 @dataclass(frozen=True)
-class TurnInPlace:
+class TurnInPlace(MotionAction):
     """
-    Turn on the spot.
+    Turn in place.
 
-    :param angle: how far [rad], counter-clockwise positive; more than a turn is more than a turn
+    :param angle: the angle [rad], counter-clockwise positive, not wrapped
     """
 
     angle: float
+    is_turn: ClassVar[bool] = True
 
     def length(self, start: Pose) -> float:
-        """
-        Return how far this is.
-
-        :param start: where the robot is at its beginning
-        :returns: the signed angle [rad]
-        """
+        """Return the signed angle [rad]."""
         return self.angle
 
 
 @dataclass(frozen=True)
-class FacePoint:
+class FacePoint(MotionAction):
     """
-    Turn towards a point, the shorter way.
+    Turn towards a point by the smaller angle.
 
-    :param x: where it is in odometry [m]
-    :param y: likewise [m]
+    :param x: x of the point in odometry [m]
+    :param y: y of the point in odometry [m]
     """
 
     x: float
     y: float
+    is_turn: ClassVar[bool] = True
 
     def length(self, start: Pose) -> float:
-        """
-        Return how far this is.
-
-        :param start: where the robot is at its beginning
-        :returns: the signed angle [rad]; 0 where the robot stands on the point
-        """
-        # A point that the robot stands on is in no direction.
-        if math.hypot(self.x - start.x, self.y - start.y) <= HERE:
+        """Return the signed angle [rad]; 0 if the robot stands on the point."""
+        if math.hypot(self.x - start.x, self.y - start.y) <= SAME_POINT:
             return 0.0
         direction = math.atan2(self.y - start.y, self.x - start.x)
         return math.remainder(direction - start.theta, math.tau)
 
 
 @dataclass(frozen=True)
-class DriveToPoint:
+class DriveToPoint(MotionAction):
     """
-    Drive straight on as far as a point is away.
+    Drive straight by the distance of a point.
 
-    :param x: where it is in odometry [m]
-    :param y: likewise [m]
+    :param x: x of the point in odometry [m]
+    :param y: y of the point in odometry [m]
     """
 
     x: float
     y: float
 
     def length(self, start: Pose) -> float:
-        """
-        Return how far this is.
-
-        :param start: where the robot is at its beginning
-        :returns: the way [m]
-        """
+        """Return the distance [m]."""
         return math.hypot(self.x - start.x, self.y - start.y)
 
 
 @dataclass(frozen=True)
-class TurnToHeading:
+class TurnToHeading(MotionAction):
     """
-    Turn to a heading, the shorter way.
+    Turn to a heading by the smaller angle.
 
     :param theta: the heading in odometry [rad]
     """
 
     theta: float
+    is_turn: ClassVar[bool] = True
 
     def length(self, start: Pose) -> float:
-        """
-        Return how far this is.
-
-        :param start: where the robot is at its beginning
-        :returns: the signed angle [rad]
-        """
+        """Return the signed angle [rad]."""
         return math.remainder(self.theta - start.theta, math.tau)
 
 
 @dataclass(frozen=True)
 class StandStill:
     """
-    Stay for a time.
+    Stand still for a time.
 
-    :param duration: how long [s]
-    :param can_be_ended: whether somebody may tell the robot to go on before
+    :param duration: the time [s]
+    :param can_be_ended: whether a client may end it early
     """
 
     duration: float
     can_be_ended: bool = False
 
 
-Action = DriveStraight | TurnInPlace | FacePoint | DriveToPoint | TurnToHeading | StandStill
+Action = MotionAction | StandStill
 
 
 def plan_to_pose(pose: Pose) -> tuple[Action, ...]:
     """
-    Return how the robot drives to a pose, with nothing in its way.
+    Return a turn, a straight line and a turn that lead to a pose; there are no obstacles.
 
     :param pose: the pose in odometry
-    :returns: a turn, a straight line and a turn
     """
     return FacePoint(pose.x, pose.y), DriveToPoint(pose.x, pose.y), TurnToHeading(pose.theta)
 
 
 def plan_docking(dock: Pose, distance: float, speed: float) -> tuple[Action, ...]:
     """
-    Return how the robot drives onto its dock: to the place before it, then backwards.
+    Return the actions that lead to a pose in front of the dock, then backwards onto it.
 
-    :param dock: where it stands then, in odometry
-    :param distance: how far before the dock it turns its back to it [m]
-    :param speed: how fast it drives backwards [m/s]
-    :returns: the legs
+    :param dock: the pose of the docked robot in odometry
+    :param distance: the length of the way backwards [m]
+    :param speed: the speed backwards [m/s]
     """
-    before = advance(dock, distance, 0.0)
-    return (*plan_to_pose(before), DriveStraight(-distance, speed))
+    return (*plan_to_pose(advance(dock, distance, 0.0)), DriveStraight(-distance, speed))
 
 
-#: How many outcomes are kept; chosen.
-MAX_RESULTS = 100
+class ActionController:
+    """
+    Closed-loop controller of one action: it corrects gains and noise of the drive.
+
+    :param action: the action
+    :param start: the pose at its start
+    :param now: the time of its start [s]
+    :param limits: the largest velocities of the robot
+    :param parameters: the parameters of its drive
+    """
+
+    def __init__(
+            self, action: Action, start: Pose, now: float, limits: Limits,
+            parameters: SimulationParameters) -> None:
+        self._action = action
+        self._start = start
+        #: the time limit of a motion, the end of a standstill [s]
+        self.end = now
+        if isinstance(action, StandStill):
+            self.end += action.duration
+            return
+        self._lag = parameters.lag
+        self._tolerance, self._max_end_speed = (TOLERANCE, math.inf) if parameters.is_ideal else (
+            TOLERANCE_WITH_LAG, MAX_END_SPEED)
+        self._length = action.length(start)
+        self._speed = action.max_speed(limits)
+        self._acceleration = (
+            parameters.angular_acceleration if action.is_turn else parameters.linear_acceleration)
+        self.end += TIME_LIMIT_FACTOR * abs(self._length) / self._speed + TIME_LIMIT_MARGIN
+
+    def step(
+            self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity, float] | bool:
+        """
+        Return the next velocity and the time of the next step [s]; at the end, the success.
+
+        :param pose: the present pose
+        :param velocity: the present velocity
+        :param now: the time [s]
+        """
+        action = self._action
+        if isinstance(action, StandStill):
+            return now >= self.end or (ZERO, self.end)
+        remaining = self._remaining(pose, action.is_turn)
+        speed = velocity.angular_z if action.is_turn else velocity.linear_x
+        # A robot that drives past the goal has not arrived.
+        if abs(remaining) <= self._tolerance and abs(speed) <= self._max_end_speed:
+            return True
+        if now >= self.end:
+            return abs(remaining) <= FAILED_TOLERANCE
+        speed = self._speed_for(remaining)
+        return (
+            Velocity(angular_z=speed) if action.is_turn else Velocity(linear_x=speed),
+            now + CONTROL_PERIOD)
+
+    def _remaining(self, pose: Pose, is_turn: bool) -> float:
+        if is_turn:
+            return self._length - (pose.theta - self._start.theta)
+        heading = self._start.theta
+        return self._length - (
+            (pose.x - self._start.x) * math.cos(heading)
+            + (pose.y - self._start.y) * math.sin(heading))
+
+    def _speed_for(self, remaining: float) -> float:
+        # Without a lag: the remaining length within one period.  With one, a loop of gain
+        # 1 / (4 lag) is critically damped: the fastest without overshoot.
+        duration = CONTROL_PERIOD + 4.0 * self._lag
+        max_speed = self._speed
+        if math.isfinite(self._acceleration):
+            duration += 3.0 * CONTROL_PERIOD
+            # Half of the possible deceleration leaves a margin for gains and lag.
+            max_speed = min(max_speed, math.sqrt(self._acceleration * abs(remaining)))
+        return max(-max_speed, min(remaining / duration, max_speed))
 
 
 @dataclass(frozen=True)
 class Task:
     """
-    Something to do.
+    A sequence of actions.
 
-    :param identity: its name, which no other has
-    :param legs: its parts, in order
-    :param ends_docked: whether the robot stands on its dock once all is done
-    :param note: whatever its sender wants to have beside it
+    :param identity: its unique name
+    :param actions: the actions, in order
+    :param ends_docked: whether the robot is docked after the last action
+    :param note: data of the client, kept with the task
     """
 
     identity: str
-    legs: tuple[Action, ...]
+    actions: tuple[Action, ...]
     ends_docked: bool = False
     note: object = None
 
     @property
     def moves(self) -> bool:
-        """Whether the robot moves for it."""
-        return not all(isinstance(leg, StandStill) for leg in self.legs)
+        """Whether an action moves the robot."""
+        return not all(isinstance(action, StandStill) for action in self.actions)
 
 
 @dataclass(frozen=True)
 class TaskResult:
     """
-    How an errand ended.
+    The result of a task.
 
-    :param task: the errand
-    :param code: 0, or the code of the error
+    :param task: the task
+    :param code: 0 for success, else the error code
     """
 
     task: Task
@@ -307,104 +298,86 @@ class TaskResult:
 
     @property
     def is_success(self) -> bool:
-        """Whether all of it was done."""
+        """Whether all actions succeeded."""
         return self.code == SUCCESS
 
 
 class TaskQueue:
-    """The errands of one robot, which does them one by one; told the time."""
+    """
+    The tasks of one robot, which executes them one after another; needs to be given the time.
 
-    def __init__(self, limits: Limits, fidelity: SimulationParameters) -> None:
-        """
-        Have nothing to do.
+    :param limits: the largest velocities of the robot
+    :param parameters: the parameters of its drive
+    """
 
-        :param limits: the robot's largest velocities
-        :param fidelity: how its drive is
-        """
+    def __init__(self, limits: Limits, parameters: SimulationParameters) -> None:
         self._limits = limits
-        self._fidelity = fidelity
+        self._parameters = parameters
         self._waiting: deque[Task] = deque()
-        self._legs: deque[Action] = deque()
-        self._way: ActionController | None = None
+        self._actions: deque[Action] = deque()
+        self._controller: ActionController | None = None
         self.current: Task | None = None
-        #: Newest last.
+        #: the last results, newest last
         self.results: deque[TaskResult] = deque(maxlen=MAX_RESULTS)
 
-    def add(self, errand: Task) -> None:
-        """
-        Take an errand on, behind all others.
-
-        :param errand: the errand
-        """
-        self._waiting.append(errand)
+    def add(self, task: Task) -> None:
+        """Add a task at the end of the queue."""
+        self._waiting.append(task)
         if self.current is None:
-            self._begin_next()
+            self._start_next()
 
     def drop_all(self, code: int) -> None:
-        """
-        End all errands undone.
-
-        :param code: why
-        """
+        """End all tasks with an error code."""
         dropped = [] if self.current is None else [self.current]
-        self.results.extend(TaskResult(errand, code) for errand in (*dropped, *self._waiting))
+        self.results.extend(TaskResult(task, code) for task in (*dropped, *self._waiting))
         self._waiting.clear()
-        self._begin_next()
+        self._start_next()
 
-    def prepend(self, leg: Action) -> None:
-        """
-        Do something before the next leg.
+    def prepend(self, action: Action) -> None:
+        """Insert an action before the next one of the current task."""
+        self._actions.appendleft(action)
 
-        :param leg: what to do
-        """
-        self._legs.appendleft(leg)
-
-    def end_stay(self, now: float) -> bool:
-        """
-        Go on, if the robot stays where it may be told to go on.
-
-        :param now: the time [s]
-        :returns: whether it did
-        """
-        if self._way is None or not isinstance(
-                leg := self._legs[0], StandStill) or not leg.can_be_ended:
+    def end_standstill(self, now: float) -> bool:
+        """End the current action if it is a standstill that may be ended; return whether."""
+        if self._controller is None or not isinstance(
+                action := self._actions[0], StandStill) or not action.can_be_ended:
             return False
-        self._way.end = now
+        self._controller.end = now
         return True
 
-    def proceed(
-            self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity,
-            float] | TaskResult:
+    def step(
+            self, pose: Pose, velocity: Velocity,
+            now: float) -> tuple[Velocity, float] | TaskResult:
         """
-        Do what is to be done for the current errand.
+        Continue the current task.
 
-        :param pose: where the robot is
-        :param velocity: how fast it is
+        :param pose: the present pose
+        :param velocity: the present velocity
         :param now: the time [s]
-        :returns: the velocity, and when to ask again [s]; at the end of the errand its outcome,
-            and the next errand is the current one
+        :returns: the next velocity and the time of the next step [s]; at the end of the task its
+            result, and the next task is the current one
         """
-        while self._legs:
-            if self._way is None:
-                self._way = ActionController(
-                    self._legs[0], pose, now, self._limits, self._fidelity)
-            answer = self._way.step(pose, velocity, now)
+        while self._actions:
+            if self._controller is None:
+                self._controller = ActionController(
+                    self._actions[0], pose, now, self._limits, self._parameters)
+            answer = self._controller.step(pose, velocity, now)
             if not isinstance(answer, bool):
                 return answer
             if not answer:
                 return self._finish(ERROR_STUCK)
-            self._legs.popleft()
-            self._way = None
+            self._actions.popleft()
+            self._controller = None
         return self._finish(SUCCESS)
 
     def _finish(self, code: int) -> TaskResult:
-        assert self.current is not None, 'somebody proceeds with nothing'
-        outcome = TaskResult(self.current, code)
-        self.results.append(outcome)
-        self._begin_next()
-        return outcome
+        assert self.current is not None, 'step() needs a current task'
+        result = TaskResult(self.current, code)
+        self.results.append(result)
+        self._start_next()
+        return result
 
-    def _begin_next(self) -> None:
+    def _start_next(self) -> None:
         self.current = self._waiting.popleft() if self._waiting else None
-        self._legs = deque(self.current.legs if self.current else ())
-        self._way = None
+        self._actions = deque(self.current.actions if self.current else ())
+        self._controller = None

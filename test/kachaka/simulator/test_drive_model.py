@@ -36,9 +36,9 @@ commands = st.lists(st.tuples(st.floats(0.0, 0.4), velocities | st.just(ZERO)), 
 questions = st.lists(st.floats(0.0, 2.5), max_size=20)
 
 
-def drive_and_ask(fidelity, commands, questions, start=0.0):
+def drive_and_ask(parameters, commands, questions, start=0.0):
     """Give the commands, after their pauses; ask in between; answer the state after 2.5 s."""
-    drive, time = DriveModel(fidelity, start, seed=7), start
+    drive, time = DriveModel(parameters, start, seed=7), start
     asked = sorted(start + question for question in questions)
     for pause, velocity in commands:
         time += pause
@@ -50,12 +50,12 @@ def drive_and_ask(fidelity, commands, questions, start=0.0):
     return drive.state_at(start + 2.5)
 
 
-@pytest.mark.parametrize('fidelity', [IDEAL, REAL], ids=['ideal', 'real'])
+@pytest.mark.parametrize('parameters', [IDEAL, REAL], ids=['ideal', 'real'])
 @given(commands=commands, questions=questions)
-def test_pose_does_not_depend_on_how_often_it_is_asked(fidelity, commands, questions):
+def test_pose_does_not_depend_on_how_often_it_is_asked(parameters, commands, questions):
     """To the last bit: what a report says must not depend on who else listened."""
-    silent = drive_and_ask(fidelity, commands, [])
-    assert silent == drive_and_ask(fidelity, commands, questions)
+    silent = drive_and_ask(parameters, commands, [])
+    assert silent == drive_and_ask(parameters, commands, questions)
 
 
 @given(commands=commands)

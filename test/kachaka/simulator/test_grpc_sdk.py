@@ -213,7 +213,7 @@ def test_a_stream_of_odometry_follows_the_robot():
                 if len(places) == 5:
                     break
                 clock.time += 0.0201
-                server.station.notify()
+                server.state.notify()
             assert places == pytest.approx([0.3 * 0.0201 * tick for tick in range(5)])
     asyncio.run(follow())
 

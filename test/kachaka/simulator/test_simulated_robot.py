@@ -17,13 +17,13 @@ from __future__ import annotations
 
 import math
 
-from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
-from kachaka_simple_control.kachaka.simulator.robot import (
+from kachaka_simple_control.kachaka.error_codes import (
     ERROR_NO_MANUAL_CONTROL,
     ERROR_NOT_A_VELOCITY,
-    SimulatedKachaka,
     SUCCESS,
 )
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import ORIGIN, Velocity, ZERO
 import pytest
 
@@ -145,8 +145,8 @@ def test_robot_stays_on_its_dock_until_manual_control_comes():
 
 def test_enabling_on_the_dock_drives_off():
     """Straight, for a given way at a given velocity, whatever it is told meanwhile."""
-    fidelity = SimulationParameters(undock_distance=0.3, undock_velocity=0.15)
-    robot = SimulatedKachaka(docked=True, fidelity=fidelity)
+    parameters = SimulationParameters(undock_distance=0.3, undock_velocity=0.15)
+    robot = SimulatedKachaka(docked=True, parameters=parameters)
     robot.set_manual_control(True, 1.0)
     assert robot.is_docked(1.0) is False
     for tick in range(19):
@@ -186,10 +186,10 @@ def test_odometry_of_an_ideal_robot_is_true(robot):
 
 def test_odometry_noise_is_seeded_and_leaves_the_truth_alone():
     """The same times give the same answers, however often and in whichever run."""
-    fidelity = SimulationParameters(odometry_noise=0.01, heading_noise=0.02)
+    parameters = SimulationParameters(odometry_noise=0.01, heading_noise=0.02)
     readings = []
     for questions in (1, 5):
-        robot = SimulatedKachaka(fidelity=fidelity, seed=3)
+        robot = SimulatedKachaka(parameters=parameters, seed=3)
         for tick in range(200):
             for _ in range(questions):
                 pose, velocity = robot.odometry(0.01 + 0.02 * tick)

@@ -48,14 +48,14 @@ ROUGH = st.builds(
     angular_acceleration=st.floats(1.0, 20.0), velocity_noise=st.floats(0.0, 0.03))
 
 
-def send(robot, *legs, now=0.0, name='errand', drop_others=True, ends_docked=False):
+def send(robot, *actions, now=0.0, name='task', drop_others=True, ends_docked=False):
     """Send a robot on an errand."""
-    return robot.start_task(Task(name, legs, ends_docked), now, drop_others)
+    return robot.start_task(Task(name, actions, ends_docked), now, drop_others)
 
 
-def endings(robot, now):
+def results(robot, now):
     """Return how the errands of a robot ended, by name."""
-    return [(outcome.task.identity, outcome.code) for outcome in robot.task_results(now)]
+    return [(result.task.identity, result.code) for result in robot.task_results(now)]
 
 
 def test_a_straight_line_is_exact_and_takes_its_time():
@@ -63,33 +63,33 @@ def test_a_straight_line_is_exact_and_takes_its_time():
     robot = SimulatedKachaka()
     assert send(robot, DriveStraight(0.3, 0.1), now=1.0) == SUCCESS
     assert robot.state(2.5)[0].x == pytest.approx(0.15, abs=1e-12)
-    assert robot.task(3.98).identity == 'errand'
+    assert robot.task(3.98).identity == 'task'
     assert robot.task(4.05) is None
     assert robot.state(9.0) == (Pose(pytest.approx(0.3, abs=1e-12)), ZERO)
-    assert endings(robot, 9.0) == [('errand', SUCCESS)]
+    assert results(robot, 9.0) == [('task', SUCCESS)]
 
 
-@pytest.mark.parametrize(('leg', 'pose'), [
+@pytest.mark.parametrize(('action', 'pose'), [
     (DriveStraight(-0.4), Pose(-0.4)), (DriveStraight(1.0, 9.0), Pose(1.0)),
     (TurnInPlace(math.pi), Pose(theta=math.pi)), (TurnInPlace(-7.0), Pose(theta=-7.0)),
     (DriveStraight(0.0), ORIGIN)])
-def test_an_errand_ends_where_it_should(leg, pose):
+def test_an_errand_ends_where_it_should(action, pose):
     """Backwards, faster than it can, more than a turn, and nothing at all."""
     robot = SimulatedKachaka()
-    send(robot, leg)
+    send(robot, action)
     assert robot.state(20.0)[0].x == pytest.approx(pose.x, abs=1e-9)
     assert robot.state(20.0)[0].theta == pytest.approx(pose.theta, abs=1e-9)
-    assert endings(robot, 20.0) == [('errand', SUCCESS)]
+    assert results(robot, 20.0) == [('task', SUCCESS)]
 
 
 @settings(max_examples=10, deadline=None)
-@given(fidelity=ROUGH, distance=st.floats(-1.0, 1.0), angle=st.floats(-4.0, 4.0))
-def test_a_rough_robot_arrives_all_the_same(fidelity, distance, angle):
+@given(parameters=ROUGH, distance=st.floats(-1.0, 1.0), angle=st.floats(-4.0, 4.0))
+def test_a_rough_robot_arrives_all_the_same(parameters, distance, angle):
     """Within 1 mm and 1 mrad: it looks where it is."""
-    robot = SimulatedKachaka(fidelity=fidelity)
+    robot = SimulatedKachaka(parameters=parameters)
     send(robot, TurnInPlace(angle), DriveStraight(distance))
     pose, velocity = robot.state(90.0)
-    assert endings(robot, 90.0) == [('errand', SUCCESS)]
+    assert results(robot, 90.0) == [('task', SUCCESS)]
     assert math.hypot(pose.x, pose.y) == pytest.approx(abs(distance), abs=1e-3)
     assert pose.theta == pytest.approx(angle, abs=1e-3)
     assert velocity == ZERO
@@ -98,19 +98,19 @@ def test_a_rough_robot_arrives_all_the_same(fidelity, distance, angle):
 @pytest.mark.parametrize('lag', [0.1, 0.3])
 def test_a_sluggish_robot_does_not_go_too_far(lag):
     """Nor does it take for ever."""
-    robot = SimulatedKachaka(fidelity=SimulationParameters(lag=lag))
+    robot = SimulatedKachaka(parameters=SimulationParameters(lag=lag))
     send(robot, DriveStraight(0.3))
     assert max(robot.state(0.01 * tick)[0].x for tick in range(1000)) < 0.3 + 1e-3
-    assert endings(robot, 10.0) == [('errand', SUCCESS)]
+    assert results(robot, 10.0) == [('task', SUCCESS)]
 
 
 def test_whoever_drives_past_a_place_is_not_there():
     """Unless it can stop at once."""
-    for fidelity, is_there in (
+    for parameters, is_there in (
             (SimulationParameters(lag=0.1), False), (SimulationParameters(), True)):
-        way = ActionController(DriveStraight(1.0), ORIGIN, 0.0, KACHAKA.limits, fidelity)
-        assert (way.step(Pose(1.0), Velocity(0.2), 1.0) is True) == is_there
-        assert way.step(Pose(1.0), ZERO, 1.0) is True
+        controller = ActionController(DriveStraight(1.0), ORIGIN, 0.0, KACHAKA.limits, parameters)
+        assert (controller.step(Pose(1.0), Velocity(0.2), 1.0) is True) == is_there
+        assert controller.step(Pose(1.0), ZERO, 1.0) is True
 
 
 @settings(max_examples=25, deadline=None)
@@ -128,10 +128,10 @@ def test_a_pose_is_reached_from_anywhere(x, y, theta):
 
 def test_asking_changes_nothing():
     """To the last bit, also for a rough robot with noise."""
-    fidelity = SimulationParameters(lag=0.1, velocity_noise=0.02, linear_gain=1.05)
+    parameters = SimulationParameters(lag=0.1, velocity_noise=0.02, linear_gain=1.05)
     poses = []
     for questions in (1, 500):
-        robot = SimulatedKachaka(fidelity=fidelity, seed=5)
+        robot = SimulatedKachaka(parameters=parameters, seed=5)
         send(robot, DriveStraight(0.5), TurnInPlace(1.0))
         for question in range(questions):
             robot.state(4.0 * (question + 1) / questions)
@@ -141,10 +141,10 @@ def test_asking_changes_nothing():
 
 def test_a_robot_that_cannot_come_there_says_so_and_stops():
     """Its wheels turn and it does not move."""
-    robot = SimulatedKachaka(fidelity=SimulationParameters(linear_gain=0.0))
+    robot = SimulatedKachaka(parameters=SimulationParameters(linear_gain=0.0))
     send(robot, DriveStraight(0.3), TurnInPlace(1.0))
     assert robot.task(12.0) is not None
-    assert endings(robot, 14.0) == [('errand', ERROR_STUCK)]
+    assert results(robot, 14.0) == [('task', ERROR_STUCK)]
     assert robot.state(20.0) == (ORIGIN, ZERO)
 
 
@@ -156,7 +156,7 @@ def test_the_next_errand_ends_the_one_before_unless_it_waits():
     send(robot, DriveStraight(-0.3, 0.1), now=2.0, name='c', drop_others=False)
     assert robot.task(10.9).identity == 'b'
     assert robot.task(11.1).identity == 'c'
-    assert endings(robot, 20.0) == [('a', ERROR_CANCELLED), ('b', SUCCESS), ('c', SUCCESS)]
+    assert results(robot, 20.0) == [('a', ERROR_CANCELLED), ('b', SUCCESS), ('c', SUCCESS)]
     assert robot.state(20.0)[0].x == pytest.approx(0.1 + 1.0 - 0.3, abs=1e-9)
 
 
@@ -168,19 +168,19 @@ def test_a_cancelled_robot_stops_at_once_and_forgets_the_rest():
     assert robot.cancel_tasks(1.0).identity == 'a'
     assert robot.cancel_tasks(1.0) is None
     assert robot.state(9.0) == (Pose(pytest.approx(0.1, abs=1e-12)), ZERO)
-    assert endings(robot, 9.0) == [('a', ERROR_CANCELLED), ('b', ERROR_CANCELLED)]
+    assert results(robot, 9.0) == [('a', ERROR_CANCELLED), ('b', ERROR_CANCELLED)]
 
 
 def test_somebody_can_end_a_stay_that_may_be_ended():
     """And no other."""
     robot = SimulatedKachaka()
-    assert robot.end_stay(0.0) == ERROR_NOTHING_TO_DO
+    assert robot.end_standstill(0.0) == ERROR_NOTHING_TO_DO
     send(robot, StandStill(30.0), now=0.0)
-    assert robot.end_stay(1.0) == ERROR_NOTHING_TO_DO
+    assert robot.end_standstill(1.0) == ERROR_NOTHING_TO_DO
     send(robot, StandStill(30.0, can_be_ended=True), DriveStraight(0.1, 0.1), now=2.0)
-    assert robot.end_stay(5.0) == SUCCESS
+    assert robot.end_standstill(5.0) == SUCCESS
     assert robot.state(5.5)[0].x == pytest.approx(0.05, abs=1e-12)
-    assert endings(robot, 7.0)[-1] == ('errand', SUCCESS)
+    assert results(robot, 7.0)[-1] == ('task', SUCCESS)
 
 
 def test_a_stay_ends_by_itself():
@@ -204,7 +204,7 @@ def test_errands_end_manual_control_and_it_ends_them():
     assert robot.state(2.0)[0].x == pytest.approx(0.027 + 0.1, abs=1e-12)
     robot.set_manual_control(True, 2.0)
     assert robot.state(3.0) == (Pose(pytest.approx(0.127, abs=1e-12)), ZERO)
-    assert endings(robot, 3.0) == [('errand', ERROR_CANCELLED)]
+    assert results(robot, 3.0) == [('task', ERROR_CANCELLED)]
 
 
 def test_on_the_dock_an_errand_that_moves_drives_off_first():
@@ -232,21 +232,21 @@ def test_the_robot_finds_home_from_anywhere(docked):
     """Backwards onto its dock; there, it is home already."""
     robot = SimulatedKachaka(docked=docked)
     send(robot, DriveStraight(0.4), TurnInPlace(2.0), DriveStraight(0.3))
-    send(robot, *robot.way_home(20.0), now=20.0, ends_docked=True)
+    send(robot, *robot.actions_to_dock(20.0), now=20.0, ends_docked=True)
     assert robot.is_docked(25.0) is False
     pose, velocity = robot.state(60.0)
     assert robot.is_docked(60.0) is True
     assert (pose.x, pose.y) == (pytest.approx(robot.dock.x), pytest.approx(0.0, abs=1e-9))
     assert math.cos(pose.theta) == pytest.approx(1.0)
     assert velocity == ZERO
-    assert robot.way_home(60.0) == ()
+    assert robot.actions_to_dock(60.0) == ()
 
 
 def test_a_way_home_that_is_cut_short_does_not_end_docked():
     """Nor does one from which it was called away."""
     robot = SimulatedKachaka()
     send(robot, DriveStraight(0.5))
-    send(robot, *robot.way_home(9.0), now=9.0, ends_docked=True)
+    send(robot, *robot.actions_to_dock(9.0), now=9.0, ends_docked=True)
     robot.cancel_tasks(10.0)
     assert robot.is_docked(60.0) is False
 
