@@ -11,19 +11,17 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The robot's error codes, their texts, and diagnostics made of them."""
+"""The robot's error codes and their texts."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from enum import IntEnum
+from collections.abc import Iterator
+from dataclasses import dataclass
 import json
-import math
 from typing import Any
 
 from kachaka_simple_control.escaping import escaped
-from kachaka_simple_control.kachaka.grpc_client.connection_state import ConnectionState
+from kachaka_simple_control.telemetry.level import Level
 
 SUCCESS = 0
 #: The robot's own codes, in pf-robotics/kachaka-api: error_code.hpp of the bridge for the first,
@@ -31,7 +29,7 @@ SUCCESS = 0
 ERROR_NO_MANUAL_CONTROL = 13151
 ERROR_NO_FURNITURE = 14606
 ERROR_PAUSED = 21051
-#: Ours, chosen: below 0 there are none of the robot's, whose full list is not published.
+#: Chosen for the simulated robot: the full list is not published, but it has none below 0.
 ERROR_NOT_A_VELOCITY = -1
 ERROR_CANCELLED = -2
 ERROR_STUCK = -3
@@ -39,7 +37,7 @@ ERROR_UNKNOWN_NAME = -4
 ERROR_OUT_OF_RANGE = -5
 ERROR_NOTHING_TO_DO = -6
 
-#: Code, kind (one of the robot's), and what it says, in our words.
+#: The simulated robot's list: code, type (as the robot names them), text in our words.
 TEXTS = (
     (ERROR_NO_MANUAL_CONTROL, 'Error', 'A velocity came while manual control is off'),
     (ERROR_NO_FURNITURE, 'Error', 'The robot carries no furniture'),
@@ -52,27 +50,18 @@ TEXTS = (
     (ERROR_NOTHING_TO_DO, 'Ignore', 'There is nothing to cancel or to go on with'),
 )
 
-
-class Level(IntEnum):
-    """How bad something is; the numbers are those of ``diagnostic_msgs``."""
-
-    OK = 0
-    WARN = 1
-    ERROR = 2
-
-
-#: The robot's own kinds of errors that are less than errors; every other kind is one.
+#: The level of each type that is less than an error; all other types are errors.
 LEVELS = {'Ignore': Level.OK, 'Warn': Level.WARN}
 
 
 @dataclass(frozen=True)
 class ErrorText:
     """
-    What an error is.
+    The text of an error code; empty if the code is unknown.
 
     :param title: its name
-    :param description: more of it
-    :param level: how bad it is
+    :param description: details
+    :param level: its level
     """
 
     title: str
@@ -81,37 +70,26 @@ class ErrorText:
 
 
 class ErrorTexts:
-    """The robot's list of errors."""
+    """
+    The robot's list of errors.
+
+    :param text: the JSON of GetRobotErrorCodeJson, a list of objects.  Anything else counts as an
+        empty list: a robot without error texts can still drive
+    """
 
     def __init__(self, text: str = '') -> None:
-        """
-        Read the list.
-
-        :param text: what GetRobotErrorCodeJson answers: JSON, a list of objects; anything else
-            counts as an empty list, for a robot that cannot explain itself can drive
-        """
         self._texts = dict(_entries(text))
 
     def __len__(self) -> int:
-        """Return how many errors are known."""
+        """Return the number of known errors."""
         return len(self._texts)
 
     def find(self, code: int) -> ErrorText:
-        """
-        Return what is known of an error.
-
-        :param code: its code
-        :returns: its text, which may be empty
-        """
+        """Return the text of an error code, which may be empty."""
         return self._texts.get(code, ErrorText(''))
 
     def describe(self, code: int) -> str:
-        """
-        Say in one line what an error is.
-
-        :param code: its code
-        :returns: code and title, with the description if there is one
-        """
+        """Return code, title and description of an error in one line, as far as known."""
         known = self.find(code)
         text = '. '.join(filter(None, (known.title, known.description)))
         return f'error {code} ({text})' if text else f'error {code}'
@@ -125,78 +103,11 @@ def _entries(text: str) -> Iterator[tuple[int, ErrorText]]:
     for entry in entries if isinstance(entries, list) else []:
         if isinstance(entry, dict) and isinstance(entry.get('code'), int):
             yield entry['code'], ErrorText(
-                _either(entry, 'title'), _either(entry, 'description'),
+                _one_line(entry, 'title'), _one_line(entry, 'description'),
                 LEVELS.get(str(entry.get('error_type')), Level.ERROR))
 
 
-def _either(entry: dict[str, Any], key: str) -> str:
-    """Return a text in English if the robot has it, else in its own language; in one line."""
+def _one_line(entry: dict[str, Any], key: str) -> str:
+    """Return a text in English if there is one, else in the robot's language, in one line."""
     value = entry.get(f'{key}_en') or entry.get(key) or ''
     return escaped(' '.join(str(value).split()).rstrip('.'))
-
-
-#: A robot that takes longer to answer than this [s] leaves little of its hold.
-SLOW = 0.15
-
-
-@dataclass(frozen=True)
-class DiagnosticEntry:
-    """
-    One entry of diagnostics.
-
-    :param level: how bad it is
-    :param name: of what
-    :param message: how it is
-    :param values: more of it
-    """
-
-    level: Level
-    name: str
-    message: str
-    values: dict[str, str] = field(default_factory=dict)
-
-
-def link_status(
-        link: ConnectionState, address: str, round_trip: float, dropped: int,
-        now: float) -> DiagnosticEntry:
-    """
-    Return how the link is.
-
-    :param link: the link
-    :param address: of the robot
-    :param round_trip: how long the robot took to answer a velocity last [s]; NaN for never
-    :param dropped: how many velocities gave way to newer ones, or grew too old
-    :param now: the time [s, steady clock]
-    :returns: the entry
-    """
-    values = {'address': address, 'times lost': str(link.losses),
-              'velocities dropped': str(dropped)}
-    if not math.isnan(round_trip):
-        values['last answer to a velocity after [ms]'] = f'{1e3 * round_trip:.1f}'
-    if not link.is_up:
-        since = '' if math.isnan(link.since) else f' for {now - link.since:.0f} s'
-        return DiagnosticEntry(Level.ERROR, 'link', f'lost{since}: {link.reason}', values)
-    if round_trip > SLOW:
-        text = f'slow: the robot answered after {1e3 * round_trip:.0f} ms'
-        return DiagnosticEntry(Level.WARN, 'link', text, values)
-    return DiagnosticEntry(Level.OK, 'link', 'up', values)
-
-
-def robot_status(
-        link: ConnectionState, codes: Sequence[int], texts: ErrorTexts) -> DiagnosticEntry:
-    """
-    Return what is wrong with the robot.
-
-    :param link: the link, without which nothing is known of it
-    :param codes: the errors that it reports
-    :param texts: what they mean
-    :returns: the entry
-    """
-    if not link.is_up:
-        return DiagnosticEntry(Level.ERROR, 'robot', 'unknown: the link is lost')
-    if not codes:
-        return DiagnosticEntry(Level.OK, 'robot', 'no errors')
-    return DiagnosticEntry(
-        max(texts.find(code).level for code in codes), 'robot',
-        '; '.join(texts.describe(code) for code in codes),
-        {str(code): texts.find(code).title for code in codes})

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The bridge node of the real robot, and its messages."""
+"""The bridge node of the real robot, and its conversions to ROS messages."""
 
 from __future__ import annotations
 
@@ -23,15 +23,13 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.bridge_node import BridgeNode
-from kachaka_simple_control.kachaka.error_codes import (
-    DiagnosticEntry,
-    Level,
-    link_status,
-    robot_status,
-)
-from kachaka_simple_control.kachaka.grpc_client.address import Address
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
 from kachaka_simple_control.kachaka.grpc_client.connection import ConnectedRobot
+from kachaka_simple_control.kachaka.grpc_client.connection_state import (
+    connection_status,
+    DiagnosticEntry,
+    robot_status,
+)
 from kachaka_simple_control.kachaka.grpc_client.polling import (
     Fetch,
     HealthPoller,
@@ -39,25 +37,23 @@ from kachaka_simple_control.kachaka.grpc_client.polling import (
     OdometryPoller,
 )
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
+from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros.executors import ExecutorLoop, SubscriptionExecutor
+from kachaka_simple_control.telemetry.level import Level
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 
 BILLION = 1_000_000_000
-#: The frames of odometry, should the robot not name them.
-ODOMETRY_FRAME = 'odom'
-ROBOT_FRAME = 'base_footprint'
 
 
 def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
     """
-    Return odometry as the robot tells it.
+    Return the robot's odometry as a ROS message.
 
     :param source: a RosOdometry of the robot
-    :param now: the stamp, if it has none
-    :param frame_prefix: put before the names of frames as it is
-    :returns: the message
+    :param now: the stamp, if the robot sets none
+    :param frame_prefix: put before the names of the frames, without a separator
     """
     message = Odometry()
     nanoseconds = source.header.stamp_nsec
@@ -77,25 +73,24 @@ def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
 
 
 def diagnostics(
-        statuses: Sequence[DiagnosticEntry], stamp: Time, robot: str,
+        entries: Sequence[DiagnosticEntry], stamp: Time, robot: str,
         hardware: str) -> DiagnosticArray:
     """
-    Return diagnostics.
+    Return diagnostics as a ROS message.
 
-    :param statuses: the entries
-    :param stamp: when they were true
-    :param robot: put before their names, for there may be more robots than one
-    :param hardware: which robot it is
-    :returns: the message
+    :param entries: the entries
+    :param stamp: the time of the entries
+    :param robot: put before their names, to tell several robots apart
+    :param hardware: the hardware id
     """
     message = DiagnosticArray()
     message.header.stamp = stamp
     message.status = [
         DiagnosticStatus(
-            level=bytes([status.level]), name=f'{robot}: {status.name}', message=status.message,
+            level=bytes([entry.level]), name=f'{robot}: {entry.name}', message=entry.message,
             hardware_id=hardware,
-            values=[KeyValue(key=key, value=value) for key, value in status.values.items()])
-        for status in statuses]
+            values=[KeyValue(key=key, value=value) for key, value in entry.values.items()])
+        for entry in entries]
     return message
 
 
@@ -106,47 +101,47 @@ def _copy(source: Any, target: Any, names: str) -> None:
 
 class RealBridge(BridgeNode):
     """
-    Shows a robot that answers over gRPC.
+    Shows a robot that is driven over gRPC.
 
-    Velocities have a thread to themselves, and the rest of the node, the service for example,
-    another; odometry and diagnostics are published from threads of their own.
+    Velocities have an executor and thread of their own, the rest of the node, the service for
+    example, another; odometry and diagnostics are published by the threads that poll them.
+
+    :param robot: the robot, which has responded
+    :param namespace: the namespace of its topics and its service
+    :param frame_prefix: put before the names of the frames, without a separator
+    :param give_up: called with the reason when a motion is aborted
+    :param on_rival: called when another bridge shows a robot under the same names
+    :raises RobotTakenError: if another bridge already does
     """
 
     def __init__(
-            self, meeting: ConnectedRobot, namespace: str, frame_prefix: str = '',
+            self, robot: ConnectedRobot, namespace: str, frame_prefix: str = '',
             give_up: Callable[[str], None] = lambda _: None,
             on_rival: Callable[[str], None] = lambda _: None) -> None:
-        """
-        Show a robot from now on.
-
-        :param meeting: the robot, which has answered
-        :param namespace: where its topics and its service are
-        :param frame_prefix: put before the names of the frames as it is
-        :param give_up: called with the reason when motions are cut short
-        :param on_rival: called when another bridge shows a robot under the same names
-        :raises RobotTakenError: if another bridge does already
-        """
-        self._speaker = LogThread(self._log)
+        self._log_thread = LogThread(self._log)
         super().__init__(namespace, on_rival)
-        self._address: Address = meeting.address
-        self._identity = meeting.identity
+        self._address = robot.address
+        self._identity = robot.identity
         self._frame_prefix = frame_prefix
-        client = meeting.client
-        self._robot = RobotDriver(client, KACHAKA.hold, meeting.texts, self._speaker.log, give_up)
-        self._watch = HealthPoller(
-            client, self._robot, self._speaker.log, self._publish_diagnostics)
+        client = robot.client
+        self._driver = RobotDriver(
+            client, KACHAKA.hold, robot.texts, self._log_thread.log, give_up)
+        self._health = HealthPoller(
+            client, self._driver, self._log_thread.log, self._publish_diagnostics)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._feeds = [
-            self._feed(publisher, fetch)
+        self._pollers = [
+            self._odometry_poller(publisher, fetch)
             for publisher, fetch in zip(self._odometry, (client.odometry, client.wheel_odometry))]
-        self._watch.poll()
-        self._watch.start()
-        for feed in self._feeds:
-            feed.start()
+        self._health.poll()
+        self._health.start()
+        for poller in self._pollers:
+            poller.start()
 
     def spinners(self) -> list[ExecutorLoop]:
-        """Return what to run, each in a thread of its own."""
-        return [SubscriptionExecutor(self, self._subscription, self.hear), *super().spinners()]
+        """Return the executors to run, each in a thread of its own."""
+        return [
+            SubscriptionExecutor(self, self._subscription, self.hear),
+            *super().spinners()]
 
     @property
     def summary(self) -> str:
@@ -154,60 +149,51 @@ class RealBridge(BridgeNode):
         return f'{self._identity} at {self._address}: {super().summary}'
 
     def drive(self, velocity: Velocity, now: float) -> None:
-        """
-        Let the robot have a velocity; returns at once.
-
-        :param velocity: the velocity; one that is not finite is refused
-        :param now: when it came [s, steady clock]
-        """
+        """Send a velocity; return at once.  One that is not finite is refused."""
         try:
-            wanted = velocity_command(velocity, KACHAKA.limits, now)
+            command = velocity_command(velocity, KACHAKA.limits, now)
         except ValueError as error:
-            self._speaker.log(Level.WARN, f'the robot refused: {error}')
+            self._log_thread.log(Level.WARN, f'the robot refused: {error}')
             return
-        self._robot.drive(wanted)
+        self._driver.drive(command)
 
     def set_manual_control(self, enabled: bool) -> str:
-        """
-        Let the robot take velocities, or none; returns when it has answered.
-
-        :param enabled: whether it takes them
-        :returns: why it refuses; nothing if it does not
-        """
-        outcome = self._robot.set_manual_control(enabled)
-        if outcome.is_success:
+        """Switch manual control; return why the robot refuses, empty if it does not."""
+        result = self._driver.set_manual_control(enabled)
+        if result.is_success:
             return ''
-        return self._robot.describe(outcome) or 'no reason given'
+        return self._driver.describe(result) or 'no reason given'
 
     def close(self) -> None:
-        """Leave the robot at rest, give it back, and publish no more; bounded in time."""
-        for feed in self._feeds:
-            feed.stop()
-        # First of all the robot; then nobody has to wait for its answers any more.
-        self._robot.close()
-        self._watch.stop()
-        for feed in self._feeds:
-            feed.join()
-        self._speaker.close()
+        """Stop the robot, switch manual control off if it is ours, end the threads; bounded."""
+        for poller in self._pollers:
+            poller.stop()
+        # The robot first; that also cancels the calls of the other threads.
+        self._driver.close()
+        self._health.stop()
+        for poller in self._pollers:
+            poller.join()
+        self._log_thread.close()
 
-    def _feed(self, publisher: Publisher, fetch: Fetch) -> OdometryPoller:
+    def _odometry_poller(self, publisher: Publisher, fetch: Fetch) -> OdometryPoller:
         def publish(source: Any) -> None:
             now = self.get_clock().now().to_msg()
             publisher.publish(odometry(source, now, self._frame_prefix))
 
         return OdometryPoller(
             publisher.topic_name, fetch, lambda: publisher.get_subscription_count() > 0, publish,
-            self._robot.note)
+            self._driver.on_result)
 
     def _publish_diagnostics(self) -> None:
-        robot, now = self._robot, time.monotonic()
+        driver = self._driver
         self._diagnostics.publish(diagnostics(
-            (link_status(robot.link, str(self._address), robot.round_trip, robot.dropped, now),
-             robot_status(robot.link, self._watch.codes, robot.texts)),
+            (connection_status(driver.connection, str(self._address), driver.round_trip,
+                               driver.dropped, time.monotonic()),
+             robot_status(driver.connection, self._health.codes, driver.texts)),
             self.get_clock().now().to_msg(), self.get_namespace().strip('/'), self._identity))
 
     def _log(self, level: Level, text: str) -> None:
-        # Each level has its own line here: rclpy refuses another level from the same one.
+        # A call each: rclpy refuses different levels from the same line of code.
         if level is Level.OK:
             self.get_logger().info(text)
         elif level is Level.WARN:

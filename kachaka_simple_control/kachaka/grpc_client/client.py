@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The robot's calls over gRPC, each with a deadline; the one module that knows its SDK."""
+"""The robot's calls over gRPC, each with a deadline; the only module that imports its SDK."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.kachaka.grpc_client.address import Address
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 
-OPTIONS = (
-    # A velocity that went astray must not be sent again by itself.
+CHANNEL_OPTIONS = (
+    # A lost velocity must not be sent again by gRPC.
     ('grpc.enable_retries', 0),
     # A robot in this network is not behind the proxy that leads out of it.
     ('grpc.enable_http_proxy', 0),
-    # No keep-alive is ever sent; but with it the system gives up a connection on which nothing
-    # was acknowledged for this time, and with it the velocities that still wait there [ms].
+    # The period is so long that no keep-alive is sent.  But with keep-alive on, the system closes
+    # a connection on which nothing was acknowledged for this timeout [ms], and drops the
+    # velocities that wait there.
     ('grpc.keepalive_time_ms', 3_600_000),
     ('grpc.keepalive_timeout_ms', 500),
     ('grpc.initial_reconnect_backoff_ms', 100),
@@ -43,131 +44,99 @@ FAILURES = {
     grpc.StatusCode.UNAVAILABLE: RpcFailure.GONE,
     grpc.StatusCode.CANCELLED: RpcFailure.GONE,
 }
-LATE = 'no answer within {deadline:.2g} s'
 
 
 class RobotClient:
-    """One connection to a robot; for many threads at once."""
+    """
+    One connection to a robot; thread-safe.  Each deadline is the time to respond [s].
+
+    :param address: the robot's address; the first call connects
+    """
 
     def __init__(self, address: Address) -> None:
-        """
-        Connect when the first call is made.
-
-        :param address: where the robot is
-        """
-        self._channel = grpc.insecure_channel(str(address), options=OPTIONS)
+        self._channel = grpc.insecure_channel(str(address), options=CHANNEL_OPTIONS)
         self._stub = KachakaApiStub(self._channel)
 
     def close(self) -> None:
-        """End the connection, and every call under way."""
+        """Close the connection and cancel every call in flight."""
         self._channel.close()
 
     def set_velocity(self, linear: float, angular: float, deadline: float) -> RpcResult:
         """
-        Let the robot drive.
+        Send a velocity.
 
-        :param linear: forward velocity, from -1 to 1
-        :param angular: turning velocity, from -1 to 1
-        :param deadline: how long it may take to answer [s]
-        :returns: how that ended
+        :param linear: forward velocity as a part of the largest, -1 to 1
+        :param angular: turning velocity as a part of the largest, -1 to 1
+        :param deadline: how long the robot may take to respond [s]
         """
         request = pb2.SetRobotVelocityRequest(linear=linear, angular=angular)
-        return _outcome(self._stub.SetRobotVelocity, request, deadline)[0]
+        return _call(self._stub.SetRobotVelocity, request, deadline)[0]
 
     def set_manual_control(self, enabled: bool, deadline: float) -> RpcResult:
-        """
-        Let the robot take velocities, or none.
-
-        :param enabled: whether it takes them
-        :param deadline: how long it may take to answer [s]
-        :returns: how that ended
-        """
+        """Switch manual control on or off."""
         request = pb2.SetManualControlEnabledRequest(enable=enabled)
-        return _outcome(self._stub.SetManualControlEnabled, request, deadline)[0]
+        return _call(self._stub.SetManualControlEnabled, request, deadline)[0]
 
     def errors(self, deadline: float) -> tuple[RpcResult, list[int]]:
-        """
-        Ask what is wrong with the robot now.
-
-        :param deadline: how long it may take to answer [s]
-        :returns: how that ended, and the codes of errors
-        """
-        outcome, answer = _outcome(self._stub.GetError, pb2.GetRequest(), deadline)
-        return outcome, [] if answer is None else list(answer.error_codes)
+        """Return the codes of the robot's present errors."""
+        result, response = _call(self._stub.GetError, pb2.GetRequest(), deadline)
+        return result, [] if response is None else list(response.error_codes)
 
     def error_texts(self, deadline: float) -> tuple[RpcResult, str]:
-        """
-        Ask what the codes mean.
-
-        :param deadline: how long it may take to answer [s]
-        :returns: how that ended, and what should be JSON
-        """
-        outcome, answer = _outcome(
-            self._stub.GetRobotErrorCodeJson, pb2.EmptyRequest(), deadline)
-        return outcome, '' if answer is None else str(answer.json)
+        """Return the list of error texts, which should be JSON."""
+        result, response = _call(self._stub.GetRobotErrorCodeJson, pb2.EmptyRequest(), deadline)
+        return result, '' if response is None else str(response.json)
 
     def identity(self, deadline: float) -> tuple[RpcResult, str]:
-        """
-        Ask who the robot is.
-
-        :param deadline: how long each of two calls may take [s]
-        :returns: how that ended, and its serial number and the release of its software
-        """
-        outcome, serial = _outcome(self._stub.GetRobotSerialNumber, pb2.GetRequest(), deadline)
+        """Return the serial number and the software release; two calls with a deadline each."""
+        result, serial = _call(self._stub.GetRobotSerialNumber, pb2.GetRequest(), deadline)
         if serial is None:
-            return outcome, ''
-        outcome, version = _outcome(self._stub.GetRobotVersion, pb2.GetRequest(), deadline)
+            return result, ''
+        result, version = _call(self._stub.GetRobotVersion, pb2.GetRequest(), deadline)
         if version is None:
-            return outcome, ''
-        return outcome, (
+            return result, ''
+        return result, (
             f'{escaped(serial.serial_number, 60)}, software {escaped(version.version, 60)}')
 
     def odometry(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
         """
-        Ask where the robot thinks it is, once that is newer than what is known.
+        Return the first odometry that is newer than a cursor.
 
-        :param cursor: of what is known; 0 for nothing
-        :param deadline: how long that may take [s]
-        :returns: how that ended, and GetRosOdometryResponse or None
+        :param cursor: the cursor of the last response; 0 for any odometry
+        :param deadline: how long to wait for it [s]
+        :returns: the result, and a GetRosOdometryResponse or None
         """
-        return _newer(self._stub.GetRosOdometry, cursor, deadline)
+        return _call(self._stub.GetRosOdometry, _newer_than(cursor), deadline)
 
     def wheel_odometry(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
-        """
-        Ask for the same as the wheels have it.
-
-        :param cursor: of what is known; 0 for nothing
-        :param deadline: how long that may take [s]
-        :returns: how that ended, and GetRosWheelOdometryResponse or None
-        """
-        return _newer(self._stub.GetRosWheelOdometry, cursor, deadline)
+        """Return the same of the wheels, as a GetRosWheelOdometryResponse or None."""
+        return _call(self._stub.GetRosWheelOdometry, _newer_than(cursor), deadline)
 
 
-def _newer(method: Callable[..., Any], cursor: int, deadline: float) -> tuple[RpcResult, Any]:
-    request = pb2.GetRequest(metadata=pb2.Metadata(cursor=cursor))
-    return _outcome(method, request, deadline)
+def _newer_than(cursor: int) -> pb2.GetRequest:
+    return pb2.GetRequest(metadata=pb2.Metadata(cursor=cursor))
 
 
-def _outcome(
-        method: Callable[..., Any], request: Any, deadline: float) -> tuple[RpcResult, Any]:
+def _call(method: Callable[..., Any], request: Any, deadline: float) -> tuple[RpcResult, Any]:
+    """Make a call; return its result, and the response or None."""
     try:
-        answer = method(request, timeout=deadline)
+        response = method(request, timeout=deadline)
     except grpc.RpcError as error:
         return _failure(error, deadline), None
     except ValueError as error:  # the channel was closed
         return RpcResult(failure=RpcFailure.GONE, text=escaped(error)), None
-    result = getattr(answer, 'result', None)
-    # Some robots leave the code of an error at 0: what was no success is not taken for one.
+    result = getattr(response, 'result', None)
+    # Some robots leave the code of an error at 0; that is no success.
     code = 0 if result is None or result.success else result.error_code or -1
-    return RpcResult(code=code), answer
+    return RpcResult(code=code), response
 
 
 def _failure(error: Any, deadline: float) -> RpcResult:
-    trouble = FAILURES.get(error.code(), RpcFailure.FAILED)
-    if trouble is RpcFailure.LATE:
-        return RpcResult(failure=trouble, text=LATE.format(deadline=deadline))
+    failure = FAILURES.get(error.code(), RpcFailure.FAILED)
+    if failure is RpcFailure.LATE:
+        return RpcResult(failure=failure, text=f'no answer within {deadline:.2g} s')
     text = ' '.join(str(error.details() or error.code()).split())
     if text.startswith('failed to connect'):
-        # What the system said comes last, after names of layers and the address.
+        # The system's reason comes last, after names of layers and the address.
         text = text.rpartition(': ')[2]
-    return RpcResult(failure=trouble, text=escaped(text))
+    return RpcResult(failure=failure, text=escaped(text))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Decide which call to make next: command timeout, newest command, stop first."""
+"""Decides which call to make next: stop first, newest command, command timeout, rearming."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from kachaka_simple_control.motion.limits import Limits
 @dataclass(frozen=True)
 class VelocityCommand:
     """
-    A velocity as parts of the robot's largest, and when it came.
+    A velocity relative to the robot's limits.
 
-    :param linear: forward, from -1 to 1
-    :param angular: turning to the left, from -1 to 1
-    :param time: when it came [s, steady clock]
+    :param linear: forward velocity, -1 to 1
+    :param angular: turning velocity, -1 to 1, counter-clockwise positive
+    :param time: when it was received [s, steady clock]
     """
 
     linear: float
@@ -48,51 +48,46 @@ class VelocityCommand:
 
     @property
     def is_stop(self) -> bool:
-        """Whether it asks the robot to stand still."""
+        """Whether both velocities are zero."""
         return self.linear == 0.0 and self.angular == 0.0
 
 
 def velocity_command(velocity: Velocity, limits: Limits, now: float) -> VelocityCommand:
     """
-    Return a velocity as the robot takes it, cut off at its largest.
+    Return a velocity as a command, clipped to the limits.
 
     :param velocity: the velocity
     :param limits: the largest velocities of the robot
     :param now: the time [s, steady clock]
-    :returns: the command
-    :raises ValueError: if the velocity is no finite number, in one line
+    :raises ValueError: if the velocity is not finite, in one line
     """
     if not (math.isfinite(velocity.linear_x) and math.isfinite(velocity.angular_z)):
         raise ValueError(
             f'linear.x {velocity.linear_x} m/s and angular.z {velocity.angular_z} rad/s must be '
             'finite numbers')
     return VelocityCommand(
-        _part(velocity.linear_x, limits.max_linear_velocity),
-        _part(velocity.angular_z, limits.max_angular_velocity),
+        max(-1.0, min(velocity.linear_x / limits.max_linear_velocity, 1.0)),
+        max(-1.0, min(velocity.angular_z / limits.max_angular_velocity, 1.0)),
         now)
 
 
-def _part(value: float, largest: float) -> float:
-    return max(-1.0, min(value / largest, 1.0))
-
-
-class CommandTimeout:
+class StreamTimeout:
     """
-    Hears the commands that come, and says when to stop waiting for the next.
+    Detects the end of a stream of velocities.
 
-    Knows of a motion only what it heard in this motion: before its second velocity, nothing.
+    It measures the longest period of the present motion, so it expires only after at least two
+    velocities.
     """
 
     def __init__(self) -> None:
-        """Wait for nothing."""
         self._last: float | None = None
         self._longest: float | None = None
 
     def on_command(self, is_stop: bool, now: float) -> None:
         """
-        Take note of a command.
+        Update with a command.
 
-        :param is_stop: whether it asks the robot to stand still; then nothing more need come
+        :param is_stop: whether it is a stop, which ends the motion
         :param now: the time [s, steady clock]
         """
         if is_stop:
@@ -104,18 +99,13 @@ class CommandTimeout:
 
     @property
     def end(self) -> float | None:
-        """Return when to stop the robot unless a command comes before [s]; None for never."""
+        """Return when the timeout expires without another command [s]; None if it does not."""
         if self._last is None or self._longest is None or self._longest > MAX_STREAM_PERIOD:
             return None
         return self._last + STREAM_TIMEOUT
 
     def has_expired(self, now: float) -> bool:
-        """
-        Tell once whether velocities have ceased.
-
-        :param now: the time [s, steady clock]
-        :returns: whether they have; then nothing is waited for until the next
-        """
+        """Return whether the stream has ceased; true once, then false until the next motion."""
         if self.end is None or now < self.end:
             return False
         self._last = self._longest = None
@@ -124,32 +114,25 @@ class CommandTimeout:
 
 class LatestCommand:
     """
-    Holds one motion that waits for the robot to be free, or the knowledge that a stop is owed.
+    Holds the newest motion until the robot is free, or a pending stop.
 
-    A newer command takes the place of an older one, so nothing queues up before a slow robot.  A
-    stop takes the place of any motion, and is never lost to one: it stays owed until it is taken.
+    A newer command replaces an older one, so no queue builds up before a slow robot.  A stop
+    replaces any motion and stays pending until it is taken.
+
+    :param max_age: how old a motion may be when it is taken [s]; older ones are dropped
     """
 
-    def __init__(self, patience: float) -> None:
-        """
-        Hold nothing.
-
-        :param patience: how old a motion may be when it is taken [s]; older ones are dropped
-        """
-        self._patience = patience
+    def __init__(self, max_age: float) -> None:
+        self._max_age = max_age
         self._newest: VelocityCommand | None = None
         self._motion: VelocityCommand | None = None
         #: whether a stop has to be sent before any motion
         self.stop_pending = False
-        #: how many motions were replaced, or dropped for their age or for a stop
+        #: how many motions were replaced, dropped for a stop, or too old
         self.dropped = 0
 
     def put(self, command: VelocityCommand) -> None:
-        """
-        Take a command in, in place of what waits.
-
-        :param command: the newest command
-        """
+        """Replace what is held by a command."""
         if command.is_stop:
             self.request_stop()
             return
@@ -157,51 +140,33 @@ class LatestCommand:
         self._newest = self._motion = command
 
     def requeue(self, command: VelocityCommand) -> None:
-        """
-        Take in again a motion that the robot did not take, if it is still what is wanted.
-
-        :param command: the motion, which was taken from here
-        """
+        """Hold again a motion that was taken and refused, if there is no newer command."""
         if command is self._newest:
             self._motion = command
 
     def request_stop(self) -> None:
-        """Drop what waits; a stop is owed."""
+        """Drop the motion and hold a stop."""
         self.clear()
         self.stop_pending = True
 
     def clear(self) -> None:
-        """Forget the motion that waits, if one does, and all before it."""
+        """Drop the motion, also for ``requeue``."""
         self.dropped += self._motion is not None
         self._newest = self._motion = None
 
     def take_stop(self) -> bool:
-        """
-        Take the stop that is owed.
-
-        :returns: whether one was
-        """
-        was_owed, self.stop_pending = self.stop_pending, False
-        return was_owed
+        """Remove the pending stop; return whether there was one."""
+        was_pending, self.stop_pending = self.stop_pending, False
+        return was_pending
 
     def has_motion(self, now: float) -> bool:
-        """
-        Tell whether a motion waits that may be sent; one that has grown too old is dropped.
-
-        :param now: the time [s, steady clock]
-        :returns: whether there is one, and no stop comes before it
-        """
-        if self._motion is not None and now - self._motion.time > self._patience:
+        """Return whether a motion may be sent now; drop one that is too old."""
+        if self._motion is not None and now - self._motion.time > self._max_age:
             self.clear()
         return self._motion is not None and not self.stop_pending
 
     def take_motion(self, now: float) -> VelocityCommand | None:
-        """
-        Take the motion that waits, if it may be sent.
-
-        :param now: the time [s, steady clock]
-        :returns: the motion; None if there is none
-        """
+        """Remove and return the motion that may be sent now; None if there is none."""
         if not self.has_motion(now):
             return None
         motion, self._motion = self._motion, None
@@ -209,22 +174,22 @@ class LatestCommand:
 
 
 class RpcKind(Enum):
-    """What the robot is asked for."""
+    """The kind of a call."""
 
     MOTION = 'motion'
     STOP = 'stop'
     #: manual control, for a motion that was refused without it
-    ENABLE = 'take'
+    ENABLE = 'enable'
 
 
 @dataclass(frozen=True, eq=False)
 class RpcRequest:
     """
-    One call to make now.
+    A call to make now.
 
-    :param kind: what it asks for
-    :param command: the velocity of a motion or a stop; None for ``TAKE``
-    :param deadline: how long the robot may take to answer [s]
+    :param kind: its kind
+    :param command: the velocity of a motion or a stop; None for ``ENABLE``
+    :param deadline: how long the robot may take to respond [s]
     """
 
     kind: RpcKind
@@ -234,170 +199,162 @@ class RpcRequest:
 
 class CommandArbiter:
     """
-    Turns commands that come into orders that go, one motion at a time.
+    Turns incoming commands into calls, one motion at a time.
 
-    A motion is sent when nothing else is under way.  A stop is sent at once, beside a motion that
-    is under way; and once more after that motion has ended, for the two may have arrived in
-    either order.  After what went wrong (a lost link, a refusal, a robot that is too slow) no
-    motion is sent until the commander has come to rest: a zero, or nothing for a while.
+    A motion is sent when no other call is in flight.  A stop is sent at once, beside a motion in
+    flight; and once more after that motion has ended, since the two may have arrived in either
+    order.  After a fault (connection lost, refusal, robot too slow) motions are blocked until the
+    publisher has come to rest: a zero, or no command for a while.
+
+    :param command_timeout: how long the robot keeps a velocity [s]
     """
 
-    def __init__(self, hold: float) -> None:
-        """
-        Know of no robot, and send nothing.
-
-        :param hold: how long the robot keeps a velocity [s]
-        """
-        self._hold = hold
-        self._mailbox = LatestCommand(hold)
-        self._silence = CommandTimeout()
-        self._under_way: list[RpcRequest] = []
+    def __init__(self, command_timeout: float) -> None:
+        self._command_timeout = command_timeout
+        self._latest = LatestCommand(command_timeout)
+        self._stream = StreamTimeout()
+        self._in_flight: list[RpcRequest] = []
         self._overtaken: RpcRequest | None = None
-        self._wants_control = False
-        self._is_linked = False
-        self._late = 0
-        self._heard_last = float('-inf')
-        #: whether motions wait for the commander to come to rest
+        self._must_enable = False
+        self._is_connected = False
+        self._timeouts = 0
+        self._last_command = -math.inf
+        #: whether motions are blocked until the publisher comes to rest
         self.is_blocked = False
-        #: whether the robot was given a motion, and has not confirmed a stop since
+        #: whether a motion was sent, and no stop confirmed since
         self.may_move = False
         #: whether manual control was switched on for a motion
-        self.has_taken = False
+        self.has_enabled = False
 
     @property
     def dropped(self) -> int:
-        """Return how many motions were never sent, because of something newer or their age."""
-        return self._mailbox.dropped
+        """Return how many motions were never sent: replaced by newer ones, or too old."""
+        return self._latest.dropped
 
     @property
     def next_check(self) -> float | None:
-        """Return when to ask again what is due, if nothing happens before [s]."""
-        return self._silence.end
+        """Return when to call ``next_request`` again without an event [s]; None for never."""
+        return self._stream.end
 
     def on_command(self, command: VelocityCommand) -> None:
-        """
-        Take a command in.
-
-        :param command: the newest command
-        """
-        is_rest = command.is_stop or command.time - self._heard_last > REARM_IDLE_TIME
-        self._heard_last = command.time
-        if self._is_linked and is_rest:
+        """Update with the newest command."""
+        is_rest = command.is_stop or command.time - self._last_command > REARM_IDLE_TIME
+        self._last_command = command.time
+        if self._is_connected and is_rest:
             self.is_blocked = False
         if command.is_stop or not self.is_blocked:
-            self._silence.on_command(command.is_stop, command.time)
-            self._mailbox.put(command)
+            self._stream.on_command(command.is_stop, command.time)
+            self._latest.put(command)
 
     def next_request(self, now: float) -> RpcRequest | None:
         """
-        Return what to send now; ask again until it is nothing.
+        Return the next call, which is in flight from now on; repeat until there is none.
 
         :param now: the time [s, steady clock]
-        :returns: the order, which is under way from now on
         """
-        if self._silence.has_expired(now):
-            self._mailbox.request_stop()
-        if not self._is_linked:
+        if self._stream.has_expired(now):
+            self._latest.request_stop()
+        if not self._is_connected:
             return None
-        order = self._stop(now) or self._take(now) or self._motion(now)
-        if order is not None:
-            self._under_way.append(order)
-        return order
+        request = self._next_stop(now) or self._next_enable(now) or self._next_motion(now)
+        if request is not None:
+            self._in_flight.append(request)
+        return request
 
-    def on_response(self, order: RpcRequest, outcome: RpcResult, now: float) -> None:
+    def on_response(self, request: RpcRequest, result: RpcResult, now: float) -> None:
         """
-        Take in how an order ended.
+        Update with the result of a call.
 
-        :param order: the order
-        :param outcome: how it ended
+        :param request: the call
+        :param result: its result
         :param now: the time [s, steady clock]
         """
-        self._under_way.remove(order)
-        if order.kind is RpcKind.STOP:
-            self._stop_ended(outcome)
-        elif order.kind is RpcKind.ENABLE:
-            self._take_ended(outcome)
+        self._in_flight.remove(request)
+        if request.kind is RpcKind.STOP:
+            self._on_stop_response(result)
+        elif request.kind is RpcKind.ENABLE:
+            self._on_enable_response(result)
         else:
-            self._motion_ended(order, outcome, now)
+            self._on_motion_response(request, result, now)
 
     def on_connected(self) -> None:
-        """Take in that the robot answers."""
-        self._is_linked = True
+        """Allow calls: the robot responds."""
+        self._is_connected = True
 
     def on_connection_lost(self) -> None:
-        """Take in that the robot is out of reach; it is stopped when it is back."""
-        self._is_linked = False
+        """Make no calls until ``on_connected``; then stop the robot if it may move."""
+        self._is_connected = False
         self.block_motion()
 
     def block_motion(self) -> None:
-        """Send no motion until the commander has come to rest, and stop the robot if it moves."""
+        """Block motions until the publisher comes to rest; stop the robot if it may move."""
         self.is_blocked = True
         self.cancel_motion()
 
     def on_stall(self, now: float) -> None:
         """
-        Take in that this program was frozen: what comes in now was waiting, and may be old.
+        Block motions after this process was suspended: queued commands may be old.
 
         :param now: the time [s, steady clock]
         """
-        self._heard_last = now
+        self._last_command = now
         self.block_motion()
 
     def cancel_motion(self) -> None:
-        """Forget every motion that came, and stop the robot if it moves."""
-        self._wants_control = False
-        self._silence = CommandTimeout()
-        self._mailbox.clear()
+        """Drop every motion received so far; stop the robot if it may move."""
+        self._must_enable = False
+        self._stream = StreamTimeout()
+        self._latest.clear()
         if self.may_move:
-            self._mailbox.request_stop()
+            self._latest.request_stop()
 
-    def _stop(self, now: float) -> RpcRequest | None:
-        if any(order.kind is RpcKind.STOP for order in self._under_way):
+    def _next_stop(self, now: float) -> RpcRequest | None:
+        if any(request.kind is RpcKind.STOP for request in self._in_flight):
             return None
-        if not self._mailbox.take_stop():
+        if not self._latest.take_stop():
             return None
         self._overtaken = next(
-            (order for order in self._under_way if order.kind is RpcKind.MOTION), None)
+            (request for request in self._in_flight if request.kind is RpcKind.MOTION), None)
         return RpcRequest(RpcKind.STOP, VelocityCommand(0.0, 0.0, now), STOP_RPC_TIMEOUT)
 
-    def _take(self, now: float) -> RpcRequest | None:
-        if self._under_way or not self._wants_control:
+    def _next_enable(self, now: float) -> RpcRequest | None:
+        if self._in_flight or not self._must_enable:
             return None
-        self._wants_control = False
-        return RpcRequest(RpcKind.ENABLE, None, STOP_RPC_TIMEOUT) if self._mailbox.has_motion(
+        self._must_enable = False
+        return RpcRequest(RpcKind.ENABLE, None, STOP_RPC_TIMEOUT) if self._latest.has_motion(
             now) else None
 
-    def _motion(self, now: float) -> RpcRequest | None:
-        command = None if self._under_way else self._mailbox.take_motion(now)
+    def _next_motion(self, now: float) -> RpcRequest | None:
+        command = None if self._in_flight else self._latest.take_motion(now)
         if command is None:
             return None
         self.may_move = True
-        return RpcRequest(RpcKind.MOTION, command, self._hold)
+        return RpcRequest(RpcKind.MOTION, command, self._command_timeout)
 
-    def _stop_ended(self, outcome: RpcResult) -> None:
-        if not outcome.got_response:
-            self._mailbox.request_stop()
-        elif not self._under_way and not self._mailbox.stop_pending:
+    def _on_stop_response(self, result: RpcResult) -> None:
+        if not result.got_response:
+            self._latest.request_stop()
+        elif not self._in_flight and not self._latest.stop_pending:
             self.may_move = False
 
-    def _take_ended(self, outcome: RpcResult) -> None:
-        if outcome.is_success:
-            self.has_taken = True
-        elif outcome.got_response:
+    def _on_enable_response(self, result: RpcResult) -> None:
+        if result.is_success:
+            self.has_enabled = True
+        elif result.got_response:
             self.block_motion()
 
-    def _motion_ended(self, order: RpcRequest, outcome: RpcResult, now: float) -> None:
-        assert order.command is not None
-        was_overtaken, self._overtaken = order is self._overtaken, None
-        is_late = outcome.failure is RpcFailure.LATE
-        self._late = self._late + 1 if is_late else 0
-        # Which of the two came last is not known; a newer motion would make up for it.
-        if is_late or (was_overtaken and not self._mailbox.has_motion(now)):
-            self._mailbox.request_stop()
-        if outcome.code == ERROR_NO_MANUAL_CONTROL:
-            self._wants_control = True
-            self._mailbox.requeue(order.command)
-        elif self._late >= MAX_CONSECUTIVE_TIMEOUTS or (
-            outcome.got_response and not outcome.is_success):
-            self._late = 0
+    def _on_motion_response(self, request: RpcRequest, result: RpcResult, now: float) -> None:
+        assert request.command is not None
+        was_overtaken, self._overtaken = request is self._overtaken, None
+        is_late = result.failure is RpcFailure.LATE
+        self._timeouts = self._timeouts + 1 if is_late else 0
+        # The order in which stop and motion arrived is unknown.  A newer motion replaces both.
+        if is_late or (was_overtaken and not self._latest.has_motion(now)):
+            self._latest.request_stop()
+        if result.code == ERROR_NO_MANUAL_CONTROL:
+            self._must_enable = True
+            self._latest.requeue(request.command)
+        elif self._timeouts >= MAX_CONSECUTIVE_TIMEOUTS or (
+            result.got_response and not result.is_success):
+            self._timeouts = 0
             self.block_motion()

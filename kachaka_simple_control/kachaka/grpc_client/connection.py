@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Meet a robot: find it, and learn who it is."""
+"""Connect to a robot and identify it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from kachaka_simple_control.kachaka.grpc_client.address import (
 from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 
-#: How long a robot may take to accept a connection, then to answer each of three questions [s].
+#: How long a robot may take to accept a connection, and to respond to each of three calls [s].
 CONNECT_TIMEOUT = 3.0
 IDENTIFY_TIMEOUT = 2.0
 
@@ -35,12 +35,12 @@ IDENTIFY_TIMEOUT = 2.0
 @dataclass(frozen=True)
 class ConnectedRobot:
     """
-    A robot that has answered.
+    A robot that has responded.
 
-    :param address: where it is
+    :param address: its address
     :param client: its calls
-    :param identity: its serial number and the release of its software
-    :param texts: what its errors mean, as far as it says
+    :param identity: its serial number and software release
+    :param texts: the texts of its errors, as far as it has them
     """
 
     address: Address
@@ -51,28 +51,26 @@ class ConnectedRobot:
 
 def connect(address: Address) -> ConnectedRobot:
     """
-    Find a robot, and learn who it is.
+    Connect to a robot and identify it.
 
-    :param address: where it should be
-    :returns: what was learnt
-    :raises UnreachableError: if no robot answers there, with what to do
+    :param address: its address
+    :raises UnreachableError: if no robot responds there, with advice for the user
     """
     check_reachable(address, CONNECT_TIMEOUT)
     client = RobotClient(address)
-    outcome, identity = client.identity(IDENTIFY_TIMEOUT)
-    if not outcome.is_success:
+    result, identity = client.identity(IDENTIFY_TIMEOUT)
+    if not result.is_success:
         client.close()
-        raise UnreachableError(_silent(address, outcome))
-    outcome, text = client.error_texts(IDENTIFY_TIMEOUT)
+        raise UnreachableError(_advice(address, result))
+    _, text = client.error_texts(IDENTIFY_TIMEOUT)
     return ConnectedRobot(address, client, identity, ErrorTexts(text))
 
 
-def _silent(address: Address, outcome: RpcResult) -> str:
-    if outcome.failure is RpcFailure.LATE:
+def _advice(address: Address, result: RpcResult) -> str:
+    if result.failure is RpcFailure.LATE:
         return (f'{address} accepts connections, but does not answer within {IDENTIFY_TIMEOUT:g} '
-                's: is '
-                'this the address of the robot? If it is, restart the robot')
-    if outcome.failure is RpcFailure.GONE:
-        return (f'{address} accepts connections, but does not answer ({outcome.text}): if this is '
+                's: is this the address of the robot? If it is, restart the robot')
+    if result.failure is RpcFailure.GONE:
+        return (f'{address} accepts connections, but does not answer ({result.text}): if this is '
                 f'the address of the robot, {SWITCH_ON}')
-    return f'{address} answers, but not as a Kachaka does ({outcome.text})'
+    return f'{address} answers, but not as a Kachaka does ({result.text})'

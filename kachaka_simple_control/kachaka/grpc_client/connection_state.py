@@ -11,37 +11,42 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Results of calls, and what they tell of the connection."""
+"""Results of calls, the state of the connection, and diagnostics of it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from enum import Enum
+import math
 
 from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
+from kachaka_simple_control.kachaka.error_codes import ErrorTexts, SUCCESS
+from kachaka_simple_control.telemetry.level import Level
 
-SUCCESS = 0
+#: A response to a velocity that takes longer [s] uses up half of the command timeout.
+SLOW_RESPONSE = 0.15
 
 
 class RpcFailure(Enum):
-    """Why there is no answer."""
+    """Why there is no response."""
 
-    #: none came in time; the robot may still do what it was asked
+    #: none came before the deadline; the robot may still execute the call
     LATE = 'late'
     #: there is no connection
     GONE = 'gone'
-    #: the robot does not know this call, or broke down over it
+    #: the robot does not know the call, or failed to execute it
     FAILED = 'failed'
 
 
 @dataclass(frozen=True)
 class RpcResult:
     """
-    The robot's answer to one call, or why there is none.
+    The robot's response to one call, or why there is none.
 
-    :param code: the robot's error code, 0 for success; None without an answer
-    :param failure: why there is no answer
-    :param text: the same for a person
+    :param code: the robot's error code, 0 for success; None without a response
+    :param failure: why there is no response
+    :param text: the same for the user
     """
 
     code: int | None = None
@@ -50,17 +55,17 @@ class RpcResult:
 
     @property
     def is_success(self) -> bool:
-        """Whether the robot did as it was asked."""
+        """Whether the robot executed the call."""
         return self.code == SUCCESS
 
     @property
     def got_response(self) -> bool:
-        """Whether the robot was there to answer."""
+        """Whether the robot responded, with an error or not."""
         return self.failure in (None, RpcFailure.FAILED)
 
 
 class ConnectionEvent(Enum):
-    """What became of the link."""
+    """A change of the connection."""
 
     FOUND = 'found'
     LOST = 'lost'
@@ -68,43 +73,100 @@ class ConnectionEvent(Enum):
 
 
 class ConnectionState:
-    """The link to a robot; tells each change of it once."""
+    """Whether the robot responds; computed from the results of calls."""
 
     def __init__(self) -> None:
-        """Know of no robot."""
         self.is_up = False
         #: why it was lost last
         self.reason = ''
         #: how often it was lost
         self.losses = 0
         #: when it changed last [s, steady clock]
-        self.since = float('nan')
-        self._heard_last = float('-inf')
+        self.since = math.nan
+        self._last_response = -math.inf
         self._failing_since: float | None = None
 
-    def on_result(self, outcome: RpcResult, begun: float, now: float) -> ConnectionEvent | None:
+    def on_result(self, result: RpcResult, begun: float, now: float) -> ConnectionEvent | None:
         """
-        Take in how a call ended.
+        Update the state; return the change, None if there is none.
 
-        :param outcome: how
-        :param begun: when it began [s, steady clock]
+        :param result: the result of a call
+        :param begun: when the call began [s, steady clock]
         :param now: the time [s, steady clock]
-        :returns: what has changed with it
         """
-        if outcome.got_response:
-            self._failing_since, self._heard_last = None, now
-            return None if self.is_up else self._found(now)
+        if result.got_response:
+            self._failing_since, self._last_response = None, now
+            if self.is_up:
+                return None
+            self.is_up, self.since = True, now
+            return ConnectionEvent.BACK if self.losses else ConnectionEvent.FOUND
         if self._failing_since is None:
             self._failing_since = begun
-        silence = now - max(self._failing_since, self._heard_last)
-        is_lost = outcome.failure is RpcFailure.GONE or silence >= CONNECTION_TIMEOUT
-        return self._lost(outcome.text, now) if is_lost and self.is_up else None
-
-    def _found(self, now: float) -> ConnectionEvent:
-        self.is_up, self.since = True, now
-        return ConnectionEvent.BACK if self.losses else ConnectionEvent.FOUND
-
-    def _lost(self, reason: str, now: float) -> ConnectionEvent:
-        self.is_up, self.since, self.reason = False, now, reason
+        unanswered = now - max(self._failing_since, self._last_response)
+        is_lost = result.failure is RpcFailure.GONE or unanswered >= CONNECTION_TIMEOUT
+        if not (is_lost and self.is_up):
+            return None
+        self.is_up, self.since, self.reason = False, now, result.text
         self.losses += 1
         return ConnectionEvent.LOST
+
+
+@dataclass(frozen=True)
+class DiagnosticEntry:
+    """
+    One status of ``diagnostic_msgs/msg/DiagnosticArray``.
+
+    :param level: its level
+    :param name: what it is about
+    :param message: the status in one line
+    :param values: details
+    """
+
+    level: Level
+    name: str
+    message: str
+    values: dict[str, str] = field(default_factory=dict)
+
+
+def connection_status(
+        connection: ConnectionState, address: str, round_trip: float, dropped: int,
+        now: float) -> DiagnosticEntry:
+    """
+    Return the status of the connection.
+
+    :param connection: the connection
+    :param address: the address of the robot
+    :param round_trip: the time of the last response to a velocity [s]; NaN if there was none
+    :param dropped: the number of velocities that were replaced by newer ones or too old
+    :param now: the time [s, steady clock]
+    """
+    values = {'address': address, 'times lost': str(connection.losses),
+              'velocities dropped': str(dropped)}
+    if not math.isnan(round_trip):
+        values['last answer to a velocity after [ms]'] = f'{1e3 * round_trip:.1f}'
+    if not connection.is_up:
+        since = '' if math.isnan(connection.since) else f' for {now - connection.since:.0f} s'
+        return DiagnosticEntry(Level.ERROR, 'link', f'lost{since}: {connection.reason}', values)
+    if round_trip > SLOW_RESPONSE:
+        text = f'slow: the robot answered after {1e3 * round_trip:.0f} ms'
+        return DiagnosticEntry(Level.WARN, 'link', text, values)
+    return DiagnosticEntry(Level.OK, 'link', 'up', values)
+
+
+def robot_status(
+        connection: ConnectionState, codes: Sequence[int], texts: ErrorTexts) -> DiagnosticEntry:
+    """
+    Return the status of the robot: the errors that it reports.
+
+    :param connection: the connection, without which the status is unknown
+    :param codes: the error codes
+    :param texts: their texts
+    """
+    if not connection.is_up:
+        return DiagnosticEntry(Level.ERROR, 'robot', 'unknown: the link is lost')
+    if not codes:
+        return DiagnosticEntry(Level.OK, 'robot', 'no errors')
+    return DiagnosticEntry(
+        max(texts.find(code).level for code in codes), 'robot',
+        '; '.join(texts.describe(code) for code in codes),
+        {str(code): texts.find(code).title for code in codes})

@@ -21,128 +21,118 @@ import threading
 import time
 from typing import Any, TYPE_CHECKING
 
-from kachaka_simple_control.kachaka.error_codes import ErrorTexts, Level
+from kachaka_simple_control.kachaka.error_codes import ErrorTexts
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
+from kachaka_simple_control.telemetry.level import Level
 
 if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
 
-#: The same text is said again only after so many seconds without it.
+#: A text is logged again only after this time without it [s].
 LOG_REPEAT_PERIOD = 1.0
-#: How long to wait at the end until everything is said [s].
+#: How long ``close`` waits for the queue [s].
 LOG_EXIT_TIMEOUT = 0.5
 
 
 class LogThread:
-    """Says what it is told in a thread of its own."""
+    """
+    Logs in a thread of its own, so that the caller never waits; drops repeated texts.
 
-    def __init__(self, say: Callable[[Level, str], None]) -> None:
-        """
-        Say nothing yet.
+    :param emit: logs a text; may block
+    """
 
-        :param say: says a text; may take its time
-        """
-        self._say = say
-        self._texts: queue.SimpleQueue[tuple[Level, str] | None] = queue.SimpleQueue()
-        self._heard: dict[str, float] = {}
-        self._thread = threading.Thread(target=self._run, name='speaker', daemon=True)
+    def __init__(self, emit: Callable[[Level, str], None]) -> None:
+        self._emit = emit
+        self._queue: queue.SimpleQueue[tuple[Level, str] | None] = queue.SimpleQueue()
+        self._last_times: dict[str, float] = {}
+        self._thread = threading.Thread(target=self._run, name='log', daemon=True)
         self._thread.start()
 
     def log(self, level: Level, text: str) -> None:
-        """
-        Have something said; returns at once.
-
-        :param level: how bad it is
-        :param text: the text; not said while the same one is repeated
-        """
+        """Queue a text, unless it repeats a recent one."""
         now = time.monotonic()
-        # Texts have figures in them: what was not heard lately is forgotten.
-        self._heard = {
-            known: at for known, at in self._heard.items() if now - at < LOG_REPEAT_PERIOD}
-        if text not in self._heard:
-            self._texts.put((level, text))
-        self._heard[text] = now
+        # Texts contain figures, so there may be many: keep the recent ones only.
+        self._last_times = {
+            known: at for known, at in self._last_times.items() if now - at < LOG_REPEAT_PERIOD}
+        if text not in self._last_times:
+            self._queue.put((level, text))
+        self._last_times[text] = now
 
     def close(self) -> None:
-        """Say what is left."""
-        self._texts.put(None)
+        """Log what is queued, and end the thread."""
+        self._queue.put(None)
         self._thread.join(LOG_EXIT_TIMEOUT)
 
     def _run(self) -> None:
-        while (one := self._texts.get()) is not None:
-            self._say(*one)
+        while (entry := self._queue.get()) is not None:
+            self._emit(*entry)
 
 
-#: How long the robot may take to have something newer [s].
+#: How long the robot may take to have newer odometry [s].
 ODOMETRY_DEADLINE = 1.0
-#: Odometry is fetched at most every so many seconds, whatever a robot makes of cursors.
-SPACING = 0.01
-#: How often to look whether somebody wants odometry, or whether the robot is back [s].
-IDLE = 0.1
+#: The shortest period of odometry [s], even if a robot ignores cursors.
+MIN_ODOMETRY_PERIOD = 0.01
+#: The period of checks while odometry has no subscriber, or the robot does not respond [s].
+IDLE_PERIOD = 0.1
 
 Fetch = Callable[[int, float], tuple[RpcResult, Any]]
 
 
 class OdometryPoller:
-    """Asks for what is newer than the last, again and again, in a thread of its own."""
+    """
+    Fetches and publishes odometry in a thread of its own, from ``start`` on.
+
+    :param name: the name of the thread
+    :param fetch: returns what is newer than a cursor, within a deadline [s]
+    :param is_wanted: whether odometry has a subscriber
+    :param publish: called with each new odometry
+    :param on_result: called with the result of a call and its begin; not after a call without
+        newer odometry, which says nothing about the connection
+    """
 
     def __init__(
             self, name: str, fetch: Fetch, is_wanted: Callable[[], bool],
-            publish: Callable[[Any], None], note: Callable[[RpcResult, float], None]) -> None:
-        """
-        Fetch from ``start`` on.
-
-        :param name: of the thread
-        :param fetch: asks for what is newer than a cursor, with a deadline [s]
-        :param is_wanted: whether somebody listens
-        :param publish: called with each odometry that is new
-        :param note: called with how a call ended, and when it began; but not with a call that
-            ended without anything new, for that says nothing about the link
-        """
+            publish: Callable[[Any], None], on_result: Callable[[RpcResult, float], None]) -> None:
         self._fetch = fetch
         self._is_wanted = is_wanted
         self._publish = publish
-        self._note = note
+        self._on_result = on_result
         self._cursor = 0
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End; a call under way is not waited for."""
+        """Make the thread end after the call in flight."""
         self._over.set()
 
     def join(self) -> None:
-        """Wait for the end; soon after the connection was closed."""
+        """Wait until the thread has ended; it soon does once the client is closed."""
         self._thread.join(ODOMETRY_DEADLINE)
 
     def poll(self) -> float:
-        """
-        Fetch and publish once, if somebody listens.
-
-        :returns: how long to wait before the next [s]
-        """
+        """Fetch and publish once if odometry has a subscriber; return the time to wait [s]."""
         if not self._is_wanted():
             self._cursor = 0
-            return IDLE
+            return IDLE_PERIOD
         begun = time.monotonic()
-        outcome, answer = self._fetch(self._cursor, ODOMETRY_DEADLINE)
+        result, response = self._fetch(self._cursor, ODOMETRY_DEADLINE)
         if self._over.is_set():
             return 0.0
-        if outcome.failure is not RpcFailure.LATE:
-            self._note(outcome, begun)
-        if answer is None:
+        if result.failure is not RpcFailure.LATE:
+            self._on_result(result, begun)
+        if response is None:
             self._cursor = 0
-            return 0.0 if outcome.failure is RpcFailure.LATE else IDLE
-        cursor = answer.metadata.cursor
+            return 0.0 if result.failure is RpcFailure.LATE else IDLE_PERIOD
+        cursor = response.metadata.cursor
         if cursor == 0 or cursor != self._cursor:
-            self._publish(answer.odometry)
+            self._publish(response.odometry)
         self._cursor = cursor
-        return max(0.0, begun + SPACING - time.monotonic())
+        return max(0.0, begun + MIN_ODOMETRY_PERIOD - time.monotonic())
 
     def _run(self) -> None:
         while not self._over.is_set():
@@ -151,73 +141,75 @@ class OdometryPoller:
                 self._over.wait(pause)
 
 
-#: How often to look [s], while the robot is there and while it is not.
+#: The period of health checks [s], while the robot responds and while it does not.
 HEALTH_PERIOD = 1.0
 HEALTH_PERIOD_WHEN_LOST = 0.3
-#: How long it may take to answer [s].
+#: How long the robot may take to respond [s].
 HEALTH_DEADLINE = 1.0
 
 
 class HealthPoller:
-    """Looks at the robot in a thread of its own; so a lost link is noticed, and its return."""
+    """
+    Polls the robot's errors in a thread of its own, from ``start`` on.
+
+    Its calls also detect a lost connection, and its return.
+
+    :param client: the robot's calls
+    :param robot: the driver, which is given the results
+    :param log: called with what the user should know
+    :param on_poll: called after each poll
+    """
 
     def __init__(
-            self, client: RobotClient, robot: RobotDriver, tell: Callable[[Level, str], None],
-            on_look: Callable[[], None]) -> None:
-        """
-        Look from ``start`` on.
-
-        :param client: the robot's calls
-        :param robot: told whether it answers
-        :param tell: called with what a person should know
-        :param on_look: called after each look
-        """
+            self, client: RobotClient, robot: RobotDriver, log: Callable[[Level, str], None],
+            on_poll: Callable[[], None]) -> None:
         self._client = client
         self._robot = robot
-        self._tell = tell
-        self._on_look = on_look
+        self._log = log
+        self._on_poll = on_poll
         self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='watch', daemon=True)
+        self._thread = threading.Thread(target=self._run, name='health', daemon=True)
         #: the errors that the robot reports
         self.codes: list[int] = []
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End; a look under way is not waited for."""
+        """End the thread; wait for a call in flight half of its deadline at most."""
         self._over.set()
         self._thread.join(HEALTH_DEADLINE / 2.0)
 
     def poll(self) -> None:
-        """Look once."""
+        """Poll once."""
         begun = time.monotonic()
-        outcome, codes = self._client.errors(HEALTH_DEADLINE)
-        self._robot.note(outcome, begun)
-        if outcome.is_success:
-            self._learn(codes)
+        result, codes = self._client.errors(HEALTH_DEADLINE)
+        self._robot.on_result(result, begun)
+        if result.is_success:
+            self._fetch_texts(codes)
             self._report(codes)
-        self._on_look()
+        self._on_poll()
 
     def _run(self) -> None:
         while not self._over.is_set():
             self.poll()
-            self._over.wait(HEALTH_PERIOD if self._robot.link.is_up else HEALTH_PERIOD_WHEN_LOST)
+            self._over.wait(
+                HEALTH_PERIOD if self._robot.connection.is_up else HEALTH_PERIOD_WHEN_LOST)
 
-    def _learn(self, codes: list[int]) -> None:
-        """Ask what errors mean if a new one has no text yet: the robot may not have been ready."""
+    def _fetch_texts(self, codes: list[int]) -> None:
+        """Fetch the error texts if a new code has none: a robot that starts may lack them."""
         new = set(codes) - set(self.codes)
         if any(not self._robot.texts.find(code).title for code in new):
-            outcome, text = self._client.error_texts(HEALTH_DEADLINE)
-            if outcome.is_success:
+            result, text = self._client.error_texts(HEALTH_DEADLINE)
+            if result.is_success:
                 self._robot.texts = ErrorTexts(text)
 
     def _report(self, codes: list[int]) -> None:
         for code in codes:
             if code not in self.codes:
                 level = self._robot.texts.find(code).level
-                self._tell(level, f'the robot reports {self._robot.texts.describe(code)}')
+                self._log(level, f'the robot reports {self._robot.texts.describe(code)}')
         if self.codes and not codes:
-            self._tell(Level.OK, 'the robot reports no errors any more')
+            self._log(Level.OK, 'the robot reports no errors any more')
         self.codes = codes

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A robot behind gRPC: driven, watched, and left at rest."""
+"""Drives a robot over gRPC: threads that make the calls, and a stop at the end."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.timing import SHUTDOWN_RPC_TIMEOUT
 from kachaka_simple_control.escaping import escaped
-from kachaka_simple_control.kachaka.error_codes import ErrorTexts, Level
+from kachaka_simple_control.kachaka.error_codes import ErrorTexts
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
     CommandArbiter,
     RpcKind,
@@ -36,104 +36,97 @@ from kachaka_simple_control.kachaka.grpc_client.connection_state import (
     RpcFailure,
     RpcResult,
 )
+from kachaka_simple_control.telemetry.level import Level
 
 if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
 
-#: A motion may be under way, and beside it a stop that overtakes it.
+#: One for a motion in flight, one for a stop that overtakes it.
 WORKERS = 2
-#: How long it may take to switch manual control on or off for somebody else [s].
+#: How long it may take to switch manual control for a client of the service [s].
 MANUAL_CONTROL_DEADLINE = 3.0
-#: How often a worker without work looks at the clock [s].
+#: How often an idle worker checks for work [s].
 WORKER_PERIOD = 0.1
 GOES_ON = 'moves again after a zero, or after 1 s without velocities'
 
 
 class RobotDriver:
     """
-    Threads that make the calls which a ``CommandArbiter`` decides on.
+    Threads that make the calls which a ``CommandArbiter`` decides on; thread-safe.
 
-    May be used by many threads.  Nothing is sent before ``note`` has heard of an answer.
+    Nothing is sent before ``on_result`` was given a response of the robot.
+
+    :param client: the robot's calls
+    :param command_timeout: how long the robot keeps a velocity [s]
+    :param texts: the texts of its errors
+    :param log: called with what the user should know; must not block
+    :param on_abort: called with the reason when a motion is aborted; must not block
     """
 
     def __init__(
-            self, client: RobotClient, hold: float, texts: ErrorTexts,
-            tell: Callable[[Level, str], None],
-            give_up: Callable[[str], None] = lambda _: None) -> None:
-        """
-        Be ready to drive.
-
-        :param client: its calls
-        :param hold: how long the robot keeps a velocity [s]
-        :param texts: what its errors mean
-        :param tell: called with what a person should know; must return at once
-        :param give_up: called with the reason when motions are cut short; likewise
-        """
+            self, client: RobotClient, command_timeout: float, texts: ErrorTexts,
+            log: Callable[[Level, str], None],
+            on_abort: Callable[[str], None] = lambda _: None) -> None:
         self._client = client
-        self._hold = hold
-        self._arbiter = CommandArbiter(hold)
-        self._tell = tell
-        self._give_up = give_up
+        self._command_timeout = command_timeout
+        self._arbiter = CommandArbiter(command_timeout)
+        self._log = log
+        self._on_abort = on_abort
         self._changed = threading.Condition()
         self._is_over = False
         self._has_control = False
         self._workers = [
             threading.Thread(target=self._work, name=f'robot-{number}', daemon=True)
             for number in range(WORKERS)]
-        self.link = ConnectionState()
+        self.connection = ConnectionState()
         self.texts = texts
-        #: how long the robot took to answer a velocity last [s]
+        #: how long the robot took to respond to a velocity last [s]
         self.round_trip = math.nan
         for worker in self._workers:
             worker.start()
 
     @property
     def dropped(self) -> int:
-        """Return how many motions were never sent, for newer ones or for their age."""
+        """Return how many motions were never sent: replaced by newer ones, or too old."""
         return self._arbiter.dropped
 
     def drive(self, command: VelocityCommand) -> None:
-        """
-        Let the robot have a command as soon as it can; returns at once.
-
-        :param command: the newest command
-        """
+        """Send a command as soon as the robot is free; return at once."""
         with self._changed:
             self._arbiter.on_command(command)
             self._changed.notify()
 
     def set_manual_control(self, enabled: bool) -> RpcResult:
-        """
-        Let the robot take velocities, or none; returns when it has answered.
-
-        :param enabled: whether it takes them
-        :returns: how that ended
-        """
+        """Switch manual control on or off; return the robot's response."""
         if not enabled:
-            # What came before must not take the robot again.
+            # Earlier commands must not switch it on again.
             with self._changed:
                 self._arbiter.cancel_motion()
                 self._changed.notify()
         begun = time.monotonic()
-        outcome = self._client.set_manual_control(enabled, MANUAL_CONTROL_DEADLINE)
+        result = self._client.set_manual_control(enabled, MANUAL_CONTROL_DEADLINE)
         with self._changed:
-            self._note(outcome, begun)
-            if outcome.is_success:
-                self._controls(enabled)
-        return outcome
+            self._update_connection(result, begun)
+            if result.is_success:
+                self._set_control(enabled)
+        return result
 
-    def note(self, outcome: RpcResult, begun: float) -> None:
+    def on_result(self, result: RpcResult, begun: float) -> None:
         """
-        Learn from a call that somebody else made whether the robot is in reach.
+        Update the state of the connection with a call that another thread has made.
 
-        :param outcome: how it ended
+        :param result: its result
         :param begun: when it began [s, steady clock]
         """
         with self._changed:
-            self._note(outcome, begun)
+            self._update_connection(result, begun)
+
+    def describe(self, result: RpcResult) -> str:
+        """Return why a call failed: the error's code and text, or why there is no response."""
+        return result.text if result.code is None else self.texts.describe(result.code)
 
     def close(self) -> None:
-        """Leave the robot at rest, and give it back; at the latest after 2 s."""
+        """Stop the robot, switch manual control off if it is ours, disconnect; within 2 s."""
         with self._changed:
             self._is_over = True
             self._changed.notify_all()
@@ -143,7 +136,7 @@ class RobotDriver:
         for worker in self._workers:
             worker.join(SHUTDOWN_RPC_TIMEOUT)
         if may_move:
-            # Once more, for a motion was perhaps under way.
+            # A second stop, since a motion may have been in flight.
             self._client.set_velocity(0.0, 0.0, SHUTDOWN_RPC_TIMEOUT)
         if has_control:
             self._client.set_manual_control(False, SHUTDOWN_RPC_TIMEOUT)
@@ -153,91 +146,84 @@ class RobotDriver:
         with self._changed:
             while not self._is_over:
                 now = time.monotonic()
-                order = self._arbiter.next_request(now)
-                if order is not None:
-                    self._execute(order)
+                request = self._arbiter.next_request(now)
+                if request is not None:
+                    self._execute(request)
                     continue
-                self._pause(now)
+                self._wait(now)
 
-    def _pause(self, now: float) -> None:
-        """Wait for something to do; and notice when this program was frozen meanwhile."""
-        look = self._arbiter.next_check
-        timeout = WORKER_PERIOD if look is None else max(0.0, min(look - now, WORKER_PERIOD))
+    def _wait(self, now: float) -> None:
+        """Wait for work; detect that this process was suspended meanwhile."""
+        next_check = self._arbiter.next_check
+        timeout = (WORKER_PERIOD if next_check is None
+                   else max(0.0, min(next_check - now, WORKER_PERIOD)))
         self._changed.wait(timeout)
         self._detect_stall(now, timeout)
 
     def _detect_stall(self, begun: float, allowed: float) -> None:
-        """Notice that something took longer than it can: this program was frozen."""
-        woken = time.monotonic()
-        if woken - begun > allowed + self._hold and not self._is_over:
+        """Block motions if something took longer than possible: this process was suspended."""
+        now = time.monotonic()
+        if now - begun > allowed + self._command_timeout and not self._is_over:
             if self._arbiter.may_move:
-                text = f'the bridge was held up for {woken - begun:.1f} s; the robot {GOES_ON}'
-                self._tell(Level.WARN, text)
-            self._arbiter.on_stall(woken)
+                text = f'the bridge was held up for {now - begun:.1f} s; the robot {GOES_ON}'
+                self._log(Level.WARN, text)
+            self._arbiter.on_stall(now)
 
-    def _execute(self, order: RpcRequest) -> None:
+    def _execute(self, request: RpcRequest) -> None:
         self._changed.release()
         begun = time.monotonic()
         try:
-            outcome = self._perform(order)
-        except Exception as error:  # whatever it is, the next zero must be able to leave
+            result = self._perform(request)
+        except Exception as error:  # any: a worker must live to send the next stop
             text = escaped(f'{type(error).__name__}: {error}')
-            outcome = RpcResult(failure=RpcFailure.FAILED, text=text)
+            result = RpcResult(failure=RpcFailure.FAILED, text=text)
         finally:
             self._changed.acquire()
-        was_barred = self._arbiter.is_blocked
-        self._arbiter.on_response(order, outcome, time.monotonic())
-        if order.command is not None and outcome.got_response:
+        was_blocked = self._arbiter.is_blocked
+        self._arbiter.on_response(request, result, time.monotonic())
+        if request.command is not None and result.got_response:
             self.round_trip = time.monotonic() - begun
-        if order.kind is RpcKind.ENABLE and outcome.is_success:
-            self._controls(True)
-        self._note(outcome, begun)
-        if self._arbiter.is_blocked and not was_barred and self.link.is_up:
-            self._report_abort(order, outcome)
-        # What came while a call was frozen is as old as what came while nothing was done.
-        self._detect_stall(begun, order.deadline)
+        if request.kind is RpcKind.ENABLE and result.is_success:
+            self._set_control(True)
+        self._update_connection(result, begun)
+        if self._arbiter.is_blocked and not was_blocked and self.connection.is_up:
+            self._report_abort(request, result)
+        # Commands received during a suspended call are as old as those during a suspended wait.
+        self._detect_stall(begun, request.deadline)
         self._changed.notify()
 
-    def _perform(self, order: RpcRequest) -> RpcResult:
-        command = order.command
+    def _perform(self, request: RpcRequest) -> RpcResult:
+        command = request.command
         if command is None:
-            return self._client.set_manual_control(True, order.deadline)
-        return self._client.set_velocity(command.linear, command.angular, order.deadline)
+            return self._client.set_manual_control(True, request.deadline)
+        return self._client.set_velocity(command.linear, command.angular, request.deadline)
 
-    def _note(self, outcome: RpcResult, begun: float) -> None:
+    def _update_connection(self, result: RpcResult, begun: float) -> None:
         if self._is_over:
-            return  # calls that the end cut short say nothing about the link
-        change = self.link.on_result(outcome, begun, time.monotonic())
-        if change is ConnectionEvent.LOST:
+            return  # calls that close() cancels say nothing about the connection
+        event = self.connection.on_result(result, begun, time.monotonic())
+        if event is ConnectionEvent.LOST:
             moved = self._arbiter.may_move
             self._arbiter.on_connection_lost()
-            self._tell(Level.ERROR, f'the link to the robot is lost: {self.link.reason}')
+            reason = self.connection.reason
+            self._log(Level.ERROR, f'the link to the robot is lost: {reason}')
             if moved:
-                self._give_up(f'the link to the robot was lost: {self.link.reason}')
-        elif change is not None:
+                self._on_abort(f'the link to the robot was lost: {reason}')
+        elif event is not None:
             self._arbiter.on_connected()
-            if change is ConnectionEvent.BACK:
-                self._tell(Level.WARN, f'the link to the robot is back; it {GOES_ON}')
+            if event is ConnectionEvent.BACK:
+                self._log(Level.WARN, f'the link to the robot is back; it {GOES_ON}')
             self._changed.notify()
 
-    def _report_abort(self, order: RpcRequest, outcome: RpcResult) -> None:
-        if outcome.failure is not None:
-            reason = f'the robot did not answer a velocity: {outcome.text}'
+    def _report_abort(self, request: RpcRequest, result: RpcResult) -> None:
+        if result.failure is not None:
+            reason = f'the robot did not answer a velocity: {result.text}'
         else:
-            what = 'manual control' if order.kind is RpcKind.ENABLE else 'a velocity'
-            reason = f'the robot refused {what}: {self.describe(outcome)}'
-        self._tell(Level.ERROR, f'{reason}; it {GOES_ON}')
-        self._give_up(reason)
+            what = 'manual control' if request.kind is RpcKind.ENABLE else 'a velocity'
+            reason = f'the robot refused {what}: {self.describe(result)}'
+        self._log(Level.ERROR, f'{reason}; it {GOES_ON}')
+        self._on_abort(reason)
 
-    def _controls(self, enabled: bool) -> None:
+    def _set_control(self, enabled: bool) -> None:
         self._has_control = enabled
-        self._tell(Level.OK, f"manual control {'enabled' if enabled else 'disabled'}")
-
-    def describe(self, outcome: RpcResult) -> str:
-        """
-        Say why the robot did not do something.
-
-        :param outcome: how that ended
-        :returns: the error's code and text, or what kept the answer away
-        """
-        return outcome.text if outcome.code is None else self.texts.describe(outcome.code)
+        self._log(Level.OK, f"manual control {'enabled' if enabled else 'disabled'}")

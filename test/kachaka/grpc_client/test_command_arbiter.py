@@ -26,15 +26,15 @@ from kachaka_simple_control.control.timing import (
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
     CommandArbiter,
-    CommandTimeout,
     LatestCommand,
     RpcKind,
+    StreamTimeout,
     VelocityCommand,
 )
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 import pytest
 
-HOLD = KACHAKA.hold
+COMMAND_TIMEOUT = KACHAKA.hold
 OK = RpcResult(code=0)
 NO_CONTROL = RpcResult(code=13151)
 REFUSED = RpcResult(code=21051)
@@ -51,18 +51,18 @@ def stop(time):
 
 
 @pytest.fixture
-def helm():
+def arbiter():
     """Return a helm whose robot answers."""
-    helm = CommandArbiter(HOLD)
-    helm.on_connected()
-    return helm
+    arbiter = CommandArbiter(COMMAND_TIMEOUT)
+    arbiter.on_connected()
+    return arbiter
 
 
-def sent(helm, now):
+def sent(arbiter, now):
     """Return what is due now, and nothing after it."""
-    order = helm.next_request(now)
-    assert helm.next_request(now) is None
-    return order
+    request = arbiter.next_request(now)
+    assert arbiter.next_request(now) is None
+    return request
 
 
 # The mailbox.
@@ -71,242 +71,242 @@ def sent(helm, now):
                           st.floats(0.0, 0.2)), max_size=40))
 def test_mailbox_holds_the_newest_and_never_what_came_before_a_stop(steps):
     """Whatever happens in whichever order."""
-    mailbox, now, taken = LatestCommand(HOLD), 0.0, []
-    newest, last_stop, is_owed = None, -1.0, False
+    latest, now, taken = LatestCommand(COMMAND_TIMEOUT), 0.0, []
+    newest, last_stop, is_pending = None, -1.0, False
     for name, pause in steps:
         now += pause
         if name == 'motion':
             newest = motion(now)
-            mailbox.put(newest)
+            latest.put(newest)
         elif name == 'stop':
-            mailbox.put(stop(now))
-            newest, last_stop, is_owed = None, now, True
+            latest.put(stop(now))
+            newest, last_stop, is_pending = None, now, True
         elif name == 'take':
-            command = mailbox.take_motion(now)
+            command = latest.take_motion(now)
             if command is not None:
                 assert command is newest
-                assert now - command.time <= HOLD
-                assert not is_owed
+                assert now - command.time <= COMMAND_TIMEOUT
+                assert not is_pending
                 taken.append(command)
         elif name == 'take stop':
-            assert mailbox.take_stop() == is_owed
-            is_owed = False
+            assert latest.take_stop() == is_pending
+            is_pending = False
         elif taken:
-            mailbox.requeue(taken[-1])
-            assert not mailbox.has_motion(now) or mailbox.take_motion(now).time >= last_stop
+            latest.requeue(taken[-1])
+            assert not latest.has_motion(now) or latest.take_motion(now).time >= last_stop
 
 
 # Silence.
 
 def test_ceased_velocities_are_noticed_before_the_hold_ends():
-    silence = CommandTimeout()
+    timeout = StreamTimeout()
     for time in (0.0, 0.1, 0.2):
-        silence.on_command(False, time)
-    assert silence.end == pytest.approx(0.2 + STREAM_TIMEOUT)
-    assert not silence.has_expired(0.2 + STREAM_TIMEOUT - 1e-6)
-    assert silence.has_expired(0.2 + STREAM_TIMEOUT)
-    assert not silence.has_expired(9.0), 'told once'
-    assert STREAM_TIMEOUT < HOLD
+        timeout.on_command(False, time)
+    assert timeout.end == pytest.approx(0.2 + STREAM_TIMEOUT)
+    assert not timeout.has_expired(0.2 + STREAM_TIMEOUT - 1e-6)
+    assert timeout.has_expired(0.2 + STREAM_TIMEOUT)
+    assert not timeout.has_expired(9.0), 'told once'
+    assert STREAM_TIMEOUT < COMMAND_TIMEOUT
 
 
 @given(st.floats(0.2, 0.25), st.integers(1, 20))
 def test_a_5_hz_publisher_is_left_to_the_hold(period, count):
     """However late its messages are."""
-    silence = CommandTimeout()
+    timeout = StreamTimeout()
     for tick in range(count):
-        silence.on_command(False, tick * period)
-    assert silence.end is None
+        timeout.on_command(False, tick * period)
+    assert timeout.end is None
 
 
 @given(st.lists(st.floats(0.001, STREAM_TIMEOUT - 1e-6), max_size=20))
 def test_no_gap_below_the_limit_is_an_end(gaps):
     """At any rate, mixed in any way."""
-    silence, now = CommandTimeout(), 0.0
-    silence.on_command(False, now)
+    timeout, now = StreamTimeout(), 0.0
+    timeout.on_command(False, now)
     for gap in gaps:
         now += gap
-        assert not silence.has_expired(now)
-        silence.on_command(False, now)
+        assert not timeout.has_expired(now)
+        timeout.on_command(False, now)
 
 
 @given(st.floats(0.01, MAX_STREAM_PERIOD), st.integers(2, 20))
 def test_a_run_of_ours_that_is_not_given_up_is_never_cut_short(period, count):
     """Our node gives up when a velocity is more than 0.1 s late."""
-    silence = CommandTimeout()
+    timeout = StreamTimeout()
     for tick in range(count):
-        silence.on_command(False, tick * period)
+        timeout.on_command(False, tick * period)
     last = (count - 1) * period
-    assert not silence.has_expired(last + period + 0.1 - 1e-6)
+    assert not timeout.has_expired(last + period + 0.1 - 1e-6)
 
 
 def test_a_zero_ends_the_waiting_and_what_was_learnt():
-    silence = CommandTimeout()
+    timeout = StreamTimeout()
     for is_stop, time in ((False, 0.0), (False, 0.05), (True, 0.1), (False, 0.2)):
-        silence.on_command(is_stop, time)
-    assert silence.end is None
+        timeout.on_command(is_stop, time)
+    assert timeout.end is None
 
 
 # The helm.
 
 def test_nothing_is_sent_before_the_robot_answers():
-    helm = CommandArbiter(HOLD)
-    helm.on_command(stop(0.0))
-    helm.on_command(motion(0.1))
-    assert helm.next_request(0.1) is None
+    arbiter = CommandArbiter(COMMAND_TIMEOUT)
+    arbiter.on_command(stop(0.0))
+    arbiter.on_command(motion(0.1))
+    assert arbiter.next_request(0.1) is None
 
 
-def test_one_motion_at_a_time_and_the_newest_next(helm):
-    helm.on_command(motion(0.0, 0.1))
-    first = sent(helm, 0.0)
+def test_one_motion_at_a_time_and_the_newest_next(arbiter):
+    arbiter.on_command(motion(0.0, 0.1))
+    first = sent(arbiter, 0.0)
     for time in (0.01, 0.02, 0.03):
-        helm.on_command(motion(time, time))
-        assert helm.next_request(time) is None
-    helm.on_response(first, OK, 0.04)
-    assert sent(helm, 0.04).command == motion(0.03, 0.03)
-    assert helm.dropped == 2
+        arbiter.on_command(motion(time, time))
+        assert arbiter.next_request(time) is None
+    arbiter.on_response(first, OK, 0.04)
+    assert sent(arbiter, 0.04).command == motion(0.03, 0.03)
+    assert arbiter.dropped == 2
 
 
-def test_a_stop_overtakes_a_motion_and_is_sent_again_after_it(helm):
+def test_a_stop_overtakes_a_motion_and_is_sent_again_after_it(arbiter):
     """For the robot may have heard them in either order."""
-    helm.on_command(motion(0.0))
-    slow = sent(helm, 0.0)
-    helm.on_command(stop(0.1))
-    overtaking = sent(helm, 0.1)
+    arbiter.on_command(motion(0.0))
+    slow = sent(arbiter, 0.0)
+    arbiter.on_command(stop(0.1))
+    overtaking = sent(arbiter, 0.1)
     assert overtaking.kind is RpcKind.STOP
-    helm.on_response(overtaking, OK, 0.12)
-    assert helm.next_request(0.12) is None
-    assert helm.may_move
-    helm.on_response(slow, OK, 0.2)
-    again = sent(helm, 0.2)
+    arbiter.on_response(overtaking, OK, 0.12)
+    assert arbiter.next_request(0.12) is None
+    assert arbiter.may_move
+    arbiter.on_response(slow, OK, 0.2)
+    again = sent(arbiter, 0.2)
     assert again.kind is RpcKind.STOP
-    helm.on_response(again, OK, 0.21)
-    assert not helm.may_move
-    assert helm.next_request(9.0) is None
+    arbiter.on_response(again, OK, 0.21)
+    assert not arbiter.may_move
+    assert arbiter.next_request(9.0) is None
 
 
-def test_a_motion_that_waited_longer_than_the_hold_is_dropped(helm):
-    helm.on_command(motion(0.0))
-    slow = sent(helm, 0.0)
-    helm.on_command(motion(0.2))  # so slow a publisher is left to the hold
-    helm.on_response(slow, OK, 0.2 + HOLD + 0.001)
-    assert helm.next_request(0.2 + HOLD + 0.001) is None
-    assert helm.dropped == 1
+def test_a_motion_that_waited_longer_than_the_hold_is_dropped(arbiter):
+    arbiter.on_command(motion(0.0))
+    slow = sent(arbiter, 0.0)
+    arbiter.on_command(motion(0.2))  # so slow a publisher is left to the hold
+    arbiter.on_response(slow, OK, 0.2 + COMMAND_TIMEOUT + 0.001)
+    assert arbiter.next_request(0.2 + COMMAND_TIMEOUT + 0.001) is None
+    assert arbiter.dropped == 1
 
 
-def test_manual_control_is_switched_on_for_a_motion_which_is_then_sent(helm):
-    helm.on_command(motion(0.0))
-    helm.on_response(sent(helm, 0.0), NO_CONTROL, 0.01)
-    take = sent(helm, 0.01)
-    assert take.kind is RpcKind.ENABLE
-    helm.on_response(take, OK, 0.02)
-    assert helm.has_taken
-    assert sent(helm, 0.02).command == motion(0.0)
+def test_manual_control_is_switched_on_for_a_motion_which_is_then_sent(arbiter):
+    arbiter.on_command(motion(0.0))
+    arbiter.on_response(sent(arbiter, 0.0), NO_CONTROL, 0.01)
+    enable = sent(arbiter, 0.01)
+    assert enable.kind is RpcKind.ENABLE
+    arbiter.on_response(enable, OK, 0.02)
+    assert arbiter.has_enabled
+    assert sent(arbiter, 0.02).command == motion(0.0)
 
 
-def test_manual_control_is_never_switched_on_for_a_zero(helm):
-    helm.on_command(stop(0.0))
-    helm.on_response(sent(helm, 0.0), NO_CONTROL, 0.01)
-    assert helm.next_request(0.01) is None
+def test_manual_control_is_never_switched_on_for_a_zero(arbiter):
+    arbiter.on_command(stop(0.0))
+    arbiter.on_response(sent(arbiter, 0.0), NO_CONTROL, 0.01)
+    assert arbiter.next_request(0.01) is None
 
 
-def test_a_zero_while_manual_control_comes_on_leaves_no_motion(helm):
-    helm.on_command(motion(0.0))
-    helm.on_response(sent(helm, 0.0), NO_CONTROL, 0.01)
-    take = sent(helm, 0.01)
-    helm.on_command(stop(0.02))
-    zero = sent(helm, 0.02)
+def test_a_zero_while_manual_control_comes_on_leaves_no_motion(arbiter):
+    arbiter.on_command(motion(0.0))
+    arbiter.on_response(sent(arbiter, 0.0), NO_CONTROL, 0.01)
+    enable = sent(arbiter, 0.01)
+    arbiter.on_command(stop(0.02))
+    zero = sent(arbiter, 0.02)
     assert zero.kind is RpcKind.STOP
-    helm.on_response(zero, NO_CONTROL, 0.03)
-    helm.on_response(take, OK, 0.04)
-    assert helm.next_request(0.04) is None
+    arbiter.on_response(zero, NO_CONTROL, 0.03)
+    arbiter.on_response(enable, OK, 0.04)
+    assert arbiter.next_request(0.04) is None
 
 
-def test_a_motion_from_before_the_release_does_not_take_the_robot_again(helm):
-    helm.on_command(motion(0.0))
-    under_way = sent(helm, 0.0)
-    helm.cancel_motion()
-    assert sent(helm, 0.01).kind is RpcKind.STOP
-    helm.on_response(under_way, NO_CONTROL, 0.02)
-    assert helm.next_request(0.02) is None
+def test_a_motion_from_before_the_release_does_not_take_the_robot_again(arbiter):
+    arbiter.on_command(motion(0.0))
+    in_flight = sent(arbiter, 0.0)
+    arbiter.cancel_motion()
+    assert sent(arbiter, 0.01).kind is RpcKind.STOP
+    arbiter.on_response(in_flight, NO_CONTROL, 0.02)
+    assert arbiter.next_request(0.02) is None
 
 
 @pytest.mark.parametrize('refused', [RpcKind.MOTION, RpcKind.ENABLE])
-def test_after_a_refusal_nothing_moves_until_the_commander_has_rested(helm, refused):
+def test_after_a_refusal_nothing_moves_until_the_commander_has_rested(arbiter, refused):
     """An emergency stop that is released must not set the robot in motion again."""
-    helm.on_command(motion(0.0))
-    order = sent(helm, 0.0)
+    arbiter.on_command(motion(0.0))
+    request = sent(arbiter, 0.0)
     if refused is RpcKind.ENABLE:
-        helm.on_response(order, NO_CONTROL, 0.01)
-        order = sent(helm, 0.01)
-    helm.on_response(order, REFUSED, 0.02)
-    helm.on_response(sent(helm, 0.02), REFUSED, 0.03)
+        arbiter.on_response(request, NO_CONTROL, 0.01)
+        request = sent(arbiter, 0.01)
+    arbiter.on_response(request, REFUSED, 0.02)
+    arbiter.on_response(sent(arbiter, 0.02), REFUSED, 0.03)
     for tick in range(1, 50):
-        helm.on_command(motion(0.03 + tick * 0.1))
-        assert helm.next_request(0.03 + tick * 0.1) is None
-    helm.on_command(stop(6.0))
-    helm.on_response(sent(helm, 6.0), OK, 6.0)
-    helm.on_command(motion(6.1))
-    assert sent(helm, 6.1).kind is RpcKind.MOTION
+        arbiter.on_command(motion(0.03 + tick * 0.1))
+        assert arbiter.next_request(0.03 + tick * 0.1) is None
+    arbiter.on_command(stop(6.0))
+    arbiter.on_response(sent(arbiter, 6.0), OK, 6.0)
+    arbiter.on_command(motion(6.1))
+    assert sent(arbiter, 6.1).kind is RpcKind.MOTION
 
 
-def test_silence_is_a_rest_too(helm):
-    helm.on_command(motion(0.0))
-    helm.block_motion()
-    helm.on_command(motion(REARM_IDLE_TIME))
-    assert helm.next_request(REARM_IDLE_TIME) is None
-    helm.on_command(motion(REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1))
-    assert sent(helm, REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1).kind is RpcKind.MOTION
+def test_silence_is_a_rest_too(arbiter):
+    arbiter.on_command(motion(0.0))
+    arbiter.block_motion()
+    arbiter.on_command(motion(REARM_IDLE_TIME))
+    assert arbiter.next_request(REARM_IDLE_TIME) is None
+    arbiter.on_command(motion(REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1))
+    assert sent(arbiter, REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1).kind is RpcKind.MOTION
 
 
-def test_what_waited_while_the_bridge_was_frozen_is_not_sent(helm):
+def test_what_waited_while_the_bridge_was_frozen_is_not_sent(arbiter):
     """Whether it is heard before the bridge notices, or after."""
-    helm.on_command(motion(0.0))
-    helm.on_response(sent(helm, 0.0), OK, 0.01)
-    helm.on_command(motion(5.0))
-    helm.on_stall(5.0)
-    helm.on_command(motion(5.001))
-    assert sent(helm, 5.001).kind is RpcKind.STOP
+    arbiter.on_command(motion(0.0))
+    arbiter.on_response(sent(arbiter, 0.0), OK, 0.01)
+    arbiter.on_command(motion(5.0))
+    arbiter.on_stall(5.0)
+    arbiter.on_command(motion(5.001))
+    assert sent(arbiter, 5.001).kind is RpcKind.STOP
 
 
-def test_a_link_that_is_back_brings_a_stop_and_no_motion(helm):
-    helm.on_command(motion(0.0))
-    helm.on_response(sent(helm, 0.0), GONE, 0.1)
-    helm.on_connection_lost()
+def test_a_link_that_is_back_brings_a_stop_and_no_motion(arbiter):
+    arbiter.on_command(motion(0.0))
+    arbiter.on_response(sent(arbiter, 0.0), GONE, 0.1)
+    arbiter.on_connection_lost()
     for tick in range(2, 20):
-        helm.on_command(motion(tick * 0.1))
-        assert helm.next_request(tick * 0.1) is None
+        arbiter.on_command(motion(tick * 0.1))
+        assert arbiter.next_request(tick * 0.1) is None
     # A zero that was heard meanwhile is no rest after the link's return.
-    helm.on_command(stop(2.0))
-    helm.on_command(motion(2.05))
-    helm.on_connected()
-    zero = sent(helm, 2.1)
+    arbiter.on_command(stop(2.0))
+    arbiter.on_command(motion(2.05))
+    arbiter.on_connected()
+    zero = sent(arbiter, 2.1)
     assert zero.kind is RpcKind.STOP
-    helm.on_response(zero, OK, 2.1)
-    helm.on_command(motion(2.2))
-    assert helm.next_request(2.2) is None
+    arbiter.on_response(zero, OK, 2.1)
+    arbiter.on_command(motion(2.2))
+    assert arbiter.next_request(2.2) is None
 
 
-def test_a_stop_without_an_answer_is_sent_again(helm):
-    helm.on_command(stop(0.0))
-    helm.on_response(sent(helm, 0.0), LATE, 1.0)
-    assert sent(helm, 1.0).kind is RpcKind.STOP
+def test_a_stop_without_an_answer_is_sent_again(arbiter):
+    arbiter.on_command(stop(0.0))
+    arbiter.on_response(sent(arbiter, 0.0), LATE, 1.0)
+    assert sent(arbiter, 1.0).kind is RpcKind.STOP
 
 
-def test_a_robot_too_slow_for_its_own_hold_is_stopped_between_and_then_for_good(helm):
+def test_a_robot_too_slow_for_its_own_hold_is_stopped_between_and_then_for_good(arbiter):
     for tick in range(MAX_CONSECUTIVE_TIMEOUTS):
-        helm.on_command(motion(float(tick)))
-        helm.on_response(sent(helm, float(tick)), LATE, tick + HOLD)
-        helm.on_command(motion(tick + HOLD))
-        zero = sent(helm, tick + HOLD)
+        arbiter.on_command(motion(float(tick)))
+        arbiter.on_response(sent(arbiter, float(tick)), LATE, tick + COMMAND_TIMEOUT)
+        arbiter.on_command(motion(tick + COMMAND_TIMEOUT))
+        zero = sent(arbiter, tick + COMMAND_TIMEOUT)
         assert zero.kind is RpcKind.STOP, 'nothing piles up in a slow robot'
-        helm.on_response(zero, OK, tick + 0.5)
-        helm.next_request(tick + 0.8)
-    assert helm.is_blocked
+        arbiter.on_response(zero, OK, tick + 0.5)
+        arbiter.next_request(tick + 0.8)
+    assert arbiter.is_blocked
 
 
-def test_ceased_velocities_stop_the_robot_before_its_hold_does(helm):
+def test_ceased_velocities_stop_the_robot_before_its_hold_does(arbiter):
     for time in (0.0, 0.1):
-        helm.on_command(motion(time))
-        helm.on_response(sent(helm, time), OK, time + 0.01)
-    assert helm.next_check == pytest.approx(0.1 + STREAM_TIMEOUT)
-    assert sent(helm, 0.1 + STREAM_TIMEOUT).kind is RpcKind.STOP
+        arbiter.on_command(motion(time))
+        arbiter.on_response(sent(arbiter, time), OK, time + 0.01)
+    assert arbiter.next_check == pytest.approx(0.1 + STREAM_TIMEOUT)
+    assert sent(arbiter, 0.1 + STREAM_TIMEOUT).kind is RpcKind.STOP

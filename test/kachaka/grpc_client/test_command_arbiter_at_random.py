@@ -25,25 +25,25 @@ from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
 )
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 
-HOLD = KACHAKA.hold
-OUTCOMES = st.sampled_from([
+COMMAND_TIMEOUT = KACHAKA.hold
+RESULTS = st.sampled_from([
     RpcResult(code=0), RpcResult(code=0), RpcResult(code=13151), RpcResult(code=21051),
     RpcResult(failure=RpcFailure.LATE), RpcResult(failure=RpcFailure.FAILED)])
 PAUSES = st.sampled_from([0.001, 0.02, 0.1, 0.2, 0.4])
 
 
-class HelmAtRandom(RuleBasedStateMachine):
+class ArbiterAtRandom(RuleBasedStateMachine):
     """A commander, a robot and a link, each with a will of its own."""
 
     def __init__(self):
         """Begin with a link."""
         super().__init__()
-        self.helm = CommandArbiter(HOLD)
-        self.helm.on_connected()
-        self.is_linked = True
+        self.arbiter = CommandArbiter(COMMAND_TIMEOUT)
+        self.arbiter.on_connected()
+        self.is_connected = True
         self.now = 0.0
         self.last_stop = -1.0
-        self.under_way = []
+        self.in_flight = []
         self.on_response = {}
 
     @rule(pause=PAUSES)
@@ -55,86 +55,87 @@ class HelmAtRandom(RuleBasedStateMachine):
     def motion_comes(self, linear):
         """Hear the newest command."""
         self.now += 0.001
-        self.helm.on_command(VelocityCommand(linear, 0.0, self.now))
+        self.arbiter.on_command(VelocityCommand(linear, 0.0, self.now))
 
     @rule()
     def stop_comes(self):
         """Hear a zero; it has to leave at once, unless one is under way."""
         self.now += 0.001
         self.last_stop = self.now
-        self.helm.on_command(VelocityCommand(0.0, 0.0, self.now))
-        if self.is_linked and not any(order.kind is RpcKind.STOP for order in self.under_way):
-            order = self.helm.next_request(self.now)
-            assert order is not None
-            assert order.kind is RpcKind.STOP
-            self.under_way.append(order)
+        self.arbiter.on_command(VelocityCommand(0.0, 0.0, self.now))
+        if self.is_connected and not any(
+                request.kind is RpcKind.STOP for request in self.in_flight):
+            request = self.arbiter.next_request(self.now)
+            assert request is not None
+            assert request.kind is RpcKind.STOP
+            self.in_flight.append(request)
 
-    @precondition(lambda self: self.under_way)
-    @rule(data=st.data(), outcome=OUTCOMES, pause=PAUSES)
-    def call_ends(self, data, outcome, pause):
+    @precondition(lambda self: self.in_flight)
+    @rule(data=st.data(), result=RESULTS, pause=PAUSES)
+    def call_ends(self, data, result, pause):
         """In any order."""
-        order = self.under_way.pop(data.draw(st.integers(0, len(self.under_way) - 1)))
+        request = self.in_flight.pop(data.draw(st.integers(0, len(self.in_flight) - 1)))
         self.now += pause
-        self.helm.on_response(order, outcome, self.now)
-        self.on_response[order.kind] = self.now
+        self.arbiter.on_response(request, result, self.now)
+        self.on_response[request.kind] = self.now
 
     @rule()
     def link_is_lost(self):
         """Go on; calls under way end later."""
-        self.helm.on_connection_lost()
-        self.is_linked = False
+        self.arbiter.on_connection_lost()
+        self.is_connected = False
 
     @rule()
     def link_is_back(self):
         """Or was never lost."""
-        self.helm.on_connected()
-        self.is_linked = True
+        self.arbiter.on_connected()
+        self.is_connected = True
 
     @rule()
     def robot_is_given_back(self):
         """Manual control is switched off by the service."""
         self.now += 0.001
         self.last_stop = self.now
-        self.helm.cancel_motion()
+        self.arbiter.cancel_motion()
 
     @invariant()
     def only_what_may_be_sent_is_sent(self):
         """At each moment."""
-        while (order := self.helm.next_request(self.now)) is not None:
-            assert self.is_linked
-            kinds = [other.kind for other in self.under_way]
-            if order.kind is RpcKind.STOP:
+        while (request := self.arbiter.next_request(self.now)) is not None:
+            assert self.is_connected
+            kinds = [other.kind for other in self.in_flight]
+            if request.kind is RpcKind.STOP:
                 assert RpcKind.STOP not in kinds
             else:
                 assert not kinds, 'one at a time'
-            if order.kind is RpcKind.MOTION:
-                assert order.command.time > self.last_stop, 'older than a stop'
-                assert self.now - order.command.time <= HOLD
-            if order.kind is RpcKind.ENABLE:
+            if request.kind is RpcKind.MOTION:
+                assert request.command.time > self.last_stop, 'older than a stop'
+                assert self.now - request.command.time <= COMMAND_TIMEOUT
+            if request.kind is RpcKind.ENABLE:
                 assert RpcKind.MOTION in self.on_response, 'only for a motion that was refused'
-            self.under_way.append(order)
+            self.in_flight.append(request)
 
     def teardown(self):
         """At last the commander stops, and the robot behaves: it must be left at rest."""
         self.now += 0.001
-        self.helm.on_connected()
-        self.helm.on_command(VelocityCommand(0.0, 0.0, self.now))
+        self.arbiter.on_connected()
+        self.arbiter.on_command(VelocityCommand(0.0, 0.0, self.now))
         last, motion_ended = None, -1.0
         for _ in range(20):
-            while (order := self.helm.next_request(self.now)) is not None:
-                assert order.kind is RpcKind.STOP
-                self.under_way.append(order)
-                last = (order, self.now)
-            if not self.under_way:
+            while (request := self.arbiter.next_request(self.now)) is not None:
+                assert request.kind is RpcKind.STOP
+                self.in_flight.append(request)
+                last = (request, self.now)
+            if not self.in_flight:
                 break
-            order = self.under_way.pop(0)
+            request = self.in_flight.pop(0)
             self.now += 0.01
-            self.helm.on_response(order, RpcResult(code=0), self.now)
-            if order.kind is RpcKind.MOTION:
+            self.arbiter.on_response(request, RpcResult(code=0), self.now)
+            if request.kind is RpcKind.MOTION:
                 motion_ended = self.now
-        assert not self.under_way
-        assert not self.helm.may_move
+        assert not self.in_flight
+        assert not self.arbiter.may_move
         assert last is None or last[1] >= motion_ended, 'a stop has the last word'
 
 
-TestHelmAtRandom = HelmAtRandom.TestCase
+TestArbiterAtRandom = ArbiterAtRandom.TestCase

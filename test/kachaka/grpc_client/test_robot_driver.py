@@ -21,16 +21,19 @@ import threading
 import time
 
 from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
-from kachaka_simple_control.kachaka.error_codes import ErrorTexts, Level, link_status, robot_status
+from kachaka_simple_control.kachaka.error_codes import ErrorTexts
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import VelocityCommand
 from kachaka_simple_control.kachaka.grpc_client.connection_state import (
+    connection_status,
     ConnectionEvent,
     ConnectionState,
+    robot_status,
     RpcFailure,
     RpcResult,
 )
 from kachaka_simple_control.kachaka.grpc_client.polling import LogThread, OdometryPoller
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
+from kachaka_simple_control.telemetry.level import Level
 import pytest
 
 OK, LATE = RpcResult(code=0), RpcResult(failure=RpcFailure.LATE, text='no answer within 0.3 s')
@@ -44,7 +47,7 @@ class Client:
     def __init__(self):
         """Answer all at once, with success."""
         self.calls = queue.Queue()
-        self.outcome, self.error = OK, None
+        self.result, self.error = OK, None
         self.may_answer = threading.Event()
         self.may_answer.set()
 
@@ -54,18 +57,18 @@ class Client:
         self.may_answer.wait(deadline)
         if self.error:
             raise self.error
-        return self.outcome
+        return self.result
 
     def set_manual_control(self, enabled, deadline):
         """Note a switch."""
         self.calls.put(enabled)
-        return self.outcome
+        return self.result
 
     def close(self):
         """Note the end."""
         self.calls.put('closed')
 
-    def heard(self):
+    def next_call(self):
         """Return the next call."""
         return self.calls.get(timeout=3.0)
 
@@ -77,164 +80,166 @@ def client():
 
 
 @pytest.fixture
-def told():
+def logged():
     """Return what a person and the program were told."""
     return []
 
 
 @pytest.fixture
-def robot(client, told):
+def robot(client, logged):
     """Return a robot that has answered."""
     robot = RobotDriver(
-        client, 0.3, TEXTS, lambda level, text: told.append(text),
-        lambda text: told.append(f'given up: {text}'))
-    robot.note(OK, time.monotonic())
+        client, 0.3, TEXTS, lambda level, text: logged.append(text),
+        lambda text: logged.append(f'given up: {text}'))
+    robot.on_result(OK, time.monotonic())
     yield robot
     client.may_answer.set()
     robot.close()
 
 
-def go(robot, linear=0.5):
+def send(robot, linear=0.5):
     robot.drive(VelocityCommand(linear, 0.0, time.monotonic()))
 
 
 def test_zero_leaves_while_a_motion_hangs(robot, client):
     client.may_answer.clear()
-    go(robot)
-    assert client.heard() == (0.5, 0.0)
-    go(robot, 0.0)
-    assert client.heard() == (0.0, 0.0)
+    send(robot)
+    assert client.next_call() == (0.5, 0.0)
+    send(robot, 0.0)
+    assert client.next_call() == (0.0, 0.0)
 
 
 def test_end_leaves_the_robot_at_rest_and_gives_back_what_was_taken(robot, client):
     assert robot.set_manual_control(True).is_success
-    go(robot)
-    assert [client.heard(), client.heard()] == [True, (0.5, 0.0)]
+    send(robot)
+    assert [client.next_call(), client.next_call()] == [True, (0.5, 0.0)]
     robot.close()
-    assert [client.heard() for _ in range(4)] == [(0.0, 0.0), (0.0, 0.0), False, 'closed']
+    assert [client.next_call() for _ in range(4)] == [(0.0, 0.0), (0.0, 0.0), False, 'closed']
 
 
 def test_end_without_a_motion_sends_nothing(robot, client):
     robot.close()
-    assert client.heard() == 'closed'
+    assert client.next_call() == 'closed'
 
 
 def test_end_is_soon_even_if_the_robot_never_answers(robot, client):
     assert robot.set_manual_control(True).is_success
     client.may_answer.clear()
-    go(robot)
-    client.heard()
-    client.heard()
+    send(robot)
+    client.next_call()
+    client.next_call()
     begun = time.monotonic()
     robot.close()
     assert time.monotonic() - begun < 2.0
 
 
-def test_what_came_while_a_call_was_frozen_is_not_sent(robot, client, told):
+def test_what_came_while_a_call_was_frozen_is_not_sent(robot, client, logged):
     """The other thread that calls may find out later than the one that was in the call."""
     frozen = threading.Event()
     client.set_velocity = lambda linear, angular, deadline: (
         client.calls.put((linear, angular)), linear and frozen.wait(deadline + 0.5), OK)[-1]
-    go(robot)
-    assert client.heard() == (0.5, 0.0)
+    send(robot)
+    assert client.next_call() == (0.5, 0.0)
     time.sleep(1.0)
     for _ in range(3):
-        go(robot, 0.4)
+        send(robot, 0.4)
         time.sleep(0.05)
     told_by_then = [client.calls.get_nowait() for _ in range(client.calls.qsize())]
     assert (0.4, 0.0) not in told_by_then
-    assert [text.partition(' for ')[0] for text in told] == ['the bridge was held up']
+    assert [text.partition(' for ')[0] for text in logged] == ['the bridge was held up']
 
 
-def test_refusal_is_told_once_and_ends_the_run(robot, client, told):
-    client.outcome = RpcResult(code=5)
+def test_refusal_is_told_once_and_ends_the_run(robot, client, logged):
+    client.result = RpcResult(code=5)
     for _ in range(3):
-        go(robot)
-    client.heard()
+        send(robot)
+    client.next_call()
     time.sleep(0.05)
-    assert len(told) == 2
-    assert told[0].startswith('the robot refused a velocity: error 5 (Paused); it moves again')
-    assert told[1] == 'given up: the robot refused a velocity: error 5 (Paused)'
+    assert len(logged) == 2
+    assert logged[0].startswith('the robot refused a velocity: error 5 (Paused); it moves again')
+    assert logged[1] == 'given up: the robot refused a velocity: error 5 (Paused)'
 
 
-def test_lost_link_is_told_once_and_its_return_too(robot, client, told):
-    go(robot)
-    client.heard()
+def test_lost_link_is_told_once_and_its_return_too(robot, client, logged):
+    send(robot)
+    client.next_call()
     for _ in range(3):
-        robot.note(GONE, time.monotonic())
-    assert told == [
+        robot.on_result(GONE, time.monotonic())
+    assert logged == [
         'the link to the robot is lost: Connection refused',
         'given up: the link to the robot was lost: Connection refused']
-    robot.note(OK, time.monotonic())
-    assert client.heard() == (0.0, 0.0)
-    assert len(told) == 3
-    assert 'is back' in told[2]
+    robot.on_result(OK, time.monotonic())
+    assert client.next_call() == (0.0, 0.0)
+    assert len(logged) == 3
+    assert 'is back' in logged[2]
 
 
-def test_what_nobody_thought_of_does_not_keep_the_zero(robot, client, told):
+def test_what_nobody_thought_of_does_not_keep_the_zero(robot, client, logged):
     client.error = OSError('out of everything')
-    go(robot)
-    assert client.heard() == (0.5, 0.0)
-    assert client.heard() == (0.0, 0.0)
-    assert 'OSError: out of everything' in told[0]
+    send(robot)
+    assert client.next_call() == (0.5, 0.0)
+    assert client.next_call() == (0.0, 0.0)
+    assert 'OSError: out of everything' in logged[0]
 
 
-def test_calls_that_the_end_cuts_short_are_no_lost_link(robot, told):
+def test_calls_that_the_end_cuts_short_are_no_lost_link(robot, logged):
     robot.close()
-    robot.note(GONE, time.monotonic())
-    assert told == []
+    robot.on_result(GONE, time.monotonic())
+    assert logged == []
 
 
 # The link.
 
 def test_one_late_answer_is_no_lost_link():
-    link = ConnectionState()
-    assert link.on_result(OK, 0.0, 0.1) is ConnectionEvent.FOUND
-    assert link.on_result(LATE, 10.0, 10.3) is None
-    assert link.on_result(OK, 10.3, 10.4) is None
-    assert link.on_result(LATE, 11.0, 11.3) is None
+    connection = ConnectionState()
+    assert connection.on_result(OK, 0.0, 0.1) is ConnectionEvent.FOUND
+    assert connection.on_result(LATE, 10.0, 10.3) is None
+    assert connection.on_result(OK, 10.3, 10.4) is None
+    assert connection.on_result(LATE, 11.0, 11.3) is None
 
 
 def test_silence_is_a_lost_link_however_many_calls_it_takes():
-    link = ConnectionState()
-    link.on_result(OK, 0.0, 0.1)
-    assert link.on_result(LATE, 10.0, 10.3) is None
-    assert link.on_result(LATE, 10.3, 10.6) is None
-    assert link.on_result(LATE, 10.6, 10.0 + CONNECTION_TIMEOUT) is ConnectionEvent.LOST
-    assert link.on_result(LATE, 11.0, 12.0) is None
-    assert link.on_result(RpcResult(failure=RpcFailure.FAILED), 12.0, 12.1) is ConnectionEvent.BACK
+    connection = ConnectionState()
+    connection.on_result(OK, 0.0, 0.1)
+    assert connection.on_result(LATE, 10.0, 10.3) is None
+    assert connection.on_result(LATE, 10.3, 10.6) is None
+    assert connection.on_result(LATE, 10.6, 10.0 + CONNECTION_TIMEOUT) is ConnectionEvent.LOST
+    assert connection.on_result(LATE, 11.0, 12.0) is None
+    assert connection.on_result(
+        RpcResult(failure=RpcFailure.FAILED), 12.0, 12.1) is ConnectionEvent.BACK
 
 
 def test_other_answers_outweigh_one_that_takes_long():
-    link = ConnectionState()
-    link.on_result(OK, 0.0, 0.1)
-    link.on_result(OK, 1.0, 1.1)
-    assert link.on_result(LATE, 0.2, 1.2) is None
+    connection = ConnectionState()
+    connection.on_result(OK, 0.0, 0.1)
+    connection.on_result(OK, 1.0, 1.1)
+    assert connection.on_result(LATE, 0.2, 1.2) is None
 
 
 # Diagnostics.
 
 def test_diagnostics_say_how_link_and_robot_are():
-    link = ConnectionState()
-    link.on_result(OK, 0.0, 0.1)
-    status = link_status(link, 'robot:1', math.nan, 7, 1.0)
+    connection = ConnectionState()
+    connection.on_result(OK, 0.0, 0.1)
+    status = connection_status(connection, 'robot:1', math.nan, 7, 1.0)
     assert (status.level, status.message) == (Level.OK, 'up')
     assert status.values['velocities dropped'] == '7'
-    status = link_status(link, 'robot:1', 0.2, 0, 1.0)
+    status = connection_status(connection, 'robot:1', 0.2, 0, 1.0)
     assert (status.level, status.message) == (
         Level.WARN, 'slow: the robot answered after 200 ms')
-    assert robot_status(link, [], TEXTS).message == 'no errors'
-    status = robot_status(link, [5, 9], TEXTS)
+    assert robot_status(connection, [], TEXTS).message == 'no errors'
+    status = robot_status(connection, [5, 9], TEXTS)
     assert (status.level, status.message) == (Level.ERROR, 'error 5 (Paused); error 9')
-    assert robot_status(link, [5], TEXTS).level is Level.WARN
-    link.on_result(GONE, 2.0, 2.0)
-    assert link_status(link, 'robot:1', 0.2, 0, 5.0).message == 'lost for 3 s: Connection refused'
-    assert robot_status(link, [], TEXTS).level is Level.ERROR
+    assert robot_status(connection, [5], TEXTS).level is Level.WARN
+    connection.on_result(GONE, 2.0, 2.0)
+    status = connection_status(connection, 'robot:1', 0.2, 0, 5.0)
+    assert status.message == 'lost for 3 s: Connection refused'
+    assert robot_status(connection, [], TEXTS).level is Level.ERROR
 
 
 # Odometry and words.
 
-class Answer:
+class Response:
     """Odometry with a cursor."""
 
     def __init__(self, cursor):
@@ -244,37 +249,38 @@ class Answer:
 
 
 def test_odometry_is_fetched_while_wanted_and_each_published_once():
-    answers = [(OK, Answer(3)), (OK, Answer(3)), (LATE, None), (OK, Answer(4)), (GONE, None)]
-    asked, published, noted, wanted = [], [], [], [False]
+    responses = [
+        (OK, Response(3)), (OK, Response(3)), (LATE, None), (OK, Response(4)), (GONE, None)]
+    cursors, published, results, wanted = [], [], [], [False]
 
     def fetch(cursor, deadline):
-        asked.append(cursor)
-        return answers.pop(0)
+        cursors.append(cursor)
+        return responses.pop(0)
 
-    feed = OdometryPoller(
-        'feed', fetch, lambda: wanted[0], published.append, lambda *how: noted.append(how[0]))
-    assert feed.poll() > 0.0
-    assert asked == []
+    poller = OdometryPoller(
+        'feed', fetch, lambda: wanted[0], published.append, lambda *how: results.append(how[0]))
+    assert poller.poll() > 0.0
+    assert cursors == []
     wanted[0] = True
-    pauses = [feed.poll() for _ in range(5)]
-    assert asked == [0, 3, 3, 0, 4]
+    pauses = [poller.poll() for _ in range(5)]
+    assert cursors == [0, 3, 3, 0, 4]
     assert published == [3, 4]
-    assert noted == [OK, OK, OK, GONE], 'nothing new is nothing wrong'
+    assert results == [OK, OK, OK, GONE], 'nothing new is nothing wrong'
     assert pauses[0] > 0.0, 'a robot that ignores cursors is not asked without end'
 
 
 def test_speaker_does_not_make_anybody_wait_and_does_not_repeat_itself():
-    held, said = threading.Event(), []
+    held, emitted = threading.Event(), []
 
-    def say(level, text):
+    def emit(level, text):
         held.wait(3.0)
-        said.append(text)
+        emitted.append(text)
 
-    speaker = LogThread(say)
+    log_thread = LogThread(emit)
     begun = time.monotonic()
     for text in ('a', 'a', 'b', 'a'):
-        speaker.log(Level.WARN, text)
+        log_thread.log(Level.WARN, text)
     assert time.monotonic() - begun < 0.5
     held.set()
-    speaker.close()
-    assert said == ['a', 'b']
+    log_thread.close()
+    assert emitted == ['a', 'b']
