@@ -25,7 +25,7 @@ from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import ControlError, InvalidMotionError
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.exit_codes import code_of, DONE, HELP, SIGNALLED
-from kachaka_simple_control.kachaka.grpc_client.address import Address
+from kachaka_simple_control.kachaka.grpc_client.address import address_argument
 from kachaka_simple_control.one_line_parser import OneLineParser
 
 NAME = 'kachaka_simple_control'
@@ -118,7 +118,7 @@ def _parser() -> OneLineParser:
         '--sim', action='store_true',
         help='start a simulated Kachaka, drive it, and print what was asked, sent and driven')
     robot.add_argument(
-        '--address', type=_address, metavar='HOST',
+        '--address', type=lambda text: str(address_argument(text)), metavar='HOST',
         help='do the same with the real Kachaka at this address, HOST or HOST:PORT')
     parser.add_argument(
         '--wait', action='store_true',
@@ -177,13 +177,6 @@ def exit_code(body: Callable[[], None]) -> int:
         if signal_dispatcher.signum is None or not _is_expected(error):
             print(f'{NAME}: {_text(error)}', file=sys.stderr)
     return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
-
-
-def _address(text: str) -> str:
-    try:
-        return str(Address.parse(text))
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _is_expected(error: Exception) -> bool:

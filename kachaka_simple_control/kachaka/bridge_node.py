@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The nodes that show a robot to ROS 2 as the maker's own bridge does."""
+"""The nodes that show a robot to ROS 2 under the names of the official bridge."""
 
 from __future__ import annotations
 
@@ -38,28 +38,27 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import SetBool
 
 NODE = 'kachaka_bridge'
-#: In the official bridge both come from the robot; the simulated one has only one odometry.
+#: Both of the official bridge, from two sources; the simulated robot has only one odometry.
 ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
 
 
 class BridgeNode(Node):
-    """The topics, the service and the quality of service of the official bridge."""
+    """
+    The topics, the service and the quality of service of the official bridge.
+
+    :param namespace: the namespace of its topics and its service
+    :param on_rival: called with another bridge that shows a robot under the same names, if it is
+        discovered later
+    :raises RobotTakenError: if another bridge already does
+    :raises UsageError: if a name is invalid, or taken by something else of the node
+    """
 
     def __init__(
             self, namespace: str, on_rival: Callable[[str], None] = lambda _: None) -> None:
-        """
-        Listen from now on, unless another bridge shows a robot under the same names.
-
-        :param namespace: where its topics and its service are
-        :param on_rival: called with who else does, when that turns out later
-        :raises RobotTakenError: if another bridge does
-        :raises UsageError: if a name cannot be one, or is taken by something else of the node
-        """
         with one_line_errors(NODE):
             super().__init__(NODE, namespace=namespace, start_parameter_services=False)
         check_node_names(
@@ -72,7 +71,7 @@ class BridgeNode(Node):
         service = KACHAKA.manual_control_service
         assert service is not None, 'a Kachaka has one'
         self._subscription = self.create_subscription(
-            Twist, KACHAKA.velocity_topic, self.hear, qos_profile_sensor_data,
+            Twist, KACHAKA.velocity_topic, self.on_velocity, qos_profile_sensor_data,
             callback_group=MutuallyExclusiveCallbackGroup())
         self._service = self.create_service(SetBool, service, self._on_set_enabled)
         self._odometry = [
@@ -87,41 +86,32 @@ class BridgeNode(Node):
             f'manual control at {self.resolve_service_name(self._service.srv_name)}, '
             f'odometry on {self._odometry[0].topic_name}')
 
-    def spinners(self) -> list[ExecutorLoop]:
-        """Return what to run, each in a thread of its own."""
+    def executors(self) -> list[ExecutorLoop]:
+        """Return the executors to run, each in a thread of its own."""
         return [NodeExecutor(self)]
 
-    def hear(self, twist: Twist) -> None:
-        """
-        Take a message in.
-
-        :param twist: the message
-        """
+    def on_velocity(self, twist: Twist) -> None:
+        """Send the velocity of a message to the robot."""
         self.drive(conversions.velocity(twist), time.monotonic())
 
     def close(self) -> None:
-        """Leave the robot, before the node is destroyed."""
+        """Disconnect from the robot; called before ``destroy_node``."""
 
     def drive(self, velocity: Velocity, now: float) -> None:
         """
-        Let the robot have a velocity.
+        Send a velocity to the robot.
 
         :param velocity: the velocity, which may not be finite
-        :param now: when it came [s, steady clock]
+        :param now: when it was received [s, steady clock]
         """
         raise NotImplementedError
 
     def set_manual_control(self, enabled: bool) -> str:
-        """
-        Let the robot take velocities, or none.
-
-        :param enabled: whether it takes them
-        :returns: why it refuses; nothing if it does not
-        """
+        """Switch manual control; return why the robot refuses, empty if it does not."""
         raise NotImplementedError
 
     def _take_claim(self) -> None:
-        # Claims of others are heard before anybody else serves callbacks.
+        # The claims of other bridges must be received before any other executor runs the node.
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self)
         try:
@@ -140,38 +130,35 @@ class BridgeNode(Node):
 
 class SimulatedBridge(BridgeNode):
     """
-    Shows a simulated robot, with the habits of the official bridge.
+    Shows a simulated robot as the official bridge does.
 
-    In particular: a velocity sent while manual control is off switches it on and is itself lost,
-    be it zero or not; nothing is limited here; there is no watchdog but the robot's own hold.
+    In particular: a velocity while manual control is off switches it on and is itself lost, zero
+    or not; the bridge limits nothing; the only watchdog is the robot's command timeout.
+
+    :param robot: the robot
+    :param namespace: the namespace of its topics and its service
+    :param frame_prefix: put before the names of the frames, without a separator
+    :param on_rival: called when another bridge shows a robot under the same names
+    :raises RobotTakenError: if another bridge already does
     """
 
     def __init__(
             self, robot: SimulatedKachaka, namespace: str, frame_prefix: str = '',
             on_rival: Callable[[str], None] = lambda _: None) -> None:
-        """
-        Show a robot from now on.
-
-        :param robot: the robot
-        :param namespace: where its topics and its service are
-        :param frame_prefix: put before the names of the frames as it is
-        :param on_rival: called when another bridge shows a robot under the same names
-        :raises RobotTakenError: if another bridge does already
-        """
         super().__init__(namespace, on_rival)
         self._robot = robot
         self._frame_id = frame_prefix + ODOMETRY_FRAME
         self._child_frame_id = frame_prefix + ROBOT_FRAME
-        # A timer would otherwise follow /clock, which may stand still while the robot drives.
+        # On a steady clock: /clock may stand still while the robot drives.
         self._timer = self.create_timer(
             ODOMETRY_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def drive(self, velocity: Velocity, now: float) -> None:
         """
-        Let the robot have a velocity.
+        Send a velocity to the robot.
 
         :param velocity: the velocity, which may not be finite
-        :param now: when it came [s, steady clock]
+        :param now: when it was received [s, steady clock]
         """
         limits = KACHAKA.limits
         code = self._robot.set_robot_velocity(
@@ -184,28 +171,20 @@ class SimulatedBridge(BridgeNode):
             self.get_logger().warning(f'the robot refused {velocity}', throttle_duration_sec=1.0)
 
     def set_manual_control(self, enabled: bool) -> str:
-        """
-        Let the robot take velocities, or none.
-
-        :param enabled: whether it takes them
-        :returns: why it refuses; nothing if it does not
-        """
+        """Switch manual control; return why the robot refuses, empty if it does not."""
         code = self._robot.set_manual_control(enabled, time.monotonic())
         self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
         return '' if code == SUCCESS else f'error {code}'
 
     def _on_timer(self) -> None:
-        # Asked for in any case: a robot with a lag works out its way bit by bit as time passes,
-        # and is not to do so for minutes of it when a velocity comes.
+        # Also without a subscriber: a robot with a lag integrates its path step by step, and must
+        # not have to catch up on minutes when a velocity comes.
         now, stamp = time.monotonic(), self.get_clock().now().to_msg()
         pose, velocity = self._robot.odometry(now)
-        listened_to = [topic for topic in self._odometry if topic.get_subscription_count() > 0]
-        if listened_to:
+        publishers = [
+            publisher for publisher in self._odometry if publisher.get_subscription_count() > 0]
+        if publishers:
             message = conversions.odometry(
                 pose, velocity, stamp, self._frame_id, self._child_frame_id)
-            _publish(message, listened_to)
-
-
-def _publish(message: Odometry, publishers: list[Publisher]) -> None:
-    for publisher in publishers:
-        publisher.publish(message)
+            for publisher in publishers:
+                publisher.publish(message)

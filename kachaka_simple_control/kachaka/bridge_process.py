@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A bridge to a robot for the length of a ``with`` block, in a process of its own."""
+"""A bridge to a robot in a process of its own, for the length of a ``with`` block."""
 
 from __future__ import annotations
 
@@ -25,19 +25,18 @@ import time
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError
 from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.exit_codes import NO_ROBOT
 from kachaka_simple_control.files.robot_profile import KACHAKA
 
-#: How long the process may take to end when it is asked to [s].
+#: How long the process may take to end after SIGTERM [s].
 EXIT_TIMEOUT = 2.0
-#: How long it may take to start, and to meet a robot or to say why it cannot [s].
+#: How long it may take to start and to connect to a robot, or to print why it cannot [s].
 START_TIMEOUT = 20.0
-#: What the bridge says once it listens, and what its last words begin with.
+#: Its output: printed once it serves; the prefix of its error line; the prefix of the line with
+#: its DDS participant.
 READY = 'ready: '
 ERROR_PREFIX = 'kachaka_bridge: '
-#: What comes before the line in which it tells who it is.
 PARTICIPANT = 'participant: '
-#: Its exit code when no robot answers.
-NO_ROBOT = 3
 
 
 @contextlib.contextmanager
@@ -47,13 +46,13 @@ def simulated_bridge(
     """
     Run a simulated robot on ROS 2, and end it whatever happens.
 
-    Returns at once: whoever waits for a robot waits for this one, too.
+    Returns at once: code that waits for a robot waits for this one, too.
 
-    :param namespace: of its topics and its service
+    :param namespace: the namespace of its topics and its service
     :param options: more options of ``kachaka_bridge``
     :returns: a context manager for its process
-    :raises ControlError: if the robot ended before the block did; in place of the errors that
-        the block raised because of it
+    :raises ControlError: if the process ended before the block; instead of the errors that the
+        block raised because of it
     """
     with _running(BridgeProcess(
             ['--sim', '--namespace', namespace, *options], 'the simulated robot')) as process:
@@ -66,15 +65,15 @@ def real_bridge(
     """
     Run a bridge to a real robot, and end it whatever happens.
 
-    Returns when the robot has answered.  When the robot refuses to move, or is lost while it
-    moves, the bridge ends, and with it whatever is driven through it.
+    Returns when the robot has responded.  When the robot refuses to move, or the connection is
+    lost during a motion, the bridge ends, and with it the run that uses it.
 
-    :param address: of the robot, HOST or HOST:PORT
-    :param namespace: of its topics and its service
+    :param address: the address of the robot, HOST or HOST:PORT
+    :param namespace: the namespace of its topics and its service
     :returns: a context manager for its process
-    :raises RobotNotFoundError: if no robot answers
-    :raises ControlError: if the bridge ended before the block did; in place of the errors that
-        the block raised because of it
+    :raises RobotNotFoundError: if no robot responds
+    :raises ControlError: if the process ended before the block; instead of the errors that the
+        block raised because of it
     """
     with _running(BridgeProcess(
             ['--address', address, '--give-up', '--namespace', namespace],
@@ -98,39 +97,36 @@ def _running(process: BridgeProcess) -> Iterator[BridgeProcess]:
 
 class BridgeProcess:
     """
-    The bridge with its robot, as a child of this process.
+    The bridge as a child process.
 
-    In its own session, so that Ctrl+C at the terminal does not reach it before the robot was
-    stopped.  Its standard input is a pipe that only this process holds: it ends with us even if
-    we are killed.
+    It is in a session of its own: Ctrl+C in the terminal must not end it before the robot is
+    stopped.  Its standard input is a pipe that only this process holds, so it ends with this
+    process even if that is killed.
+
+    :param options: options of ``kachaka_bridge``
+    :param name: its name in messages
     """
 
     def __init__(
             self, options: Sequence[str], name: str = 'the simulated robot') -> None:
-        """
-        Start it.
-
-        :param options: options of ``kachaka_bridge``
-        :param name: what to call it
-        """
         self._name = name
         self._last_line = 'it said nothing'
-        #: who it is among all that publish and subscribe; None as long as it has not said so
+        #: its DDS participant; None until it has printed it
         self.participant: bytes | None = None
         self._ready = threading.Event()
         self._failure: ControlError | None = None
-        # Text that is no UTF-8 is shown somehow: it must not end the thread that shows it.
+        # errors='replace': text that is not UTF-8 must not end the thread that reads it.
         self._process = subprocess.Popen(
             [*processes.python_command('kachaka_simple_control.kachaka.bridge_command'),
              '--with-parent', *options],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
             start_new_session=True, env=processes.child_environment(), text=True, errors='replace')
-        self._showing = threading.Thread(target=self._show, name='simulation', daemon=True)
-        self._showing.start()
+        self._reader = threading.Thread(target=self._read, name='bridge-output', daemon=True)
+        self._reader.start()
 
     @property
     def pid(self) -> int:
-        """Return the number of the process."""
+        """Return the process id."""
         return self._process.pid
 
     @property
@@ -140,32 +136,30 @@ class BridgeProcess:
 
     @property
     def failure(self) -> ControlError:
-        """Return what to raise once the process has ended; the same each time."""
+        """Return the error to raise once the process has ended; the same object each time."""
         if self._failure is None:
-            # What it said last may be on its way.
-            self._showing.join(EXIT_TIMEOUT)
-            self._failure = self._what_happened(self._process.returncode)
+            # Its last line may not have been read yet.
+            self._reader.join(EXIT_TIMEOUT)
+            code = self._process.returncode
+            self._failure = (
+                RobotNotFoundError(self._last_line.removeprefix(ERROR_PREFIX))
+                if code == NO_ROBOT else
+                ControlError(f'{self._name} ended early (exit code {code}): {self._last_line}'))
         return self._failure
-
-    def _what_happened(self, code: int) -> ControlError:
-        if code == NO_ROBOT:
-            return RobotNotFoundError(self._last_line.removeprefix(ERROR_PREFIX))
-        return ControlError(f'{self._name} ended early (exit code {code}): {self._last_line}')
 
     def check(self) -> None:
         """
-        Make sure that the robot is still there.
+        Check that the process is running.
 
-        :raises ControlError: if the process has ended
+        :raises ControlError: if it has ended
         """
         if self.is_over:
             raise self.failure
 
     def require_participant(self) -> bytes | None:
         """
-        Return who it is among all that publish and subscribe.
+        Return its DDS participant; None until it has printed it.
 
-        :returns: its DDS participant; None as long as it has not said so
         :raises ControlError: if the process has ended
         """
         self.check()
@@ -173,9 +167,9 @@ class BridgeProcess:
 
     def wait_until_ready(self) -> None:
         """
-        Return when it listens.
+        Return when it serves.
 
-        :raises ControlError: if it ends instead, or does neither in time
+        :raises ControlError: if it ends, or takes longer than its time limit
         """
         end = time.monotonic() + START_TIMEOUT
         while not self._ready.wait(0.02):
@@ -184,25 +178,22 @@ class BridgeProcess:
                 raise ControlError(f'{self._name} is not ready after {START_TIMEOUT:g} s')
 
     def end(self) -> None:
-        """End the process, at the latest after a patience of 2 s; harmless if it is over."""
+        """End the process: SIGTERM, and SIGKILL after 2 s; harmless if it has ended."""
         try:
             self._process.terminate()
             self._process.wait(EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:
             pass
         finally:
-            # Also when a signal cuts the waiting short.
+            # Also if a signal interrupts the wait.
             self._process.kill()
             self._process.wait()
-            self._close()
+            self._reader.join(EXIT_TIMEOUT)
+            for pipe in (self._process.stdin, self._process.stderr):
+                if pipe is not None:
+                    pipe.close()
 
-    def _close(self) -> None:
-        self._showing.join(EXIT_TIMEOUT)
-        for pipe in (self._process.stdin, self._process.stderr):
-            if pipe is not None:
-                pipe.close()
-
-    def _show(self) -> None:
+    def _read(self) -> None:
         assert self._process.stderr is not None
         for line in self._process.stderr:
             if line.startswith(PARTICIPANT):
@@ -211,6 +202,6 @@ class BridgeProcess:
             self._last_line = escaped(line.strip(), 1000) or self._last_line
             if READY in line:
                 self._ready.set()
-            if not line.startswith(ERROR_PREFIX):  # whoever is told of its end hears them
+            if not line.startswith(ERROR_PREFIX):  # the text of ``failure``
                 sys.stderr.write(line)
                 sys.stderr.flush()

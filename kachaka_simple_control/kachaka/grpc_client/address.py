@@ -11,10 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The address of a robot, and whether something listens there."""
+"""The address of a robot, and a check that it is reachable."""
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import dataclass
 import socket
 
@@ -22,17 +23,17 @@ from kachaka_simple_control.escaping import quoted
 
 #: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).
 PORT = 26400
-#: The longest name of a host has 253 characters; brackets and a port may come with it.
+#: A host name of 253 characters, brackets and a port.
 MAX_ADDRESS_LENGTH = 261
 
 
 @dataclass(frozen=True)
 class Address:
     """
-    The address of a robot.
+    The address of a robot's gRPC service.
 
-    :param host: its name or its IP address
-    :param port: the TCP port of its gRPC service
+    :param host: host name or IP address
+    :param port: TCP port
     """
 
     host: str
@@ -41,18 +42,16 @@ class Address:
     @classmethod
     def parse(cls, text: str) -> Address:
         """
-        Read an address as people write it.
+        Return the address in a text.
 
         :param text: ``HOST`` or ``HOST:PORT``; an IPv6 address with a port stands in brackets
-        :returns: the address
-        :raises ValueError: if it is none, in one line
+        :raises ValueError: if the text is no address, in one line
         """
         host, port = _split(text.strip())
         if len(text) > MAX_ADDRESS_LENGTH or not text.isprintable():
             raise ValueError(
                 f'{quoted(text, 60)} is no address of a robot; it has at most '
-                f'{MAX_ADDRESS_LENGTH} '
-                'characters, all of them visible')
+                f'{MAX_ADDRESS_LENGTH} characters, all of them visible')
         if not host or any(c.isspace() or c == '/' for c in text.strip()) or set('[]') & set(host):
             raise ValueError(
                 f'{text!r} is no address of a robot; write HOST or HOST:{PORT}, for example '
@@ -62,7 +61,7 @@ class Address:
         return cls(host, int(port))
 
     def __str__(self) -> str:
-        """Return it as gRPC takes it."""
+        """Return the address as gRPC expects it."""
         host = f'[{self.host}]' if ':' in self.host else self.host
         return f'{host}:{self.port}'
 
@@ -78,21 +77,29 @@ def _split(text: str) -> tuple[str, str]:
     return text, str(PORT)
 
 
-#: Where the switch is: docs/GENERAL.md in pf-robotics/kachaka-api.
+def address_argument(text: str) -> Address:
+    """Return an address from a command line, with argparse's error; see ``Address.parse``."""
+    try:
+        return Address.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+#: See docs/GENERAL.md in pf-robotics/kachaka-api.
 SWITCH_ON = 'switch the Kachaka API on in the phone app (Settings, the robot, Kachaka API)'
 
 
 class UnreachableError(RuntimeError):
-    """No robot answers; the text says what to do about it."""
+    """No robot responds; the text has advice for the user."""
 
 
 def check_reachable(address: Address, timeout: float) -> None:
     """
-    Make sure that somebody listens at an address.
+    Open a TCP connection to an address and close it.
 
     :param address: the address
     :param timeout: how long to try [s]
-    :raises UnreachableError: if nobody does
+    :raises UnreachableError: if that fails
     """
     try:
         with socket.create_connection((address.host, address.port), timeout):

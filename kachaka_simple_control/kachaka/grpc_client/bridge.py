@@ -99,7 +99,7 @@ def _copy(source: Any, target: Any, names: str) -> None:
         setattr(target, name, getattr(source, name))
 
 
-class RealBridge(BridgeNode):
+class GrpcBridge(BridgeNode):
     """
     Shows a robot that is driven over gRPC.
 
@@ -137,11 +137,11 @@ class RealBridge(BridgeNode):
         for poller in self._pollers:
             poller.start()
 
-    def spinners(self) -> list[ExecutorLoop]:
+    def executors(self) -> list[ExecutorLoop]:
         """Return the executors to run, each in a thread of its own."""
         return [
-            SubscriptionExecutor(self, self._subscription, self.hear),
-            *super().spinners()]
+            SubscriptionExecutor(self, self._subscription, self.on_velocity),
+            *super().executors()]
 
     @property
     def summary(self) -> str:

@@ -1,0 +1,105 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What ``kachaka_bridge`` and ``kachaka_sim`` share: options, and how they end."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+import sys
+
+from kachaka_simple_control.control.signals import ShutdownEvent
+from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.exit_codes import DONE
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
+
+#: With --no-deps: the pins of the maker's package would downgrade other packages.
+SDK_MISSING = (
+    'the SDK of the robot is missing here ({error}); install it with: '
+    "pip install 'kachaka_simple_control[kachaka]' && pip install --no-deps kachaka-api")
+#: Of each option that is a field of ``SimulationParameters``: name, unit, help.
+PARAMETER_OPTIONS = (
+    ('lag', 'S', 'time constant of the drive'),
+    ('linear_acceleration', 'M/S2', 'largest change of the forward velocity'),
+    ('angular_acceleration', 'RAD/S2', 'largest change of the turning velocity'),
+    ('linear_gain', 'F', 'true over demanded forward velocity'),
+    ('angular_gain', 'F', 'true over demanded turning velocity'),
+    ('velocity_noise', 'F', 'standard deviation of the velocity, as a part of it'),
+    ('odometry_noise', 'M', 'standard deviation of the position in odometry'),
+    ('heading_noise', 'RAD', 'standard deviation of the heading in odometry'),
+    ('undock_distance', 'M', 'how far the robot drives off its dock'),
+    ('undock_velocity', 'M/S', 'how fast it does that'),
+)
+
+
+def add_simulation_options(parser: argparse.ArgumentParser, robot: str) -> None:
+    """
+    Add the options of a simulated robot, and ``--with-parent``.
+
+    :param parser: the parser
+    :param robot: what the help calls the robot
+    """
+    add = parser.add_argument
+    add('--docked', action='store_true', help=f'{robot} starts on its charging dock')
+    add('--seed', type=int, default=0, help='of all noise (default: %(default)s)')
+    for name, unit, text in PARAMETER_OPTIONS:
+        add(f"--{name.replace('_', '-')}", type=float,
+            default=getattr(SimulationParameters, name), metavar=unit,
+            help=f'{text} (default: %(default)s)')
+    add('--with-parent', action='store_true', help='end when standard input does')
+
+
+def simulation_parameters(
+        parser: argparse.ArgumentParser, options: argparse.Namespace) -> SimulationParameters:
+    """
+    Return the parameters that the options set; end the program if one of them is invalid.
+
+    :param parser: the parser
+    :param options: the parsed options
+    """
+    try:
+        return SimulationParameters(
+            **{name: getattr(options, name) for name, _, _ in PARAMETER_OPTIONS})
+    except ValueError as error:
+        parser.error(str(error))
+
+
+class ExitError(Exception):
+    """
+    Ends the program.
+
+    :param code: the exit code
+    :param text: the reason, for the user
+    """
+
+    def __init__(self, code: int, text: object) -> None:
+        super().__init__(str(text))
+        self.code = code
+
+
+def run_until_shutdown(program: str, body: Callable[[ShutdownEvent], None]) -> int:
+    """
+    Run the body of a program; print the text of an ``ExitError`` in one line.
+
+    :param program: the name of the program
+    :param body: called with the event that a signal sets
+    :returns: the exit code
+    """
+    with ShutdownEvent() as shutdown:
+        try:
+            body(shutdown)
+        except ExitError as error:
+            print(f"{program}: {escaped(' '.join(str(error).split()), 400)}", file=sys.stderr)
+            return error.code
+    return DONE
