@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The bridge, a process of its own over real DDS: names, habits, and how it ends."""
+"""The bridge to a simulated robot, a process over real DDS."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.ros
 pytest.importorskip('rclpy')
 pytest.importorskip('nav_msgs')
 #: What a hold of 0.3 s at 0.1 m/s drives [m].
-ONE_HOLD = 0.03
+TIMEOUT_DISTANCE = 0.03
 VELOCITY = '/kachaka/manual_control/cmd_vel'
 
 
@@ -41,44 +41,44 @@ def probe():
 
 @pytest.fixture
 def namespace(request):
-    """Return a namespace of this test, so that no other test's robot is heard."""
+    """Return a namespace of this test, so that no other test's robot is received."""
     return '/' + ''.join(c if c.isalnum() else '_' for c in request.node.name)
 
 
 def settled_x(odometry, pause=0.6):
-    """Return how far the robot has come once every hold is over."""
+    """Return x once the command timeout is over."""
     time.sleep(pause)
     return odometry[-1][1].pose.pose.position.x
 
 
 @pytest.mark.parametrize('first', [0.1, 0.0], ids=['velocity', 'zero'])
-def test_first_command_is_lost_and_takes_the_robot(probe, namespace, first):
+def test_first_command_is_lost_and_enables_manual_control(probe, namespace, first):
     """The bridge switches manual control on and does not send the velocity again."""
     with bridge('--namespace', namespace) as process:
         odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
         probe.send(publisher, first)
         assert settled_x(odometry) == 0.0
         probe.send(publisher, 0.1)
-        assert settled_x(odometry) == pytest.approx(ONE_HOLD, abs=1e-9)
+        assert settled_x(odometry) == pytest.approx(TIMEOUT_DISTANCE, abs=1e-9)
 
 
-def test_service_takes_and_releases_the_robot(probe, namespace):
-    """Nothing is lost after it said yes; a velocity after the release takes the robot again."""
+def test_service_switches_manual_control(probe, namespace):
+    """No velocity is lost after it; a velocity after the release enables it again."""
     with bridge('--namespace', namespace) as process:
         odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
         assert probe.set_enabled(namespace, True).success is True
         probe.send(publisher, 0.1)
-        assert settled_x(odometry) == pytest.approx(ONE_HOLD, abs=1e-9)
+        assert settled_x(odometry) == pytest.approx(TIMEOUT_DISTANCE, abs=1e-9)
         assert probe.set_enabled(namespace, False).success is True
         probe.send(publisher, 0.1)
-        assert settled_x(odometry) == pytest.approx(ONE_HOLD, abs=1e-9)
+        assert settled_x(odometry) == pytest.approx(TIMEOUT_DISTANCE, abs=1e-9)
         probe.send(publisher, -0.1)
         assert settled_x(odometry) == pytest.approx(0.0, abs=1e-9)
         assert process.text.count('manual control enabled') == 2
 
 
-def test_robot_limits_and_refuses(probe, namespace):
-    """1 m/s is 0.3 m/s for it; what is no number changes nothing, and the bridge lives on."""
+def test_robot_clips_and_refuses_velocities(probe, namespace):
+    """1 m/s is clipped to 0.3 m/s; a velocity that is not finite changes nothing."""
     with bridge('--namespace', namespace) as process:
         odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
         probe.set_enabled(namespace, True)
@@ -89,8 +89,8 @@ def test_robot_limits_and_refuses(probe, namespace):
         assert settled_x(odometry) == pytest.approx(0.09, abs=1e-9)
 
 
-def test_turning_is_seen_in_odometry(probe, namespace):
-    """Heading, velocity and frames; what drives is told while it does."""
+def test_turning_is_reported_in_odometry(probe, namespace):
+    """Heading and frames, and the velocity during the motion."""
     with bridge('--namespace', namespace, '--frame-prefix', 'left/') as process:
         odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
         wheels = probe.odometry(namespace, 'wheel_odometry/wheel_odometry')
@@ -144,15 +144,15 @@ def test_quality_of_service_is_the_official_one(probe, namespace):
             assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
 
 
-class Listeners:
-    """A publisher that counts instead of publishing."""
+class CountingPublisher:
+    """A publisher with a number of subscriptions that counts messages."""
 
     def __init__(self, count):
-        """Have so many subscriptions."""
+        """Set the number of subscriptions."""
         self.count, self.published = count, 0
 
     def get_subscription_count(self):
-        """Return how many listen."""
+        """Return the number of subscriptions."""
         return self.count
 
     def publish(self, _):
@@ -160,8 +160,8 @@ class Listeners:
         self.published += 1
 
 
-def test_odometry_is_published_only_while_somebody_listens():
-    """Each of the two by itself."""
+def test_odometry_is_published_only_for_subscribers():
+    """Each of the two topics by itself."""
     from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
     from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
     import rclpy
@@ -170,7 +170,7 @@ def test_odometry_is_published_only_while_somebody_listens():
     node = SimulatedBridge(SimulatedKachaka(time.monotonic()), '/alone')
     try:
         for counts in ((0, 0), (1, 0), (0, 2)):
-            node._odometry = [Listeners(count) for count in counts]
+            node._odometry = [CountingPublisher(count) for count in counts]
             node._on_timer()
             assert [int(count > 0) for count in counts] == [
                 publisher.published for publisher in node._odometry]
@@ -181,7 +181,7 @@ def test_odometry_is_published_only_while_somebody_listens():
 
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_it_without_a_traceback(signum):
-    """Exit code 0, soon; a second signal does not cut the ending short."""
+    """Exit code 0, soon; a second signal does not interrupt the shutdown."""
     with bridge() as process:
         assert wait_until(lambda: 'ready' in process.text)
         process.process.send_signal(signum)

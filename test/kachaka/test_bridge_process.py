@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The simulated robot beside a program: there for a block, and gone after it whatever happens."""
+"""The bridge process: it runs for a block, and ends after it whatever happens."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def stand_in(monkeypatch):
     return lambda program: monkeypatch.setattr(processes, 'MAIN_CODE', program)
 
 
-def test_robot_is_there_for_the_block_and_gone_after_it(stand_in):
+def test_process_runs_for_the_block_and_ends_after_it(stand_in):
     """In a session of its own, out of reach of the terminal's Ctrl+C."""
     stand_in(SLEEPING)
     with simulated_bridge() as process:
@@ -62,7 +62,7 @@ def test_robot_is_there_for_the_block_and_gone_after_it(stand_in):
 
 
 @pytest.mark.parametrize('error', [ValueError, KeyboardInterrupt, SystemExit, ControlError])
-def test_robot_is_gone_after_any_exception(stand_in, error):
+def test_process_ends_after_any_exception(stand_in, error):
     """And the exception is the block's own."""
     stand_in(SLEEPING)
     with pytest.raises(error, match='mine'), simulated_bridge() as process:
@@ -70,8 +70,8 @@ def test_robot_is_gone_after_any_exception(stand_in, error):
     assert not is_running(process.pid)
 
 
-def test_robot_that_does_not_listen_is_killed(stand_in, monkeypatch):
-    """After a patience."""
+def test_process_that_ignores_sigterm_is_killed(stand_in, monkeypatch):
+    """After the exit timeout."""
     stand_in(DEAF)
     monkeypatch.setattr(module, 'EXIT_TIMEOUT', 0.3)
     with simulated_bridge() as process:
@@ -82,15 +82,15 @@ def test_robot_that_does_not_listen_is_killed(stand_in, monkeypatch):
 
 
 def run_until_over(error=None, options=()):
-    """Run a block that waits for the robot's own end, asks for nothing, and may raise."""
+    """Run a block that waits until the process has ended, and may raise."""
     with simulated_bridge(options=options) as process:
         assert wait_until(lambda: process.is_over)
         if error is not None:
             raise error
 
 
-def test_early_end_is_told_with_its_last_words(stand_in):
-    """To a block that asks; the same error comes out of it if it does not catch it."""
+def test_early_end_is_an_error_with_its_last_line(stand_in):
+    """Each ``check`` raises the same error."""
     stand_in(FAILING)
     process = module.BridgeProcess([])
     assert wait_until(lambda: process.is_over)
@@ -103,8 +103,8 @@ def test_early_end_is_told_with_its_last_words(stand_in):
 
 
 @pytest.mark.parametrize('error', [None, RobotNotFoundError('nobody listens')])
-def test_early_end_is_the_cause_of_what_the_block_says(stand_in, error):
-    """A robot that ended is why nobody listens, and is told even if the block does not mind."""
+def test_early_end_replaces_the_error_of_the_block(stand_in, error):
+    """It is the reason of that error, and is raised without one, too."""
     stand_in(FAILING)
     with pytest.raises(ControlError, match='last words') as caught:
         run_until_over(error)
@@ -118,8 +118,8 @@ def test_early_end_does_not_hide_an_interruption(stand_in):
         run_until_over(KeyboardInterrupt())
 
 
-def test_what_it_says_is_shown(stand_in, capsys):
-    """On standard error, as it comes."""
+def test_its_output_is_shown(stand_in, capsys):
+    """On standard error, line by line."""
     stand_in(FAILING)
     with pytest.raises(ControlError):
         run_until_over()
@@ -128,7 +128,7 @@ def test_what_it_says_is_shown(stand_in, capsys):
 
 @needs_ros
 def test_bridge_refuses_in_one_line():
-    """Its exit code is 2 and its last words say why."""
+    """Its exit code is 2 and its last line has the reason."""
     pytest.importorskip('rclpy')
     with pytest.raises(ControlError, match=r'\(exit code 2\): kachaka_bridge: lag is -1.0'):
         run_until_over(options=['--lag', '-1'])

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is read before a real robot is met: its address, velocities, its list of errors."""
+"""The address of a robot, velocity commands, error texts."""
 
 from __future__ import annotations
 
@@ -39,31 +39,31 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
     ('[fe80::1]:5', 'fe80::1', 5),
     ('[fe80::1]', 'fe80::1', 26400),
     ('fe80::1', 'fe80::1', 26400)])
-def test_address_has_a_port_of_its_own_or_the_usual_one(text, host, port):
+def test_address_has_its_port_or_the_default(text, host, port):
     assert Address.parse(text) == Address(host, port)
 
 
 @given(st.from_regex(r'[a-z0-9.-]{1,20}|[0-9a-f]{1,4}::[0-9a-f]{1,4}', fullmatch=True),
        st.integers(1, 65535))
-def test_address_is_read_as_it_is_written(host, port):
+def test_written_address_is_parsed_to_the_same(host, port):
     assert Address.parse(str(Address(host, port))) == Address(host, port)
 
 
 @pytest.mark.parametrize('text', [
     '', ' ', ':26400', 'http://1.2.3.4', 'a b', '[::1', '[::1]x', '[]:1'])
-def test_what_is_no_address_is_refused_with_an_example(text):
+def test_invalid_address_is_refused_with_an_example(text):
     with pytest.raises(ValueError, match=r'no address of a robot; write HOST or HOST:26400'):
         Address.parse(text)
 
 
 @pytest.mark.parametrize('port', ['', '0', '65536', '-1', 'x', '٣', '1.0'])
-def test_port_must_be_a_port(port):
+def test_invalid_port_is_refused(port):
     with pytest.raises(ValueError, match='must be a number from 1 to 65535'):
         Address.parse(f'robot:{port}')
 
 
 @given(FINITE, FINITE)
-def test_velocity_is_cut_off_at_the_largest(linear_x, angular_z):
+def test_velocity_is_clipped(linear_x, angular_z):
     wanted = velocity_command(Velocity(linear_x, angular_z), LIMITS, 1.0)
     assert -1.0 <= wanted.linear <= 1.0
     assert -1.0 <= wanted.angular <= 1.0
@@ -72,13 +72,13 @@ def test_velocity_is_cut_off_at_the_largest(linear_x, angular_z):
     assert wanted.is_stop == (wanted.linear == wanted.angular == 0.0)
 
 
-def test_official_bridge_would_send_more_than_all():
+def test_velocity_above_the_limit_is_clipped_unlike_the_official_bridge():
     """0.32 m/s is 1.066 there."""
     assert velocity_command(Velocity(0.32, 0.0), LIMITS, 0.0).linear == 1.0
 
 
 @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
-def test_what_is_no_number_is_no_velocity(value):
+def test_velocity_must_be_finite(value):
     for velocity in (Velocity(value, 0.0), Velocity(0.0, value)):
         with pytest.raises(ValueError, match='must be finite numbers'):
             velocity_command(velocity, LIMITS, 0.0)
@@ -92,7 +92,7 @@ LIST = json.dumps([
     {'code': 7, 'error_type': 'Bug', 'title_en': 'Broken'}])
 
 
-def test_errors_are_told_in_english_in_one_line_where_there_is_any():
+def test_errors_are_described_in_english_in_one_line():
     texts = ErrorTexts(LIST)
     assert texts.describe(13151) == 'error 13151 (Manual control is off. Switch it on)'
     assert texts.describe(5) == 'error 5 (Only here)'
@@ -105,7 +105,7 @@ def test_errors_are_told_in_english_in_one_line_where_there_is_any():
 @pytest.mark.parametrize('text', [
     '', '[]', '{}', 'null', '3', 'not JSON', '[1, null, {}, {"code": "x"}, {"code": null}]',
     '[' * 100_000, '\x00', '{"code": 1}'])
-def test_robot_that_cannot_explain_itself_is_no_reason_to_fail(text):
+def test_invalid_error_texts_are_ignored(text):
     """The official bridge aborts on what is no JSON."""
     texts = ErrorTexts(text)
     assert len(texts) == 0
@@ -117,7 +117,7 @@ def test_robot_that_cannot_explain_itself_is_no_reason_to_fail(text):
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(
         st.sampled_from(['code', 'title', 'title_en', 'error_type', 'description']), inner,
         max_size=5), max_leaves=10))
-def test_any_json_is_survived(value):
+def test_any_json_is_accepted(value):
     texts = ErrorTexts(json.dumps(value))
     assert texts.describe(0).startswith('error 0')
     assert '\n' not in texts.describe(0)

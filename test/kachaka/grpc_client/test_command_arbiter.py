@@ -52,14 +52,14 @@ def stop(time):
 
 @pytest.fixture
 def arbiter():
-    """Return a helm whose robot answers."""
+    """Return an arbiter whose robot responds."""
     arbiter = CommandArbiter(COMMAND_TIMEOUT)
     arbiter.on_connected()
     return arbiter
 
 
 def sent(arbiter, now):
-    """Return what is due now, and nothing after it."""
+    """Return the one request that is due now."""
     request = arbiter.next_request(now)
     assert arbiter.next_request(now) is None
     return request
@@ -69,8 +69,8 @@ def sent(arbiter, now):
 
 @given(st.lists(st.tuples(st.sampled_from(['motion', 'stop', 'take', 'take stop', 'back']),
                           st.floats(0.0, 0.2)), max_size=40))
-def test_mailbox_holds_the_newest_and_never_what_came_before_a_stop(steps):
-    """Whatever happens in whichever order."""
+def test_latest_command_is_the_newest_and_never_older_than_a_stop(steps):
+    """In any order of events."""
     latest, now, taken = LatestCommand(COMMAND_TIMEOUT), 0.0, []
     newest, last_stop, is_pending = None, -1.0, False
     for name, pause in steps:
@@ -98,20 +98,20 @@ def test_mailbox_holds_the_newest_and_never_what_came_before_a_stop(steps):
 
 # Silence.
 
-def test_ceased_velocities_are_noticed_before_the_hold_ends():
+def test_ceased_velocities_are_detected_before_the_command_timeout():
     timeout = StreamTimeout()
     for time in (0.0, 0.1, 0.2):
         timeout.on_command(False, time)
     assert timeout.end == pytest.approx(0.2 + STREAM_TIMEOUT)
     assert not timeout.has_expired(0.2 + STREAM_TIMEOUT - 1e-6)
     assert timeout.has_expired(0.2 + STREAM_TIMEOUT)
-    assert not timeout.has_expired(9.0), 'told once'
+    assert not timeout.has_expired(9.0), 'once'
     assert STREAM_TIMEOUT < COMMAND_TIMEOUT
 
 
 @given(st.floats(0.2, 0.25), st.integers(1, 20))
-def test_a_5_hz_publisher_is_left_to_the_hold(period, count):
-    """However late its messages are."""
+def test_a_5_hz_publisher_is_left_to_the_command_timeout(period, count):
+    """Also with late messages."""
     timeout = StreamTimeout()
     for tick in range(count):
         timeout.on_command(False, tick * period)
@@ -119,7 +119,7 @@ def test_a_5_hz_publisher_is_left_to_the_hold(period, count):
 
 
 @given(st.lists(st.floats(0.001, STREAM_TIMEOUT - 1e-6), max_size=20))
-def test_no_gap_below_the_limit_is_an_end(gaps):
+def test_no_gap_below_the_stream_timeout_is_an_end(gaps):
     """At any rate, mixed in any way."""
     timeout, now = StreamTimeout(), 0.0
     timeout.on_command(False, now)
@@ -130,8 +130,8 @@ def test_no_gap_below_the_limit_is_an_end(gaps):
 
 
 @given(st.floats(0.01, MAX_STREAM_PERIOD), st.integers(2, 20))
-def test_a_run_of_ours_that_is_not_given_up_is_never_cut_short(period, count):
-    """Our node gives up when a velocity is more than 0.1 s late."""
+def test_a_run_that_is_not_aborted_is_never_interrupted(period, count):
+    """Our node aborts when a velocity is more than 0.1 s late."""
     timeout = StreamTimeout()
     for tick in range(count):
         timeout.on_command(False, tick * period)
@@ -139,7 +139,7 @@ def test_a_run_of_ours_that_is_not_given_up_is_never_cut_short(period, count):
     assert not timeout.has_expired(last + period + 0.1 - 1e-6)
 
 
-def test_a_zero_ends_the_waiting_and_what_was_learnt():
+def test_a_zero_resets_the_stream_timeout():
     timeout = StreamTimeout()
     for is_stop, time in ((False, 0.0), (False, 0.05), (True, 0.1), (False, 0.2)):
         timeout.on_command(is_stop, time)
@@ -148,7 +148,7 @@ def test_a_zero_ends_the_waiting_and_what_was_learnt():
 
 # The helm.
 
-def test_nothing_is_sent_before_the_robot_answers():
+def test_nothing_is_sent_before_the_robot_responds():
     arbiter = CommandArbiter(COMMAND_TIMEOUT)
     arbiter.on_command(stop(0.0))
     arbiter.on_command(motion(0.1))
@@ -167,7 +167,7 @@ def test_one_motion_at_a_time_and_the_newest_next(arbiter):
 
 
 def test_a_stop_overtakes_a_motion_and_is_sent_again_after_it(arbiter):
-    """For the robot may have heard them in either order."""
+    """The robot may have received them in either order."""
     arbiter.on_command(motion(0.0))
     slow = sent(arbiter, 0.0)
     arbiter.on_command(stop(0.1))
@@ -184,10 +184,10 @@ def test_a_stop_overtakes_a_motion_and_is_sent_again_after_it(arbiter):
     assert arbiter.next_request(9.0) is None
 
 
-def test_a_motion_that_waited_longer_than_the_hold_is_dropped(arbiter):
+def test_a_motion_older_than_the_command_timeout_is_dropped(arbiter):
     arbiter.on_command(motion(0.0))
     slow = sent(arbiter, 0.0)
-    arbiter.on_command(motion(0.2))  # so slow a publisher is left to the hold
+    arbiter.on_command(motion(0.2))  # so slow a publisher is left to the command timeout
     arbiter.on_response(slow, OK, 0.2 + COMMAND_TIMEOUT + 0.001)
     assert arbiter.next_request(0.2 + COMMAND_TIMEOUT + 0.001) is None
     assert arbiter.dropped == 1
@@ -221,7 +221,7 @@ def test_a_zero_while_manual_control_comes_on_leaves_no_motion(arbiter):
     assert arbiter.next_request(0.04) is None
 
 
-def test_a_motion_from_before_the_release_does_not_take_the_robot_again(arbiter):
+def test_a_motion_before_the_release_does_not_enable_manual_control(arbiter):
     arbiter.on_command(motion(0.0))
     in_flight = sent(arbiter, 0.0)
     arbiter.cancel_motion()
@@ -231,7 +231,7 @@ def test_a_motion_from_before_the_release_does_not_take_the_robot_again(arbiter)
 
 
 @pytest.mark.parametrize('refused', [RpcKind.MOTION, RpcKind.ENABLE])
-def test_after_a_refusal_nothing_moves_until_the_commander_has_rested(arbiter, refused):
+def test_after_a_refusal_motions_are_blocked_until_a_rest(arbiter, refused):
     """An emergency stop that is released must not set the robot in motion again."""
     arbiter.on_command(motion(0.0))
     request = sent(arbiter, 0.0)
@@ -249,7 +249,7 @@ def test_after_a_refusal_nothing_moves_until_the_commander_has_rested(arbiter, r
     assert sent(arbiter, 6.1).kind is RpcKind.MOTION
 
 
-def test_silence_is_a_rest_too(arbiter):
+def test_an_idle_time_counts_as_a_rest(arbiter):
     arbiter.on_command(motion(0.0))
     arbiter.block_motion()
     arbiter.on_command(motion(REARM_IDLE_TIME))
@@ -258,8 +258,8 @@ def test_silence_is_a_rest_too(arbiter):
     assert sent(arbiter, REARM_IDLE_TIME + REARM_IDLE_TIME + 0.1).kind is RpcKind.MOTION
 
 
-def test_what_waited_while_the_bridge_was_frozen_is_not_sent(arbiter):
-    """Whether it is heard before the bridge notices, or after."""
+def test_commands_queued_while_the_bridge_was_suspended_are_not_sent(arbiter):
+    """Whether it is received before the stall is detected, or after."""
     arbiter.on_command(motion(0.0))
     arbiter.on_response(sent(arbiter, 0.0), OK, 0.01)
     arbiter.on_command(motion(5.0))
@@ -268,14 +268,14 @@ def test_what_waited_while_the_bridge_was_frozen_is_not_sent(arbiter):
     assert sent(arbiter, 5.001).kind is RpcKind.STOP
 
 
-def test_a_link_that_is_back_brings_a_stop_and_no_motion(arbiter):
+def test_a_restored_connection_sends_a_stop_and_no_motion(arbiter):
     arbiter.on_command(motion(0.0))
     arbiter.on_response(sent(arbiter, 0.0), GONE, 0.1)
     arbiter.on_connection_lost()
     for tick in range(2, 20):
         arbiter.on_command(motion(tick * 0.1))
         assert arbiter.next_request(tick * 0.1) is None
-    # A zero that was heard meanwhile is no rest after the link's return.
+    # A zero received meanwhile is no rest after the connection is back.
     arbiter.on_command(stop(2.0))
     arbiter.on_command(motion(2.05))
     arbiter.on_connected()
@@ -286,13 +286,13 @@ def test_a_link_that_is_back_brings_a_stop_and_no_motion(arbiter):
     assert arbiter.next_request(2.2) is None
 
 
-def test_a_stop_without_an_answer_is_sent_again(arbiter):
+def test_a_stop_without_a_response_is_sent_again(arbiter):
     arbiter.on_command(stop(0.0))
     arbiter.on_response(sent(arbiter, 0.0), LATE, 1.0)
     assert sent(arbiter, 1.0).kind is RpcKind.STOP
 
 
-def test_a_robot_too_slow_for_its_own_hold_is_stopped_between_and_then_for_good(arbiter):
+def test_a_robot_slower_than_its_command_timeout_is_stopped_then_blocked(arbiter):
     for tick in range(MAX_CONSECUTIVE_TIMEOUTS):
         arbiter.on_command(motion(float(tick)))
         arbiter.on_response(sent(arbiter, float(tick)), LATE, tick + COMMAND_TIMEOUT)
@@ -304,7 +304,7 @@ def test_a_robot_too_slow_for_its_own_hold_is_stopped_between_and_then_for_good(
     assert arbiter.is_blocked
 
 
-def test_ceased_velocities_stop_the_robot_before_its_hold_does(arbiter):
+def test_ceased_velocities_stop_the_robot_before_its_command_timeout(arbiter):
     for time in (0.0, 0.1):
         arbiter.on_command(motion(time))
         arbiter.on_response(sent(arbiter, time), OK, time + 0.01)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Whatever comes, and however slow, deaf or stubborn the robot is: what may never be sent."""
+"""Invariants of the command arbiter under random events."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ PAUSES = st.sampled_from([0.001, 0.02, 0.1, 0.2, 0.4])
 
 
 class ArbiterAtRandom(RuleBasedStateMachine):
-    """A commander, a robot and a link, each with a will of its own."""
+    """A publisher, a robot and a connection that act at random."""
 
     def __init__(self):
-        """Begin with a link."""
+        """Begin connected."""
         super().__init__()
         self.arbiter = CommandArbiter(COMMAND_TIMEOUT)
         self.arbiter.on_connected()
@@ -48,18 +48,18 @@ class ArbiterAtRandom(RuleBasedStateMachine):
 
     @rule(pause=PAUSES)
     def time_passes(self, pause):
-        """And nothing else."""
+        """Only the time changes."""
         self.now += pause
 
     @rule(linear=st.sampled_from([0.5, -1.0, 0.1]))
     def motion_comes(self, linear):
-        """Hear the newest command."""
+        """Receive the newest command."""
         self.now += 0.001
         self.arbiter.on_command(VelocityCommand(linear, 0.0, self.now))
 
     @rule()
     def stop_comes(self):
-        """Hear a zero; it has to leave at once, unless one is under way."""
+        """Receive a zero; it must be sent at once, unless one is in flight."""
         self.now += 0.001
         self.last_stop = self.now
         self.arbiter.on_command(VelocityCommand(0.0, 0.0, self.now))
@@ -81,13 +81,13 @@ class ArbiterAtRandom(RuleBasedStateMachine):
 
     @rule()
     def link_is_lost(self):
-        """Go on; calls under way end later."""
+        """Disconnect; calls in flight end later."""
         self.arbiter.on_connection_lost()
         self.is_connected = False
 
     @rule()
     def link_is_back(self):
-        """Or was never lost."""
+        """Also if it was not lost."""
         self.arbiter.on_connected()
         self.is_connected = True
 
@@ -116,7 +116,7 @@ class ArbiterAtRandom(RuleBasedStateMachine):
             self.in_flight.append(request)
 
     def teardown(self):
-        """At last the commander stops, and the robot behaves: it must be left at rest."""
+        """At the end the publisher stops and the robot responds: it must be at rest."""
         self.now += 0.001
         self.arbiter.on_connected()
         self.arbiter.on_command(VelocityCommand(0.0, 0.0, self.now))

@@ -52,7 +52,7 @@ def test_a_fault_is_a_row(result, cells):
     assert row('a', 'b', result) == f'| a | b {cells}'
 
 
-def test_no_fault_in_the_table_cost_more_than_the_hold_or_moved_it_after_its_stop():
+def test_no_fault_in_the_table_exceeds_the_command_timeout_or_moves_after_a_stop():
     shown = lines()
     begin = shown.index(line(*HEAD)) + 2
     for told in shown[begin:begin + len(SCENARIOS)]:

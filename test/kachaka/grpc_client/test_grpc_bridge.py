@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The bridge to a real robot, a process over real DDS and real gRPC: habits and endings."""
+"""The bridge to a real robot, a process over real DDS and real gRPC."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def probe():
 
 @pytest.fixture
 def namespace(request):
-    """Return a namespace of this test, so that no other test's robot is heard."""
+    """Return a namespace of this test, so that no other test's robot is received."""
     return '/' + ''.join(c if c.isalnum() else '_' for c in request.node.name)
 
 
@@ -56,8 +56,8 @@ def robot():
         yield robot
 
 
-def test_first_velocity_takes_the_robot_and_is_not_lost(probe, namespace, robot):
-    """A zero does not take it; at the end manual control is given back."""
+def test_first_velocity_enables_manual_control_and_is_not_lost(probe, namespace, robot):
+    """A zero does not enable it; at the end it is switched off."""
     with real_bridge(robot.address, '--namespace', namespace) as process:
         publisher = probe.publisher(namespace, process)
         probe.send(publisher, 0.0)
@@ -74,7 +74,7 @@ def test_first_velocity_takes_the_robot_and_is_not_lost(probe, namespace, robot)
         assert 'Traceback' not in process.text
 
 
-def test_velocities_are_cut_off_and_nonsense_is_refused(probe, namespace, robot):
+def test_velocities_are_clipped_and_must_be_finite(probe, namespace, robot):
     """The official bridge sends 1.066 for 0.32 m/s."""
     with real_bridge(robot.address, '--namespace', namespace) as process:
         publisher = probe.publisher(namespace, process)
@@ -85,8 +85,8 @@ def test_velocities_are_cut_off_and_nonsense_is_refused(probe, namespace, robot)
         assert robot.ask('rows')[0][1:] == [1.0, -1.0, 0]
 
 
-def test_velocities_that_cease_are_stopped_before_the_hold_ends(probe, namespace, robot):
-    """Without a zero from anybody."""
+def test_ceased_velocities_are_stopped_before_the_command_timeout(probe, namespace, robot):
+    """Without a zero from the publisher."""
     with real_bridge(robot.address, '--namespace', namespace) as process, \
             commander(probe, namespace, process) as driver:
         driver.drive(0.1)
@@ -97,8 +97,8 @@ def test_velocities_that_cease_are_stopped_before_the_hold_ends(probe, namespace
         assert 0.2 < robot.stops(last)[0] - last < 0.3
 
 
-def test_a_5_hz_drive_is_not_cut_short(probe, namespace, robot):
-    """No zero comes between."""
+def test_a_5_hz_drive_is_not_interrupted(probe, namespace, robot):
+    """No zero is sent in between."""
     with real_bridge(robot.address, '--namespace', namespace) as process, \
             commander(probe, namespace, process, rate=5.0) as driver:
         driver.drive(0.1)
@@ -106,7 +106,7 @@ def test_a_5_hz_drive_is_not_cut_short(probe, namespace, robot):
         assert robot.stops() == []
 
 
-def test_service_holds_no_velocity_up(probe, namespace, robot):
+def test_service_delays_no_velocity(probe, namespace, robot):
     """While it takes half a second, velocities go on at 20 Hz."""
     with real_bridge(robot.address, '--namespace', namespace) as process, \
             commander(probe, namespace, process) as driver:
@@ -121,7 +121,7 @@ def test_service_holds_no_velocity_up(probe, namespace, robot):
         assert max(b - a for a, b in itertools.pairwise(times)) < 0.25
 
 
-def test_refusals_are_told_with_their_text(probe, namespace, robot):
+def test_refusals_are_logged_with_their_text(probe, namespace, robot):
     """And after one, nothing moves before a zero."""
     robot.ask('json [{"code": 21051, "title_en": "Emergency stop", "error_type": "Error"}]')
     with real_bridge(robot.address, '--namespace', namespace) as process, \
@@ -143,7 +143,7 @@ def test_refusals_are_told_with_their_text(probe, namespace, robot):
         assert process.text.count('refused a velocity') == 1
 
 
-def test_diagnostics_tell_of_link_and_errors(probe, namespace, robot):
+def test_diagnostics_report_connection_and_errors(probe, namespace, robot):
     """Each second, in the common format."""
     from diagnostic_msgs.msg import DiagnosticArray
     heard = {}
@@ -170,7 +170,7 @@ def test_diagnostics_tell_of_link_and_errors(probe, namespace, robot):
         assert wait_until(lambda: heard[link].level == b'\2')
 
 
-def test_odometry_is_fetched_only_for_listeners_and_is_the_robots(probe, namespace):
+def test_odometry_is_fetched_only_for_subscribers(probe, namespace):
     """From the simulated robot, with its frames, stamps and cursors."""
     simulator = subprocess.Popen(
         [sys.executable, '-m', 'kachaka_simple_control.kachaka.simulator.command',
@@ -206,7 +206,7 @@ def test_odometry_is_fetched_only_for_listeners_and_is_the_robots(probe, namespa
     (('--address', 'no-such-robot.invalid'), 3, "there is no host 'no-such-robot.invalid'"),
     (('--address', 'http://robot'), 2, 'is no address of a robot'),
     (('--address', 'robot', '--sim'), 2, 'one robot at a time')])
-def test_what_cannot_be_reached_is_told_in_one_line(options, code, text):
+def test_unreachable_robot_is_one_line(options, code, text):
     process = BridgeProcess(*options)
     try:
         assert process.wait(10.0) == code
@@ -216,7 +216,7 @@ def test_what_cannot_be_reached_is_told_in_one_line(options, code, text):
         process.end()
 
 
-def test_one_that_accepts_and_never_answers_is_told_of(tmp_path):
+def test_server_that_never_responds_is_reported(tmp_path):
     with socket.create_server(('127.0.0.1', 0)) as server:
         address = f'127.0.0.1:{server.getsockname()[1]}'
         process = BridgeProcess('--address', address)
@@ -228,7 +228,7 @@ def test_one_that_accepts_and_never_answers_is_told_of(tmp_path):
             process.end()
 
 
-def test_missing_sdk_is_told_with_what_to_install(tmp_path):
+def test_missing_sdk_is_reported_with_what_to_install(tmp_path):
     """Only the bridge to a real robot needs it."""
     (tmp_path / 'kachaka_api.py').write_text('raise ImportError("none here")')
     env = environment()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Three processes, a robot over gRPC, the bridge, the node: the lesson, and ways out of it."""
+"""Three processes, a robot over gRPC, the bridge, the node: the lesson, and how it ends."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def simulated_robot():
         process.stdout.close()
 
 
-def test_lesson_ends_where_it_says(tmp_path):
+def test_lesson_ends_at_its_planned_pose(tmp_path):
     """As with --sim, but over gRPC."""
     with simulated_robot() as address, \
             program([*COMMAND, '--address', address], tmp_path) as started:
@@ -66,7 +66,7 @@ def test_lesson_ends_where_it_says(tmp_path):
 @pytest.mark.parametrize(('signum', 'code', 'within'), [
     (signal.SIGINT, 130, 0.3), (signal.SIGTERM, 143, 0.3), (signal.SIGKILL, 137, 0.3),
     (signal.SIGSTOP, None, 0.4)])
-def test_whatever_ends_the_node_zeros_reach_the_robot(tmp_path, signum, code, within):
+def test_zeros_reach_the_robot_however_the_node_ends(tmp_path, signum, code, within):
     with faulty_robot() as robot, real_bridge(robot.address), \
             program(COMMAND, tmp_path) as started:
         assert wait_until(lambda: len(robot.moves()) > 3, 30.0)
@@ -82,7 +82,7 @@ def test_whatever_ends_the_node_zeros_reach_the_robot(tmp_path, signum, code, wi
             assert started.end(5.0) == code
 
 
-def test_emergency_stop_ends_the_run_with_the_robots_own_words(tmp_path):
+def test_emergency_stop_ends_the_run_with_the_robots_error_text(tmp_path):
     with faulty_robot() as robot:
         robot.ask('json [{"code": 21051, "title_en": "Emergency stop"}]')
         with program([*COMMAND, '--address', robot.address], tmp_path) as started:
@@ -104,7 +104,7 @@ def test_lost_robot_ends_the_run(tmp_path):
         assert 'the link to the robot was lost' in started.text
 
 
-def test_refused_manual_control_is_told(tmp_path):
+def test_refused_manual_control_is_reported(tmp_path):
     with faulty_robot() as robot:
         robot.ask('refuse 7')
         with program([*COMMAND, '--address', robot.address], tmp_path) as started:
@@ -116,7 +116,7 @@ def test_refused_manual_control_is_told(tmp_path):
     (('--address', '127.0.0.1:1'), 3, '127.0.0.1:1 is there, but refuses connections'),
     (('--address', 'robot:x'), 2, "the port in 'robot:x' must be a number from 1 to 65535"),
     (('--address', 'robot', '--sim'), 2, 'not allowed with argument')])
-def test_what_cannot_work_is_told_in_one_line(tmp_path, options, code, text):
+def test_invalid_options_are_one_line(tmp_path, options, code, text):
     with program([*COMMAND, *options], tmp_path) as started:
         assert started.end(10.0) == code
     assert len(re.findall(r'^kachaka_simple_control: ', started.text, re.MULTILINE)) == 1

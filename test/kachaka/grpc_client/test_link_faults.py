@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A link that breaks, hangs, crawls or comes back: the robot never moves after a stop."""
+"""A connection that breaks, hangs, is slow or comes back: no motion follows a stop."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from link_fault_cases import play, SCENARIOS, SPEED  # noqa: E402, I100
 
 NAMES = list(SCENARIOS)
 #: What one hold drives, and the ways of a velocity and of a zero on a busy machine [m].
-ONE_HOLD = SPEED * (0.3 + 0.15)
+TIMEOUT_DISTANCE = SPEED * (0.3 + 0.15)
 
 
 @pytest.fixture(scope='module')
@@ -40,9 +40,9 @@ def probe():
 
 
 @pytest.mark.parametrize('name', [NAMES[0], NAMES[1], NAMES[2], NAMES[5], NAMES[6]])
-def test_broken_link_costs_one_hold_and_nothing_moves_after_it(probe, name):
+def test_broken_link_costs_one_command_timeout_and_no_motion_follows(probe, name):
     result = play(probe, name, f'/fault{NAMES.index(name)}')
-    assert result.drift < ONE_HOLD
+    assert result.drift < TIMEOUT_DISTANCE
     assert result.after_stop == 0
 
 
@@ -50,12 +50,12 @@ def test_slow_link_drives_and_stops_within_one_call(probe):
     result = play(probe, NAMES[3], '/slow')
     assert result.after_stop == 0
     assert result.late < 0.25 + 0.1
-    assert result.drift < ONE_HOLD + SPEED * 0.25
+    assert result.drift < TIMEOUT_DISTANCE + SPEED * 0.25
 
 
-def test_link_slower_than_the_hold_is_refused(probe):
+def test_link_slower_than_the_command_timeout_is_refused(probe):
     """The robot stands still between two of its velocities anyway."""
     result = play(probe, NAMES[4], '/slower')
     assert result.after_stop == 0
     assert 'the robot did not answer a velocity: no answer within 0.3 s' in result.said
-    assert result.drift < ONE_HOLD
+    assert result.drift < TIMEOUT_DISTANCE

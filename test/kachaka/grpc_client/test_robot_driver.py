@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The threads around a real robot, and what is told of it; with calls that tests answer."""
+"""The threads around a real robot and their log; with a fake client."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ TEXTS = ErrorTexts('[{"code": 5, "title_en": "Paused", "error_type": "Warn"}]')
 
 
 class Client:
-    """Calls that are noted, and answered as a test says."""
+    """A client that records calls and returns what a test sets."""
 
     def __init__(self):
-        """Answer all at once, with success."""
+        """Return success at once."""
         self.calls = queue.Queue()
         self.result, self.error = OK, None
         self.may_answer = threading.Event()
         self.may_answer.set()
 
     def set_velocity(self, linear, angular, deadline):
-        """Note a velocity."""
+        """Record a velocity."""
         self.calls.put((linear, angular))
         self.may_answer.wait(deadline)
         if self.error:
@@ -60,12 +60,12 @@ class Client:
         return self.result
 
     def set_manual_control(self, enabled, deadline):
-        """Note a switch."""
+        """Record a switch of manual control."""
         self.calls.put(enabled)
         return self.result
 
     def close(self):
-        """Note the end."""
+        """Record the end."""
         self.calls.put('closed')
 
     def next_call(self):
@@ -75,19 +75,19 @@ class Client:
 
 @pytest.fixture
 def client():
-    """Return calls."""
+    """Return a client."""
     return Client()
 
 
 @pytest.fixture
 def logged():
-    """Return what a person and the program were told."""
+    """Return what was logged, and the reasons of aborts."""
     return []
 
 
 @pytest.fixture
 def robot(client, logged):
-    """Return a robot that has answered."""
+    """Return a driver whose robot has responded."""
     robot = RobotDriver(
         client, 0.3, TEXTS, lambda level, text: logged.append(text),
         lambda text: logged.append(f'given up: {text}'))
@@ -101,7 +101,7 @@ def send(robot, linear=0.5):
     robot.drive(VelocityCommand(linear, 0.0, time.monotonic()))
 
 
-def test_zero_leaves_while_a_motion_hangs(robot, client):
+def test_zero_is_sent_while_a_motion_is_in_flight(robot, client):
     client.may_answer.clear()
     send(robot)
     assert client.next_call() == (0.5, 0.0)
@@ -109,7 +109,7 @@ def test_zero_leaves_while_a_motion_hangs(robot, client):
     assert client.next_call() == (0.0, 0.0)
 
 
-def test_end_leaves_the_robot_at_rest_and_gives_back_what_was_taken(robot, client):
+def test_close_stops_the_robot_and_switches_manual_control_off(robot, client):
     assert robot.set_manual_control(True).is_success
     send(robot)
     assert [client.next_call(), client.next_call()] == [True, (0.5, 0.0)]
@@ -117,12 +117,12 @@ def test_end_leaves_the_robot_at_rest_and_gives_back_what_was_taken(robot, clien
     assert [client.next_call() for _ in range(4)] == [(0.0, 0.0), (0.0, 0.0), False, 'closed']
 
 
-def test_end_without_a_motion_sends_nothing(robot, client):
+def test_close_without_a_motion_sends_nothing(robot, client):
     robot.close()
     assert client.next_call() == 'closed'
 
 
-def test_end_is_soon_even_if_the_robot_never_answers(robot, client):
+def test_close_is_bounded_if_the_robot_never_responds(robot, client):
     assert robot.set_manual_control(True).is_success
     client.may_answer.clear()
     send(robot)
@@ -133,8 +133,8 @@ def test_end_is_soon_even_if_the_robot_never_answers(robot, client):
     assert time.monotonic() - begun < 2.0
 
 
-def test_what_came_while_a_call_was_frozen_is_not_sent(robot, client, logged):
-    """The other thread that calls may find out later than the one that was in the call."""
+def test_commands_received_during_a_suspended_call_are_not_sent(robot, client, logged):
+    """The other worker may detect it later than the one in the call."""
     frozen = threading.Event()
     client.set_velocity = lambda linear, angular, deadline: (
         client.calls.put((linear, angular)), linear and frozen.wait(deadline + 0.5), OK)[-1]
@@ -149,7 +149,7 @@ def test_what_came_while_a_call_was_frozen_is_not_sent(robot, client, logged):
     assert [text.partition(' for ')[0] for text in logged] == ['the bridge was held up']
 
 
-def test_refusal_is_told_once_and_ends_the_run(robot, client, logged):
+def test_refusal_is_logged_once_and_aborts_the_run(robot, client, logged):
     client.result = RpcResult(code=5)
     for _ in range(3):
         send(robot)
@@ -160,7 +160,7 @@ def test_refusal_is_told_once_and_ends_the_run(robot, client, logged):
     assert logged[1] == 'given up: the robot refused a velocity: error 5 (Paused)'
 
 
-def test_lost_link_is_told_once_and_its_return_too(robot, client, logged):
+def test_lost_connection_and_its_return_are_logged_once(robot, client, logged):
     send(robot)
     client.next_call()
     for _ in range(3):
@@ -174,7 +174,7 @@ def test_lost_link_is_told_once_and_its_return_too(robot, client, logged):
     assert 'is back' in logged[2]
 
 
-def test_what_nobody_thought_of_does_not_keep_the_zero(robot, client, logged):
+def test_an_unexpected_exception_does_not_prevent_the_zero(robot, client, logged):
     client.error = OSError('out of everything')
     send(robot)
     assert client.next_call() == (0.5, 0.0)
@@ -182,7 +182,7 @@ def test_what_nobody_thought_of_does_not_keep_the_zero(robot, client, logged):
     assert 'OSError: out of everything' in logged[0]
 
 
-def test_calls_that_the_end_cuts_short_are_no_lost_link(robot, logged):
+def test_calls_cancelled_by_close_are_no_lost_connection(robot, logged):
     robot.close()
     robot.on_result(GONE, time.monotonic())
     assert logged == []
@@ -190,7 +190,7 @@ def test_calls_that_the_end_cuts_short_are_no_lost_link(robot, logged):
 
 # The link.
 
-def test_one_late_answer_is_no_lost_link():
+def test_one_late_response_is_no_lost_connection():
     connection = ConnectionState()
     assert connection.on_result(OK, 0.0, 0.1) is ConnectionEvent.FOUND
     assert connection.on_result(LATE, 10.0, 10.3) is None
@@ -198,7 +198,7 @@ def test_one_late_answer_is_no_lost_link():
     assert connection.on_result(LATE, 11.0, 11.3) is None
 
 
-def test_silence_is_a_lost_link_however_many_calls_it_takes():
+def test_no_response_for_the_timeout_is_a_lost_connection():
     connection = ConnectionState()
     connection.on_result(OK, 0.0, 0.1)
     assert connection.on_result(LATE, 10.0, 10.3) is None
@@ -209,7 +209,7 @@ def test_silence_is_a_lost_link_however_many_calls_it_takes():
         RpcResult(failure=RpcFailure.FAILED), 12.0, 12.1) is ConnectionEvent.BACK
 
 
-def test_other_answers_outweigh_one_that_takes_long():
+def test_later_responses_outweigh_one_late_call():
     connection = ConnectionState()
     connection.on_result(OK, 0.0, 0.1)
     connection.on_result(OK, 1.0, 1.1)
@@ -218,7 +218,7 @@ def test_other_answers_outweigh_one_that_takes_long():
 
 # Diagnostics.
 
-def test_diagnostics_say_how_link_and_robot_are():
+def test_diagnostics_report_connection_and_robot():
     connection = ConnectionState()
     connection.on_result(OK, 0.0, 0.1)
     status = connection_status(connection, 'robot:1', math.nan, 7, 1.0)
@@ -243,7 +243,7 @@ class Response:
     """Odometry with a cursor."""
 
     def __init__(self, cursor):
-        """Be that of a cursor."""
+        """Have a cursor."""
         self.metadata, self.odometry = self, cursor
         self.cursor = cursor
 
@@ -269,7 +269,7 @@ def test_odometry_is_fetched_while_wanted_and_each_published_once():
     assert pauses[0] > 0.0, 'a robot that ignores cursors is not asked without end'
 
 
-def test_speaker_does_not_make_anybody_wait_and_does_not_repeat_itself():
+def test_log_thread_does_not_block_and_drops_repeats():
     held, emitted = threading.Event(), []
 
     def emit(level, text):

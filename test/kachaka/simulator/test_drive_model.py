@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The drive: exact where it can be, and the same however often it is asked."""
+"""The drive model: exact where possible, independent of the number of queries."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ questions = st.lists(st.floats(0.0, 2.5), max_size=20)
 
 
 def drive_and_ask(parameters, commands, questions, start=0.0):
-    """Give the commands, after their pauses; ask in between; answer the state after 2.5 s."""
+    """Send the commands after their pauses, query in between; return the state after 2.5 s."""
     drive, time = DriveModel(parameters, start, seed=7), start
     asked = sorted(start + question for question in questions)
     for pause, velocity in commands:
@@ -52,8 +52,8 @@ def drive_and_ask(parameters, commands, questions, start=0.0):
 
 @pytest.mark.parametrize('parameters', [IDEAL, REAL], ids=['ideal', 'real'])
 @given(commands=commands, questions=questions)
-def test_pose_does_not_depend_on_how_often_it_is_asked(parameters, commands, questions):
-    """To the last bit: what a report says must not depend on who else listened."""
+def test_pose_does_not_depend_on_the_number_of_queries(parameters, commands, questions):
+    """To the last bit: a report must not depend on other clients."""
     silent = drive_and_ask(parameters, commands, [])
     assert silent == drive_and_ask(parameters, commands, questions)
 
@@ -70,8 +70,8 @@ def test_ideal_drive_is_exact(commands):
         assert getattr(pose, name) == pytest.approx(getattr(driven, name), abs=1e-12)
 
 
-def test_same_seed_same_drive_at_any_hour():
-    """Noise belongs to the time since the start, not to the clock's own."""
+def test_same_seed_same_drive_at_any_start_time():
+    """Noise depends on the time since the start."""
     commands = [(0.25, Velocity(0.25, 0.5)), (0.25, Velocity(0.125, -1.0))]
     early, late = (drive_and_ask(REAL, commands, [], start)[0] for start in (0.0, 65536.0))
     assert early.x == pytest.approx(late.x, abs=1e-9)
@@ -79,7 +79,7 @@ def test_same_seed_same_drive_at_any_hour():
 
 
 def test_other_seed_other_drive():
-    """Noise is noise."""
+    """The noise differs."""
     noisy = SimulationParameters(velocity_noise=0.2)
     first, second = (DriveModel(noisy, 0.0, seed) for seed in (1, 2))
     for drive in (first, second):
@@ -88,7 +88,7 @@ def test_other_seed_other_drive():
 
 
 def test_velocity_noise_has_the_deviation_it_was_given():
-    """The way in 1 s is the sum of 1000 velocities: noise * velocity * sqrt(1 s * 1 ms)."""
+    """The distance in 1 s is the sum of 1000 velocities: noise * velocity * sqrt(1 s * 1 ms)."""
     ways = []
     for seed in range(200):
         drive = DriveModel(SimulationParameters(velocity_noise=0.5), 0.0, seed)
@@ -108,7 +108,7 @@ def test_lag_delays_and_catches_up():
     assert drive.state_at(0.1)[1].linear_x == pytest.approx(0.2 * (1.0 - math.exp(-1.0)))
     assert drive.state_at(2.0)[0].x == pytest.approx(0.2 * (2.0 - 0.1))
     drive.set_target(ZERO, 2.0)
-    # What is left when it is told to stand still and slower than 1e-6 m/s is not driven.
+    # Below 1e-6 m/s with a target of zero the robot stands still.
     assert drive.state_at(10.0)[0].x == pytest.approx(0.2 * 2.0, abs=1.1e-7)
     assert drive.state_at(10.0)[1] == ZERO
 
@@ -122,8 +122,8 @@ def test_acceleration_is_limited():
     assert drive.state_at(2.0)[0].x == pytest.approx(0.35)
 
 
-def test_gain_errors_change_the_way():
-    """A demanded metre is another metre."""
+def test_gain_errors_change_the_distance():
+    """A commanded metre is another metre."""
     drive = DriveModel(SimulationParameters(linear_gain=0.9, angular_gain=1.1), 0.0, 0)
     drive.set_target(Velocity(0.1, 0.0), 0.0)
     drive.set_target(Velocity(0.0, 0.5), 1.0)
@@ -133,7 +133,7 @@ def test_gain_errors_change_the_way():
 
 
 def test_spiral_is_close_to_a_fine_integration():
-    """While both velocities change, the path is put together from circles; this says how well."""
+    """While both velocities change, the path consists of arcs: check how exact that is."""
     drive = DriveModel(SimulationParameters(lag=0.3), 0.0, 0)
     drive.set_target(Velocity(0.3, 1.5), 0.0)
     pose, step = ORIGIN, 1e-5
@@ -144,8 +144,8 @@ def test_spiral_is_close_to_a_fine_integration():
     assert (driven.x, driven.y) == pytest.approx((pose.x, pose.y), abs=1e-7)
 
 
-def test_a_long_rest_costs_nothing():
-    """A robot with a lag that nobody told anything for a day answers at once."""
+def test_a_long_rest_takes_no_computation():
+    """A robot with a lag and no command for a day returns its state at once."""
     drive = DriveModel(REAL, 0.0, 0)
     drive.set_target(Velocity(0.1), 0.0)
     drive.set_target(ZERO, 0.2)
@@ -160,7 +160,7 @@ def test_a_long_rest_costs_nothing():
     velocity=st.floats(-2.0, 2.0), target=st.floats(-2.0, 2.0), duration=st.floats(0.0, 3.0),
     share=st.floats(0.0, 1.0), lag=st.sampled_from([0.0, 0.05, 0.4]),
     acceleration=st.sampled_from([0.3, 5.0, math.inf]))
-def test_following_in_two_parts_is_following_in_one(
+def test_response_in_two_parts_is_the_response_in_one(
         velocity, target, duration, share, lag, acceleration):
     """The solution is exact, so it can be cut anywhere."""
     end, way = first_order_response(velocity, target, duration, lag, acceleration)
@@ -176,7 +176,7 @@ def test_following_in_two_parts_is_following_in_one(
     ('lag', -0.1), ('lag', math.nan), ('lag', math.inf), ('linear_acceleration', 0.0),
     ('angular_acceleration', math.nan), ('linear_gain', math.inf), ('velocity_noise', -1.0),
     ('odometry_noise', math.nan), ('undock_velocity', 0.0), ('undock_distance', -1.0)])
-def test_impossible_figures_are_refused(name, value):
-    """At once, with the name and the value."""
+def test_invalid_parameters_are_refused(name, value):
+    """With the name and the value."""
     with pytest.raises(ValueError, match=f'{name} is {value}; it must be'):
         SimulationParameters(**{name: value})

@@ -45,7 +45,7 @@ def test_a_velocity_without_manual_control_is_error_13151(robot):
     assert robot.x() == 0.0
 
 
-def test_a_velocity_holds_for_its_hold(robot):
+def test_a_velocity_lasts_for_the_command_timeout(robot):
     """0.3 s."""
     assert robot.enable().success
     assert robot.velocity(0.5).success
@@ -56,7 +56,7 @@ def test_a_velocity_holds_for_its_hold(robot):
 
 
 @pytest.mark.parametrize('part', [1.0, 1.67, 99.0])
-def test_more_than_the_largest_is_the_largest(robot, part):
+def test_velocities_are_clipped(robot, part):
     """As the maker's own demos need: they send 0.5 m/s."""
     robot.enable()
     assert robot.velocity(part).success
@@ -65,7 +65,7 @@ def test_more_than_the_largest_is_the_largest(robot, part):
 
 
 @pytest.mark.parametrize('part', [math.nan, math.inf])
-def test_no_number_is_refused(robot, part):
+def test_velocities_that_are_not_finite_are_refused(robot, part):
     """Whether manual control is on or not."""
     assert robot.velocity(part).error_code == ERROR_NOT_A_VELOCITY
     robot.enable()
@@ -73,7 +73,7 @@ def test_no_number_is_refused(robot, part):
 
 
 def test_manual_control_goes_off_after_60_s(robot):
-    """Velocities do not renew it; a client that waits for it hears at once."""
+    """Velocities do not renew it; a long poll returns at once."""
     robot.enable()
     first = robot.get('GetManualControlEnabled')
     assert first.enabled is True
@@ -88,7 +88,7 @@ def test_manual_control_goes_off_after_60_s(robot):
 
 
 def test_enabling_again_renews_manual_control(robot):
-    """For 60 s more, which nobody has to be told of."""
+    """For 60 s more; a long poll does not return."""
     robot.enable()
     cursor = robot.get('GetManualControlEnabled').metadata.cursor
     robot.pass_time(59.0)
@@ -99,7 +99,7 @@ def test_enabling_again_renews_manual_control(robot):
 
 
 def test_disabling_stops_at_once(robot):
-    """In the middle of a hold."""
+    """Before the command timeout."""
     robot.enable()
     robot.velocity(1.0)
     robot.pass_time(0.1)
@@ -109,8 +109,8 @@ def test_disabling_stops_at_once(robot):
     assert robot.get('GetManualControlEnabled').enabled is False
 
 
-def test_enabling_on_the_dock_drives_off():
-    """And its battery is charged no more, from then on."""
+def test_enabling_on_the_dock_undocks():
+    """From then on its battery is not charged."""
     with bench(docked=True) as robot:
         battery = robot.get('GetBatteryInfo')
         assert battery.power_supply_status == 1
@@ -121,7 +121,7 @@ def test_enabling_on_the_dock_drives_off():
         assert robot.x() == pytest.approx(0.2, abs=1e-9)
 
 
-def test_emergency_stop_is_seen_and_holds(robot):
+def test_emergency_stop_is_reported_and_lasts(robot):
     """Until the power button is pressed."""
     robot.enable()
     robot.velocity(1.0)
@@ -140,8 +140,8 @@ def test_emergency_stop_is_seen_and_holds(robot):
     assert robot.velocity(1.0).error_code == ERROR_NO_MANUAL_CONTROL
 
 
-def test_time_that_nobody_asks_about_passes_all_the_same():
-    """A robot with a lag is not behind by minutes of it when somebody asks."""
+def test_the_robot_advances_without_queries():
+    """A robot with a lag has nothing to catch up on at the next query."""
     clock = StillClock()
     with bench(clock) as robot:
         robot.enable()

@@ -33,7 +33,7 @@ READINGS = [name for name in CALLS if name.startswith('Get') and name not in UNI
 
 @pytest.fixture(scope='module')
 def resting():
-    """Yield a robot that nothing is done to."""
+    """Yield a robot at rest."""
     with bench() as started:
         yield started
 
@@ -46,15 +46,15 @@ def robot():
         yield started
 
 
-def test_all_that_the_official_bridge_reads_of_a_robot_is_there():
+def test_all_readings_of_the_official_bridge_are_implemented():
     assert {'GetRosOdometry', 'GetRosWheelOdometry', 'GetRobotPose', 'GetError',
             'GetManualControlEnabled', 'GetCommandState', 'GetBatteryInfo',
             'GetStaticTransform', 'GetLocations', 'GetShelves'} <= set(READINGS)
 
 
 @pytest.mark.parametrize('name', READINGS)
-def test_cursor_0_answers_at_once_and_the_newest_waits(resting, name):
-    """And a cursor of anybody else's is answered, too."""
+def test_cursor_0_returns_at_once_and_the_newest_waits(resting, name):
+    """Any other cursor returns at once, too."""
     first = resting.get(name)
     assert first.metadata.cursor > 0
     assert resting.get(name) == first
@@ -63,7 +63,7 @@ def test_cursor_0_answers_at_once_and_the_newest_waits(resting, name):
 
 
 def test_odometry_is_new_every_20_ms(robot):
-    """Not before; then whoever waits has it, with the time that it is of."""
+    """Not earlier; then a long poll returns it, with its time stamp."""
     robot.velocity(1.0)
     robot.pass_time(0.02)
     first = robot.get('GetRosOdometry')
@@ -79,7 +79,7 @@ def test_odometry_is_new_every_20_ms(robot):
     assert second.odometry.header.stamp_nsec == robot.clock.stamp()
 
 
-def test_odometry_is_as_ros_has_it(robot):
+def test_odometry_has_the_form_of_ros(robot):
     """Frames, heading, and covariances of 36 figures."""
     robot.velocity(0.0, 1.0)
     robot.pass_time(1.0)
@@ -92,8 +92,8 @@ def test_odometry_is_as_ros_has_it(robot):
         assert len(odometry.pose.covariance) == len(odometry.twist.covariance) == 36
 
 
-def test_many_who_wait_do_not_hold_up_a_velocity(robot):
-    """Two hundred of them, and each hears the news."""
+def test_many_long_polls_do_not_delay_a_velocity(robot):
+    """Two hundred of them, and each returns."""
     cursor = robot.get('GetManualControlEnabled').metadata.cursor
     request = pb2.GetRequest(metadata=pb2.Metadata(cursor=cursor))
     waiting = [robot.stub.GetManualControlEnabled.future(request, timeout=DEADLINE)
@@ -103,7 +103,7 @@ def test_many_who_wait_do_not_hold_up_a_velocity(robot):
     assert [future.result().enabled for future in waiting] == [False] * 200
 
 
-def test_the_robot_can_be_told_where_it_is(robot):
+def test_the_pose_on_the_map_can_be_set(robot):
     """On its map; odometry stays as it is."""
     robot.velocity(1.0)
     robot.pass_time(1.0)
@@ -116,13 +116,13 @@ def test_the_robot_can_be_told_where_it_is(robot):
     assert robot.x() == pytest.approx(0.18)
 
 
-def test_a_place_that_is_no_number_is_refused(robot):
+def test_a_pose_that_is_not_finite_is_refused(robot):
     told = pb2.SetRobotPoseRequest(pose=pb2.Pose(x=math.nan))
     assert robot.call('SetRobotPose', told).result.success is False
     assert robot.get('GetRobotPose').pose == pb2.Pose()
 
 
-def test_frames_stream_until_the_client_goes(robot):
+def test_transforms_stream_until_the_client_disconnects(robot):
     """From the map to odometry to the robot, every 20 ms."""
     robot.velocity(1.0)
     stream = robot.stub.GetDynamicTransform(NOTHING, timeout=DEADLINE)
@@ -136,7 +136,7 @@ def test_frames_stream_until_the_client_goes(robot):
     assert second[1].translation.x == pytest.approx(0.03)
 
 
-def test_the_body_and_the_laser_are_where_the_maker_has_them(robot):
+def test_static_transforms_are_those_of_the_maker(robot):
     body, laser = robot.get('GetStaticTransform').transforms
     assert (body.header.frame_id, body.child_frame_id) == ('base_footprint', 'base_link')
     assert (laser.translation.x, laser.translation.z) == (0.156, 0.1049)
@@ -144,8 +144,8 @@ def test_the_body_and_the_laser_are_where_the_maker_has_them(robot):
 
 
 @pytest.mark.parametrize('name', UNIMPLEMENTED)
-def test_what_it_has_not_it_says(resting, name):
-    """In a sentence, and with the code for it."""
+def test_calls_without_implementation_are_refused(resting, name):
+    """With a sentence and the status code."""
     method = getattr(resting.stub, name)
     request = pb2.DESCRIPTOR.services_by_name['KachakaApi'].methods_by_name[name].input_type
     message = getattr(pb2, request.name)()

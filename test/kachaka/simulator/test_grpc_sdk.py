@@ -152,7 +152,7 @@ def test_every_method_of_the_asynchronous_client_does_the_same(name, tmp_path):
 
 
 def streams():
-    """Return the names of all that the asynchronous client can listen to."""
+    """Return the names of all streams of the asynchronous client."""
     async def names():
         client = kachaka_api.aio.KachakaApiClient('127.0.0.1:9')
         return [name for name, value in vars(client).items() if hasattr(value, 'stream')]
@@ -161,7 +161,7 @@ def streams():
 
 @pytest.mark.parametrize('name', streams())
 def test_every_stream_of_the_asynchronous_client_begins(name):
-    """With what there is; its callback hears the same."""
+    """With the present value; its callback gets the same."""
     async def listen():
         async with asynchronous(FastClock()) as (_, client):
             handler = getattr(client, name)
@@ -175,7 +175,7 @@ def test_every_stream_of_the_asynchronous_client_begins(name):
 
 
 def test_manual_control_goes_off_after_60_s_for_the_sdk():
-    """The plain client takes the robot again by itself, and only with a velocity."""
+    """The plain client enables it again by itself, with the next velocity."""
     with bench() as robot:
         client = kachaka_api.KachakaApiClient(robot.server.address)
         assert client.set_manual_control_enabled(True).success
@@ -190,7 +190,7 @@ def test_manual_control_goes_off_after_60_s_for_the_sdk():
 
 
 def test_the_sdk_waits_for_its_commands():
-    """Forward, a turn to the left, and the way back."""
+    """Forward, a turn to the left, and back."""
     with bench(FastClock()) as robot:
         client = kachaka_api.KachakaApiClient(robot.server.address)
         assert client.move_forward(0.5, speed=0.2).success

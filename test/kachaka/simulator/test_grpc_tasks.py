@@ -44,17 +44,17 @@ LOCK = pb2.Command(lock_command=pb2.LockCommand(duration_sec=30.0))
 
 @pytest.fixture
 def robot():
-    """Yield a robot that does nothing."""
+    """Yield an idle robot."""
     with bench() as started:
         yield started
 
 
 def start(robot, command, **more):
-    """Send a command; return the answer."""
+    """Send a command; return the response."""
     return robot.call('StartCommand', pb2.StartCommandRequest(command=command, **more))
 
 
-def test_a_robot_that_did_nothing_yet_says_so(robot):
+def test_a_new_robot_reports_no_command(robot):
     """No command, no result, and nothing to cancel."""
     state = robot.get('GetCommandState')
     assert state.state == pb2.COMMAND_STATE_PENDING
@@ -65,8 +65,8 @@ def test_a_robot_that_did_nothing_yet_says_so(robot):
     assert robot.call('Proceed').result.error_code == ERROR_NOTHING_TO_DO
 
 
-def test_a_command_is_seen_from_its_begin_to_its_end(robot):
-    """By clients that wait for either, as the SDK and the official bridge do."""
+def test_a_command_is_reported_from_its_begin_to_its_end(robot):
+    """To long polls, as those of the SDK and of the official bridge."""
     state = robot.later('GetCommandState', robot.get('GetCommandState').metadata.cursor)
     result = robot.later(
         'GetLastCommandResult', robot.get('GetLastCommandResult').metadata.cursor)
@@ -90,7 +90,7 @@ def test_a_command_is_seen_from_its_begin_to_its_end(robot):
 
 
 def test_cancelling_stops_at_once(robot):
-    """And is told as the result of the command."""
+    """It is the result of the command."""
     start(robot, FORWARD)
     robot.pass_time(1.0)
     answer = robot.call('CancelCommand')
@@ -113,8 +113,8 @@ def test_a_command_ends_the_others_or_waits_for_them(robot):
     assert (pose.x, pose.theta) == (pytest.approx(0.1 + 0.5 * math.cos(1.0)), pytest.approx(-1.0))
 
 
-def test_a_lock_ends_when_somebody_says_so(robot):
-    """And whatever waits behind it begins."""
+def test_a_lock_ends_on_request(robot):
+    """The next command begins."""
     start(robot, LOCK)
     start(robot, FORWARD)
     robot.pass_time(5.0)
@@ -132,7 +132,7 @@ def test_a_command_may_end_in_a_lock(robot):
 
 
 def test_commands_and_manual_control_end_each_other(robot):
-    """Whoever comes last has the robot."""
+    """The last one has the robot."""
     robot.enable()
     start(robot, FORWARD)
     assert robot.get('GetManualControlEnabled').enabled is False
@@ -143,7 +143,7 @@ def test_commands_and_manual_control_end_each_other(robot):
 
 
 def test_home_is_the_dock(robot):
-    """By its name, too; from there it drives off for the next command."""
+    """By its name, too; the next command undocks the robot."""
     start(robot, FORWARD)
     robot.pass_time(9.0)
     assert start(robot, pb2.Command(return_home_command=pb2.ReturnHomeCommand())).result.success
@@ -162,7 +162,7 @@ def test_home_is_the_dock(robot):
 
 
 def test_a_pose_is_one_of_the_map(robot):
-    """Which need not be where odometry has it."""
+    """Its map frame may differ from odometry."""
     robot.call('SetRobotPose', pb2.SetRobotPoseRequest(pose=pb2.Pose(x=1.0, theta=math.pi)))
     goal = pb2.MoveToPoseCommand(x=0.0, y=0.5, yaw=0.3)
     assert start(robot, pb2.Command(move_to_pose_command=goal)).result.success
@@ -201,8 +201,8 @@ def test_other_commands_succeed(robot, command, distance):
     (pb2.Command(rotate_in_place_command=pb2.RotateInPlaceCommand(angle_radian=math.inf)),
      ERROR_NOT_A_VELOCITY),
     (pb2.Command(lock_command=pb2.LockCommand(duration_sec=-1.0)), ERROR_OUT_OF_RANGE)])
-def test_what_cannot_be_done_is_refused_and_changes_nothing(robot, command, code):
-    """What is under way goes on."""
+def test_impossible_commands_are_refused_and_change_nothing(robot, command, code):
+    """The running command goes on."""
     running = start(robot, FORWARD).command_id
     answer = start(robot, command, cancel_all=True)
     assert (answer.result.success, answer.result.error_code, answer.command_id) == (
@@ -232,8 +232,8 @@ def test_settings_have_their_ranges(robot, call, request_, code):
     assert robot.call(call, request_).result.error_code == code
 
 
-def test_settings_are_kept_and_told(robot):
-    """To whoever waits for them."""
+def test_settings_are_stored_and_reported(robot):
+    """To long polls."""
     volume = robot.later('GetSpeakerVolume', robot.get('GetSpeakerVolume').metadata.cursor)
     homing = robot.later('GetAutoHomingEnabled', robot.get('GetAutoHomingEnabled').metadata.cursor)
     robot.call('SetSpeakerVolume', pb2.SetSpeakerVolumeRequest(volume=7))

@@ -39,28 +39,28 @@ def robot():
     return robot
 
 
-def test_velocity_holds_for_the_hold_and_no_longer(robot):
-    """The stop is at the command's time + 0.3 s, not when somebody asks next."""
+def test_velocity_lasts_for_the_command_timeout(robot):
+    """The stop is at the command's time + 0.3 s, not at the next query."""
     robot.set_robot_velocity(SLOW, 0.0, 1.0)
     assert robot.state(1.29)[1] == Velocity(0.1)
     assert robot.state(1.3)[1] == ZERO
     assert robot.state(50.0)[0].x == pytest.approx(0.03, abs=1e-12)
 
 
-def test_hold_ends_unasked(robot):
-    """Nobody asks for 10 s, and the robot has gone 3 cm all the same."""
+def test_command_timeout_needs_no_query(robot):
+    """After 10 s without a query, the robot has moved 3 cm."""
     robot.set_robot_velocity(SLOW, 0.0, 1.0)
     assert robot.state(11.0)[0].x == pytest.approx(0.03, abs=1e-12)
 
 
-def test_each_command_begins_a_new_hold(robot):
-    """Ten commands at 10 Hz: 0.9 s between them and one hold."""
+def test_each_command_restarts_the_command_timeout(robot):
+    """Ten commands at 10 Hz: 0.9 s between them and one command timeout."""
     for tick in range(10):
         robot.set_robot_velocity(SLOW, 0.0, 1.0 + 0.1 * tick)
     assert robot.state(9.0)[0].x == pytest.approx(0.1 * 1.2, abs=1e-12)
 
 
-def test_command_after_the_hold_does_not_fill_the_gap(robot):
+def test_command_after_the_timeout_does_not_fill_the_gap(robot):
     """0.3 s of motion, a gap of 0.2 s, 0.3 s of motion."""
     robot.set_robot_velocity(SLOW, 0.0, 1.0)
     robot.set_robot_velocity(SLOW, 0.0, 1.5)
@@ -76,7 +76,7 @@ def test_manual_control_is_off_at_the_start():
 
 
 def test_manual_control_goes_off_after_60_s_and_stops_the_robot(robot):
-    """In the middle of a hold."""
+    """Before the command timeout."""
     assert robot.set_robot_velocity(SLOW, 0.0, 59.9) == SUCCESS
     assert robot.manual_control(59.99) is True
     assert robot.manual_control(60.0) is False
@@ -101,7 +101,7 @@ def test_enabling_again_renews_manual_control(robot):
 
 
 def test_disabling_stops_at_once(robot):
-    """And the rest of the hold is gone."""
+    """The velocity does not come back."""
     robot.set_robot_velocity(SLOW, 0.0, 1.0)
     assert robot.set_manual_control(False, 1.1) == SUCCESS
     assert robot.state(2.0)[0].x == pytest.approx(0.01, abs=1e-12)
@@ -119,15 +119,15 @@ def test_disabling_twice_is_harmless():
 @pytest.mark.parametrize(('linear', 'angular', 'velocity'), [
     (1.0, 1.0, Velocity(0.3, 1.57)), (-1.0, -1.0, Velocity(-0.3, -1.57)),
     (1.0667, -3.0, Velocity(0.3, -1.57)), (0.5, 0.0, Velocity(0.15, 0.0))])
-def test_velocities_are_parts_of_the_largest(robot, linear, angular, velocity):
-    """0.3 m/s and 1.57 rad/s; more than all of it is all of it."""
+def test_velocities_are_relative_to_the_limits(robot, linear, angular, velocity):
+    """0.3 m/s and 1.57 rad/s; larger values are clipped."""
     assert robot.set_robot_velocity(linear, angular, 1.0) == SUCCESS
     assert robot.state(1.1)[1] == velocity
 
 
 @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
-def test_what_is_no_number_is_refused(robot, value):
-    """And changes nothing: the velocity before it holds on."""
+def test_velocity_that_is_not_finite_is_refused(robot, value):
+    """It changes nothing: the velocity before it stays."""
     robot.set_robot_velocity(SLOW, 0.0, 1.0)
     assert robot.set_robot_velocity(value, 0.0, 1.1) == ERROR_NOT_A_VELOCITY
     assert robot.set_robot_velocity(0.0, value, 1.1) == ERROR_NOT_A_VELOCITY
@@ -135,7 +135,7 @@ def test_what_is_no_number_is_refused(robot, value):
     assert robot.state(9.0)[0].x == pytest.approx(0.03, abs=1e-12)
 
 
-def test_robot_stays_on_its_dock_until_manual_control_comes():
+def test_robot_stays_on_its_dock_until_manual_control_is_on():
     """A refused velocity alone does not move it."""
     robot = SimulatedKachaka(docked=True)
     robot.set_robot_velocity(1.0, 0.0, 0.0)
@@ -143,8 +143,8 @@ def test_robot_stays_on_its_dock_until_manual_control_comes():
     assert robot.state(1.0) == (ORIGIN, ZERO)
 
 
-def test_enabling_on_the_dock_drives_off():
-    """Straight, for a given way at a given velocity, whatever it is told meanwhile."""
+def test_enabling_on_the_dock_undocks():
+    """Straight, by a given distance at a given velocity, whatever velocities come."""
     parameters = SimulationParameters(undock_distance=0.3, undock_velocity=0.15)
     robot = SimulatedKachaka(docked=True, parameters=parameters)
     robot.set_manual_control(True, 1.0)
@@ -159,8 +159,8 @@ def test_enabling_on_the_dock_drives_off():
     assert robot.state(5.1)[1] == Velocity(0.0, 1.57)
 
 
-def test_driving_off_the_dock_happens_once(robot):
-    """Off the dock, enabling does not move the robot; disabling does not stop the way off it."""
+def test_undocking_happens_once(robot):
+    """Off the dock, enabling does not move the robot; disabling does not stop undocking."""
     assert robot.state(3.0)[0] == ORIGIN
     docked = SimulatedKachaka(docked=True)
     docked.set_manual_control(True, 0.0)
@@ -170,7 +170,7 @@ def test_driving_off_the_dock_happens_once(robot):
 
 
 def test_time_does_not_run_backwards(robot):
-    """Two threads may note their times in one order and call in the other."""
+    """Two threads may read the clock in one order and call in the other."""
     robot.set_robot_velocity(SLOW, 0.0, 1.0)
     after = robot.state(1.2)
     assert robot.state(1.1) == after
@@ -179,13 +179,13 @@ def test_time_does_not_run_backwards(robot):
 
 
 def test_odometry_of_an_ideal_robot_is_true(robot):
-    """No noise unless asked for."""
+    """There is no noise by default."""
     robot.set_robot_velocity(1.0, 1.0, 1.0)
     assert robot.odometry(1.2) == robot.state(1.2)
 
 
 def test_odometry_noise_is_seeded_and_leaves_the_truth_alone():
-    """The same times give the same answers, however often and in whichever run."""
+    """The same times give the same readings, in any run and however often."""
     parameters = SimulationParameters(odometry_noise=0.01, heading_noise=0.02)
     readings = []
     for questions in (1, 5):

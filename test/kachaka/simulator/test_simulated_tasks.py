@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the simulated robot does by itself: it arrives, it can be stopped, and it stays stopped."""
+"""Tasks of the simulated robot: they arrive, they can be stopped, and the robot stays stopped."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ ROUGH = st.builds(
 
 
 def send(robot, *actions, now=0.0, name='task', drop_others=True, ends_docked=False):
-    """Send a robot on an errand."""
+    """Start a task."""
     return robot.start_task(Task(name, actions, ends_docked), now, drop_others)
 
 
 def results(robot, now):
-    """Return how the errands of a robot ended, by name."""
+    """Return names and codes of the results of the tasks."""
     return [(result.task.identity, result.code) for result in robot.task_results(now)]
 
 
@@ -73,7 +73,7 @@ def test_a_straight_line_is_exact_and_takes_its_time():
     (DriveStraight(-0.4), Pose(-0.4)), (DriveStraight(1.0, 9.0), Pose(1.0)),
     (TurnInPlace(math.pi), Pose(theta=math.pi)), (TurnInPlace(-7.0), Pose(theta=-7.0)),
     (DriveStraight(0.0), ORIGIN)])
-def test_an_errand_ends_where_it_should(action, pose):
+def test_a_task_ends_at_its_goal(action, pose):
     """Backwards, faster than it can, more than a turn, and nothing at all."""
     robot = SimulatedKachaka()
     send(robot, action)
@@ -84,8 +84,8 @@ def test_an_errand_ends_where_it_should(action, pose):
 
 @settings(max_examples=10, deadline=None)
 @given(parameters=ROUGH, distance=st.floats(-1.0, 1.0), angle=st.floats(-4.0, 4.0))
-def test_a_rough_robot_arrives_all_the_same(parameters, distance, angle):
-    """Within 1 mm and 1 mrad: it looks where it is."""
+def test_a_robot_with_imperfect_drive_arrives(parameters, distance, angle):
+    """Within 1 mm and 1 mrad, by closed-loop control."""
     robot = SimulatedKachaka(parameters=parameters)
     send(robot, TurnInPlace(angle), DriveStraight(distance))
     pose, velocity = robot.state(90.0)
@@ -96,15 +96,15 @@ def test_a_rough_robot_arrives_all_the_same(parameters, distance, angle):
 
 
 @pytest.mark.parametrize('lag', [0.1, 0.3])
-def test_a_sluggish_robot_does_not_go_too_far(lag):
-    """Nor does it take for ever."""
+def test_a_robot_with_lag_does_not_overshoot(lag):
+    """It arrives within 10 s."""
     robot = SimulatedKachaka(parameters=SimulationParameters(lag=lag))
     send(robot, DriveStraight(0.3))
     assert max(robot.state(0.01 * tick)[0].x for tick in range(1000)) < 0.3 + 1e-3
     assert results(robot, 10.0) == [('task', SUCCESS)]
 
 
-def test_whoever_drives_past_a_place_is_not_there():
+def test_a_robot_that_drives_past_its_goal_has_not_arrived():
     """Unless it can stop at once."""
     for parameters, is_there in (
             (SimulationParameters(lag=0.1), False), (SimulationParameters(), True)):
@@ -126,8 +126,8 @@ def test_a_pose_is_reached_from_anywhere(x, y, theta):
     assert math.remainder(pose.theta - theta, math.tau) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_asking_changes_nothing():
-    """To the last bit, also for a rough robot with noise."""
+def test_queries_change_nothing():
+    """To the last bit, also with noise."""
     parameters = SimulationParameters(lag=0.1, velocity_noise=0.02, linear_gain=1.05)
     poses = []
     for questions in (1, 500):
@@ -139,7 +139,7 @@ def test_asking_changes_nothing():
     assert poses[0] == poses[1]
 
 
-def test_a_robot_that_cannot_come_there_says_so_and_stops():
+def test_a_robot_that_cannot_reach_its_goal_fails_and_stops():
     """Its wheels turn and it does not move."""
     robot = SimulatedKachaka(parameters=SimulationParameters(linear_gain=0.0))
     send(robot, DriveStraight(0.3), TurnInPlace(1.0))
@@ -148,7 +148,7 @@ def test_a_robot_that_cannot_come_there_says_so_and_stops():
     assert robot.state(20.0) == (ORIGIN, ZERO)
 
 
-def test_the_next_errand_ends_the_one_before_unless_it_waits():
+def test_a_task_ends_the_one_before_unless_it_waits():
     """The robot goes on from where it is."""
     robot = SimulatedKachaka()
     send(robot, DriveStraight(1.0, 0.1), name='a')
@@ -160,8 +160,8 @@ def test_the_next_errand_ends_the_one_before_unless_it_waits():
     assert robot.state(20.0)[0].x == pytest.approx(0.1 + 1.0 - 0.3, abs=1e-9)
 
 
-def test_a_cancelled_robot_stops_at_once_and_forgets_the_rest():
-    """What was under way is told; a second time there is nothing."""
+def test_cancelling_stops_at_once_and_drops_all_tasks():
+    """It returns the running task; a second time none."""
     robot = SimulatedKachaka()
     send(robot, DriveStraight(1.0, 0.1), name='a')
     send(robot, DriveStraight(1.0, 0.1), name='b', drop_others=False)
@@ -171,7 +171,7 @@ def test_a_cancelled_robot_stops_at_once_and_forgets_the_rest():
     assert results(robot, 9.0) == [('a', ERROR_CANCELLED), ('b', ERROR_CANCELLED)]
 
 
-def test_somebody_can_end_a_stay_that_may_be_ended():
+def test_a_standstill_that_may_be_ended_can_be_ended():
     """And no other."""
     robot = SimulatedKachaka()
     assert robot.end_standstill(0.0) == ERROR_NOTHING_TO_DO
@@ -183,7 +183,7 @@ def test_somebody_can_end_a_stay_that_may_be_ended():
     assert results(robot, 7.0)[-1] == ('task', SUCCESS)
 
 
-def test_a_stay_ends_by_itself():
+def test_a_standstill_ends_by_itself():
     """At its time."""
     robot = SimulatedKachaka()
     send(robot, StandStill(30.0, can_be_ended=True))
@@ -192,11 +192,11 @@ def test_a_stay_ends_by_itself():
     assert robot.task(30.0) is None
 
 
-def test_errands_end_manual_control_and_it_ends_them():
-    """Whoever comes last has the robot."""
+def test_tasks_and_manual_control_end_each_other():
+    """The last one has the robot."""
     robot = SimulatedKachaka()
     robot.set_manual_control(True, 0.0)
-    # Its hold would end between two looks of the errand, and must not stop it there.
+    # Its command timeout would end within a control period of the task and must not stop it.
     robot.set_robot_velocity(1.0, 0.0, 0.91)
     send(robot, DriveStraight(1.0, 0.1), now=1.0)
     assert robot.manual_control(1.1) is False
@@ -207,8 +207,8 @@ def test_errands_end_manual_control_and_it_ends_them():
     assert results(robot, 3.0) == [('task', ERROR_CANCELLED)]
 
 
-def test_on_the_dock_an_errand_that_moves_drives_off_first():
-    """One that does not stays there."""
+def test_on_the_dock_a_task_that_moves_undocks_first():
+    """One that does not move stays there."""
     robot = SimulatedKachaka(docked=True)
     send(robot, StandStill(1.0), now=0.0)
     assert robot.is_docked(2.0) is True
@@ -218,8 +218,8 @@ def test_on_the_dock_an_errand_that_moves_drives_off_first():
     assert (pose.x, pose.theta) == (pytest.approx(0.2), pytest.approx(1.0))
 
 
-def test_an_errand_waits_for_the_way_off_the_dock():
-    """Manual control began it; it is driven to its end."""
+def test_a_task_waits_for_undocking():
+    """Manual control began it; it is completed."""
     robot = SimulatedKachaka(docked=True)
     robot.set_manual_control(True, 0.0)
     send(robot, DriveStraight(0.1, 0.1), now=0.5)
@@ -228,8 +228,8 @@ def test_an_errand_waits_for_the_way_off_the_dock():
 
 
 @pytest.mark.parametrize('docked', [True, False])
-def test_the_robot_finds_home_from_anywhere(docked):
-    """Backwards onto its dock; there, it is home already."""
+def test_the_robot_docks_from_any_pose(docked):
+    """Backwards onto its dock; a docked robot needs no actions."""
     robot = SimulatedKachaka(docked=docked)
     send(robot, DriveStraight(0.4), TurnInPlace(2.0), DriveStraight(0.3))
     send(robot, *robot.actions_to_dock(20.0), now=20.0, ends_docked=True)
@@ -242,8 +242,8 @@ def test_the_robot_finds_home_from_anywhere(docked):
     assert robot.actions_to_dock(60.0) == ()
 
 
-def test_a_way_home_that_is_cut_short_does_not_end_docked():
-    """Nor does one from which it was called away."""
+def test_a_cancelled_return_does_not_end_docked():
+    """Nor does one that another task ends."""
     robot = SimulatedKachaka()
     send(robot, DriveStraight(0.5))
     send(robot, *robot.actions_to_dock(9.0), now=9.0, ends_docked=True)
@@ -253,7 +253,7 @@ def test_a_way_home_that_is_cut_short_does_not_end_docked():
 
 @pytest.mark.parametrize('docked', [True, False])
 def test_emergency_stop_ends_everything_at_once(docked):
-    """An errand, the way off the dock, manual control; and nothing moves when it is over."""
+    """A task, undocking, manual control; and nothing moves after the pause."""
     robot = SimulatedKachaka(docked=docked)
     if docked:
         robot.set_manual_control(True, 0.0)
@@ -273,7 +273,7 @@ def test_emergency_stop_ends_everything_at_once(docked):
     assert robot.set_manual_control(True, 9.0) == SUCCESS
 
 
-def test_the_power_button_pauses_a_robot_that_drives():
+def test_the_power_button_pauses_a_moving_robot():
     """As an emergency stop does."""
     robot = SimulatedKachaka()
     robot.set_manual_control(True, 0.0)
@@ -284,7 +284,7 @@ def test_the_power_button_pauses_a_robot_that_drives():
 
 
 def test_the_next_change_is_what_ends_first():
-    """Of a hold, of manual control; a robot at rest never changes."""
+    """A command timeout, manual control; a robot at rest never changes."""
     robot = SimulatedKachaka()
     assert robot.next_change(0.0) == math.inf
     robot.set_manual_control(True, 0.0)

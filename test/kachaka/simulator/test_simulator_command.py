@@ -87,7 +87,7 @@ def test_the_power_button_is_a_signal(tmp_path):
 
 
 def test_it_ends_with_its_parent():
-    """However that ended."""
+    """Also if that was killed."""
     needs_sdk()
     with subprocess.Popen(
             [*COMMAND, '--grpc-port', '0', '--with-parent'], stdin=subprocess.PIPE,
@@ -98,7 +98,7 @@ def test_it_ends_with_its_parent():
 
 
 def test_a_port_in_use_is_one_line():
-    """Whoever has it."""
+    """Whatever program uses it."""
     needs_sdk()
     with socket.socket() as other:
         other.bind(('127.0.0.1', 0))
@@ -125,7 +125,7 @@ def test_two_robots_do_not_share_a_port(tmp_path):
     (('--sim',), ['--sim']),
     (('--host', '192.0.2.1', '--grpc-port', '0'), ['192.0.2.1', 'cannot listen']),
     (('--host', 'no such host', '--grpc-port', '0'), ['no such host', 'cannot listen'])])
-def test_what_cannot_work_is_refused_in_one_line(arguments, words):
+def test_invalid_options_are_refused_in_one_line(arguments, words):
     if '--host' in arguments:
         needs_sdk()
     code, line = refusal(*arguments)
@@ -134,7 +134,7 @@ def test_what_cannot_work_is_refused_in_one_line(arguments, words):
 
 
 @pytest.mark.parametrize('name', ['grpc', 'kachaka_api', 'numpy'])
-def test_without_the_sdk_it_says_how_to_get_it(name):
+def test_without_the_sdk_it_prints_how_to_install_it(name):
     needs_sdk()
     result = subprocess.run(
         [sys.executable, '-c', BLOCKED.format(names=(name,))], capture_output=True, text=True,
