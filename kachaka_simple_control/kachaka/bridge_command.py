@@ -130,7 +130,7 @@ def _grpc_bridge(
         options: argparse.Namespace, namespace: str, fault: _Fault) -> Callable[[], BridgeNode]:
     """Connect to the real robot, and return the factory of its node."""
     try:
-        from kachaka_simple_control.kachaka.grpc_client.connection import connect
+        from kachaka_simple_control.kachaka.grpc_client.client import connect
     except (ImportError, RuntimeError) as error:  # RuntimeError: the SDK needs a newer gRPC
         raise ExitError(FAULTED, SDK_MISSING.format(error=error)) from None
     from kachaka_simple_control.kachaka.grpc_client.bridge import GrpcBridge

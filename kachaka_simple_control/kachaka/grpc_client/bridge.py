@@ -23,8 +23,8 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.bridge_node import BridgeNode
+from kachaka_simple_control.kachaka.grpc_client.client import ConnectedRobot
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
-from kachaka_simple_control.kachaka.grpc_client.connection import ConnectedRobot
 from kachaka_simple_control.kachaka.grpc_client.connection_state import (
     connection_status,
     DiagnosticEntry,

@@ -11,20 +11,30 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The robot's calls over gRPC, each with a deadline; the only module that imports its SDK."""
+"""The robot's calls over gRPC, and ``connect``; the only module that imports its SDK."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import grpc
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiStub
 from kachaka_simple_control.escaping import escaped
-from kachaka_simple_control.kachaka.grpc_client.address import Address
+from kachaka_simple_control.kachaka.error_codes import ErrorTexts
+from kachaka_simple_control.kachaka.grpc_client.address import (
+    Address,
+    check_reachable,
+    SWITCH_ON,
+    UnreachableError,
+)
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 
+#: How long a robot may take to accept a connection, and to respond to each of three calls [s].
+CONNECT_TIMEOUT = 3.0
+IDENTIFY_TIMEOUT = 2.0
 CHANNEL_OPTIONS = (
     # A lost velocity must not be sent again by gRPC.
     ('grpc.enable_retries', 0),
@@ -140,3 +150,47 @@ def _failure(error: Any, deadline: float) -> RpcResult:
         # The system's reason comes last, after names of layers and the address.
         text = text.rpartition(': ')[2]
     return RpcResult(failure=failure, text=escaped(text))
+
+
+@dataclass(frozen=True)
+class ConnectedRobot:
+    """
+    A robot that has responded.
+
+    :param address: its address
+    :param client: its calls
+    :param identity: its serial number and software release
+    :param texts: the texts of its errors, as far as it has them
+    """
+
+    address: Address
+    client: RobotClient
+    identity: str
+    texts: ErrorTexts
+
+
+def connect(address: Address) -> ConnectedRobot:
+    """
+    Connect to a robot and identify it.
+
+    :param address: its address
+    :raises UnreachableError: if no robot responds there, with advice for the user
+    """
+    check_reachable(address, CONNECT_TIMEOUT)
+    client = RobotClient(address)
+    result, identity = client.identity(IDENTIFY_TIMEOUT)
+    if not result.is_success:
+        client.close()
+        raise UnreachableError(_advice(address, result))
+    _, text = client.error_texts(IDENTIFY_TIMEOUT)
+    return ConnectedRobot(address, client, identity, ErrorTexts(text))
+
+
+def _advice(address: Address, result: RpcResult) -> str:
+    if result.failure is RpcFailure.LATE:
+        return (f'{address} accepts connections, but does not answer within {IDENTIFY_TIMEOUT:g} '
+                's: is this the address of the robot? If it is, restart the robot')
+    if result.failure is RpcFailure.GONE:
+        return (f'{address} accepts connections, but does not answer ({result.text}): if this is '
+                f'the address of the robot, {SWITCH_ON}')
+    return f'{address} answers, but not as a Kachaka does ({result.text})'

@@ -86,7 +86,7 @@ def test_latency_table_holds_the_bridge_against_the_bare_call():
 
 def test_page_names_the_programs_that_print_its_tables():
     text = PAGE.read_text()
-    for program in ('test/real_faults.py', 'python -m benchmarks.bridge_latency',
+    for program in ('test/link_fault_cases.py', 'python -m benchmarks.bridge_latency',
                     'python -m benchmarks.three_processes',
                     'python -m benchmarks.stop_matrix --robot grpc'):
         assert f'`{program}`' in text
