@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-A robot on a bad day: run as a program, it does what lines on its standard input say.
+A simulated robot with faults, a program that executes lines of its standard input.
 
 ``delay S``, ``refuse CODE``, ``json TEXT``, ``errors CODE ...`` and ``forget`` (manual control)
-are of the robot; ``cut``, ``hang`` and ``flow`` of the wire to it.  ``rows`` and ``pose`` ask what
-it was told and where that took it; each line is answered by one line of JSON.
+set the robot; ``cut``, ``hang`` and ``flow`` set the connection to it.  ``rows`` returns the
+velocities that it received, ``pose`` where it is; the response to each line is one line of JSON.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 
 
 class Wire:
-    """Carries bytes between an address of its own and the robot; can be cut, or fall silent."""
+    """Forwards bytes between an address of its own and the robot; can be cut, or hang."""
 
     def __init__(self, target, port):
-        """Flow."""
+        """Listen and forward."""
         self._target, self._port = target, port
         self.flows = threading.Event()
         self._lock = threading.Lock()
@@ -51,7 +51,7 @@ class Wire:
         self.flow()
 
     def flow(self):
-        """Carry; also after it was cut."""
+        """Forward; also after a cut."""
         if self._listener is None:
             self._listener = socket.create_server(('127.0.0.1', self._port))
             self._port = self._listener.getsockname()[1]
@@ -60,11 +60,11 @@ class Wire:
         return self._port
 
     def hang(self):
-        """Accept connections and bytes, and keep them."""
+        """Accept connections and bytes, and forward nothing."""
         self.flows.clear()
 
     def cut(self):
-        """Close all."""
+        """Close all connections, and listen no more."""
         listener, self._listener = self._listener, None
         with contextlib.suppress(OSError):
             listener.shutdown(socket.SHUT_RDWR)
@@ -83,9 +83,9 @@ class Wire:
                 far = socket.create_connection(('127.0.0.1', self._target))
                 with self._lock:
                     self._sockets += [near, far]
-                threading.Thread(target=self._carry, args=(near, far), daemon=True).start()
+                threading.Thread(target=self._forward, args=(near, far), daemon=True).start()
 
-    def _carry(self, near, far):
+    def _forward(self, near, far):
         with contextlib.suppress(OSError), near, far:
             for one in (near, far):
                 one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -99,10 +99,10 @@ class Wire:
 
 
 class Robot(pb2_grpc.KachakaApiServicer):
-    """A simulated robot, its faults, and what it was told; its calls run side by side."""
+    """A simulated robot with faults that records its calls; they run in parallel."""
 
     def __init__(self):
-        """Be well."""
+        """Begin without faults."""
         self.robot = SimulatedKachaka(time.monotonic())
         self.lock = threading.Lock()
         self.rows, self.asked = [], []
@@ -127,7 +127,7 @@ class Robot(pb2_grpc.KachakaApiServicer):
         return pb2.SetManualControlEnabledResponse(result=grpc_messages.result(code))
 
     def GetRosOdometry(self, request, context):  # noqa: N802
-        """Tell it 20 ms later."""
+        """Return it 20 ms later."""
         time.sleep(0.02 + self.delay)
         with self.lock:
             pose, velocity = self.robot.odometry(time.monotonic())
@@ -136,26 +136,26 @@ class Robot(pb2_grpc.KachakaApiServicer):
             odometry=grpc_messages.odometry(pose, velocity, 0))
 
     def GetError(self, request, context):  # noqa: N802
-        """Tell what is wrong."""
+        """Return the error codes."""
         time.sleep(self.delay)
         return pb2.GetErrorResponse(error_codes=self.codes)
 
     def GetRobotErrorCodeJson(self, request, context):  # noqa: N802
-        """Tell what that means, or anything else."""
+        """Return the text that was set, JSON or not."""
         return pb2.GetRobotErrorCodeJsonResponse(
             json=self.json, result=pb2.Result(success=True))
 
     def GetRobotSerialNumber(self, request, context):  # noqa: N802
-        """Tell a name."""
+        """Return a name."""
         return pb2.GetRobotSerialNumberResponse(serial_number='FAULTY')
 
     def GetRobotVersion(self, request, context):  # noqa: N802
-        """Tell a number."""
+        """Return a number."""
         return pb2.GetRobotVersionResponse(version='1.0')
 
 
-def obey(robot, wire, line):
-    """Do what a line says, and return the answer."""
+def execute(robot, wire, line):
+    """Execute a line, and return the response."""
     word, _, rest = line.strip().partition(' ')
     if word == 'delay':
         robot.delay = float(rest)
@@ -189,7 +189,7 @@ def main():
     wire = Wire(target, int(sys.argv[1]) if len(sys.argv) > 1 else 0)
     print(json.dumps(wire.flow()), flush=True)
     for line in sys.stdin:
-        print(json.dumps(obey(robot, wire, line)), flush=True)
+        print(json.dumps(execute(robot, wire, line)), flush=True)
     os._exit(0)
 
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the tests of the real robot's bridge share: a robot to talk to, and a commander."""
+"""What the tests of the real robot's bridge share: a robot over gRPC, and a publisher."""
 
 from __future__ import annotations
 
@@ -27,43 +27,43 @@ from ros_support import BridgeProcess, environment, wait_until
 
 
 class FaultyRobot:
-    """The program of ``faulty_robot.py``, and what to tell it."""
+    """The process of ``faulty_robot.py``, and commands to it."""
 
     def __init__(self):
-        """Start it."""
+        """Start the process."""
         self.process = subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name('faulty_robot.py'))],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment())
         self._lock = threading.Lock()
-        self.address = f'127.0.0.1:{self._hear()}'
+        self.address = f'127.0.0.1:{self._read()}'
 
     def ask(self, line):
-        """Tell it a line, and return its answer."""
+        """Send a line, and return the response."""
         with self._lock:
             print(line, file=self.process.stdin, flush=True)
-            return self._hear()
+            return self._read()
 
     def moves(self, since=0.0):
-        """Return when it took motions [s]."""
+        """Return when it received motions [s]."""
         return [row[0] for row in self.ask('rows') if row[0] > since and row[1] and not row[3]]
 
     def stops(self, since=0.0):
-        """Return when it took zeros [s]."""
+        """Return when it received zeros [s]."""
         return [row[0] for row in self.ask('rows') if row[0] > since and not row[1]]
 
     @property
     def x(self):
-        """Return how far it has come [m]."""
+        """Return its x [m]."""
         return self.ask('pose')[1]
 
     def end(self):
-        """End it."""
+        """Kill the process."""
         self.process.kill()
         self.process.wait()
         self.process.stdin.close()
         self.process.stdout.close()
 
-    def _hear(self):
+    def _read(self):
         return json.loads(self.process.stdout.readline())
 
 
@@ -79,7 +79,7 @@ def faulty_robot():
 
 @contextlib.contextmanager
 def real_bridge(address, *options):
-    """Run a bridge to a robot for the length of a block; it has met the robot."""
+    """Run a bridge to a robot for the length of a block, connected."""
     process = BridgeProcess('--address', address, *options)
     try:
         assert wait_until(lambda: 'ready' in process.text), process.text
@@ -89,7 +89,7 @@ def real_bridge(address, *options):
 
 
 class Commander:
-    """Publishes a velocity again and again, in a thread of its own."""
+    """Publishes a velocity periodically, in a thread of its own."""
 
     def __init__(self, probe, publisher, rate=20.0):
         """Publish nothing yet."""
@@ -105,7 +105,7 @@ class Commander:
         return time.monotonic()
 
     def close(self):
-        """End."""
+        """End the thread."""
         self._over.set()
         self._thread.join()
 
@@ -120,9 +120,9 @@ class Commander:
 
 @contextlib.contextmanager
 def commander(probe, namespace, process, rate=20.0):
-    """Return a commander whom a bridge hears."""
-    one = Commander(probe, probe.publisher(namespace, process), rate)
+    """Run a commander that a bridge has matched, for the length of a block."""
+    driver = Commander(probe, probe.publisher(namespace, process), rate)
     try:
-        yield one
+        yield driver
     finally:
-        one.close()
+        driver.close()

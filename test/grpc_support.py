@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A simulated robot over gRPC whose time the tests move."""
+"""A simulated robot over gRPC whose clock the tests set."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ NOTHING = pb2.EmptyRequest()
 
 
 class StillClock(Clock):
-    """Time that stands still until a test moves it."""
+    """A clock that a test sets."""
 
     def __init__(self, start: float = 1000.0) -> None:
-        """Begin anywhere but at zero."""
+        """Start at a time other than zero."""
         self.time = start
 
     def now(self) -> float:
@@ -48,17 +48,17 @@ class StillClock(Clock):
         return int(self.time * 1e9)
 
     def delay(self, until: float) -> float | None:
-        """Return 0 for what is over; what is not waits for the test."""
+        """Return 0 for a time in the past, else None: the test wakes the server."""
         return 0.0 if until <= self.time else None
 
 
 class FastClock(Clock):
-    """Time that runs a hundred times as fast."""
+    """A clock that is a hundred times as fast."""
 
     SPEED = 100.0
 
     def __init__(self) -> None:
-        """Begin now."""
+        """Start now."""
         self._begin = time.monotonic()
 
     def now(self) -> float:
@@ -66,7 +66,7 @@ class FastClock(Clock):
         return self._begin + (time.monotonic() - self._begin) * self.SPEED
 
     def delay(self, until: float) -> float | None:
-        """Return the hundredth part."""
+        """Return the real time to wait [s]."""
         return max(until - self.now(), 0.0) / self.SPEED
 
 
@@ -74,7 +74,7 @@ class Bench:
     """A robot, its server, and a bare client."""
 
     def __init__(self, server: ServerThread, clock: Clock, channel: grpc.Channel) -> None:
-        """Note what there is."""
+        """Keep server and clock, and make a stub."""
         self.server = server
         self.clock = clock
         self.stub = KachakaApiStub(channel)
@@ -85,15 +85,15 @@ class Bench:
         self.server.wake()
 
     def call(self, name: str, request: object = NOTHING, timeout: float = DEADLINE) -> object:
-        """Call the robot; return its answer."""
+        """Call the robot; return its response."""
         return getattr(self.stub, name)(request, timeout=timeout)
 
     def get(self, name: str, cursor: int = 0, timeout: float = DEADLINE) -> object:
-        """Read something that is newer than a cursor."""
+        """Return a reading that is newer than a cursor."""
         return self.call(name, pb2.GetRequest(metadata=pb2.Metadata(cursor=cursor)), timeout)
 
     def is_silent(self, name: str, cursor: int) -> bool:
-        """Tell whether there is nothing newer than a cursor."""
+        """Return whether there is no reading newer than a cursor."""
         try:
             self.get(name, cursor, SILENCE)
         except grpc.RpcError as error:
@@ -103,10 +103,10 @@ class Bench:
         return False
 
     def later(self, name: str, cursor: int) -> grpc.Future:
-        """Begin to wait for something newer than a cursor."""
+        """Start to wait for a reading newer than a cursor."""
         future = getattr(self.stub, name).future(
             pb2.GetRequest(metadata=pb2.Metadata(cursor=cursor)), timeout=DEADLINE)
-        # It has to be on its way before the test goes on; the server is not idle until then.
+        # The call must have arrived before the test goes on.
         threading.Event().wait(0.05)
         assert not future.done()
         return future
@@ -122,7 +122,7 @@ class Bench:
             enable=enable)).result
 
     def x(self) -> float:
-        """Return how far the robot truly is [m]."""
+        """Return the true x of the robot [m]."""
         return self.server.call(lambda robot, now: robot.state(now)[0].x)
 
 

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-What a robot does when the link to it breaks, hangs, crawls or comes back; as figures.
+What a robot does when the connection breaks, hangs, is slow or comes back, in figures.
 
-Each scenario drives a robot through the bridge at 0.1 m/s, spoils something, and goes on
+Each scenario drives a robot through the bridge at 0.1 m/s, causes a fault, and goes on
 publishing velocities as if nothing had happened.  Run as a program, this prints the table of
 ``docs/kachaka.md``.
 """
@@ -38,9 +38,9 @@ SPEED = 0.1
 @dataclass(frozen=True)
 class Result:
     """
-    What a scenario showed.
+    The result of a scenario.
 
-    :param drift: how far the robot came after the fault [m]
+    :param drift: distance driven after the fault [m]
     :param after_stop: how many velocities reached it after the zero that followed the fault
     :param late: how long after the commander's zero the last velocity reached it [s]; with a
         fault that has no commander's zero, after the fault
@@ -54,7 +54,7 @@ class Result:
 
 
 def broken(robot, driver, process, fault, pause=2.0, before_return=''):
-    """Break the wire in mid-motion, repair it, and rest at last."""
+    """Break the connection during a motion, restore it, and come to rest."""
     where, when = robot.x, robot.ask(fault)
     assert wait_until(lambda: 'link to the robot is lost' in process.text)
     time.sleep(pause)
@@ -70,7 +70,7 @@ def broken(robot, driver, process, fault, pause=2.0, before_return=''):
     result = Result(robot.x - where, len(robot.moves(first_zero)),
                     max([0.0, *(move - when for move in moves if move < back)]), process.text)
     assert process.text.count('is lost') == process.text.count('is back') == 1
-    # After a rest it obeys again.
+    # After a rest it drives again.
     driver.drive(0.0)
     resting = time.monotonic()
     assert wait_until(lambda: robot.stops(resting))
@@ -80,7 +80,7 @@ def broken(robot, driver, process, fault, pause=2.0, before_return=''):
 
 
 def slow(robot, driver, process, delay):
-    """Let each call take its time, then stop."""
+    """Delay each call, then stop."""
     robot.ask(f'delay {delay}')
     time.sleep(3.0)
     asked = driver.drive(0.0)
@@ -93,7 +93,7 @@ def slow(robot, driver, process, delay):
 
 
 def killed(robot, driver, process):
-    """Kill the bridge in mid-motion: the robot's hold is what is left."""
+    """Kill the bridge during a motion: only the robot's command timeout is left."""
     where, when = robot.x, time.monotonic()
     process.process.kill()
     time.sleep(1.0)
@@ -101,7 +101,7 @@ def killed(robot, driver, process):
 
 
 def frozen(robot, driver, process):
-    """Freeze the bridge; the commander dies meanwhile, and leaves velocities in its queue."""
+    """Suspend the bridge; the commander ends meanwhile, and leaves velocities in the queue."""
     where, when = robot.x, time.monotonic()
     process.process.send_signal(signal.SIGSTOP)
     time.sleep(0.5)
@@ -142,8 +142,8 @@ HEAD = ('what happens', 'what the bridge does', 'the robot drove on for',
 STILL = 0.0005
 
 
-def play(probe, name, namespace):
-    """Play a scenario with a robot and a bridge of its own."""
+def run_scenario(probe, name, namespace):
+    """Run a scenario with a robot and a bridge of its own."""
     with faulty_robot() as robot, \
             real_bridge(robot.address, '--namespace', namespace) as process, \
             commander(probe, namespace, process) as driver:
@@ -167,13 +167,13 @@ def row(name, does, result):
 
 
 def main():
-    """Print the table, and what the bridges said beside it."""
+    """Print the table, and the warnings of the bridges."""
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     use_localhost_only()
     probe = Probe()
     print(line(*HEAD), line(*('---' for _ in HEAD)), sep='\n', flush=True)
     for number, (name, does) in enumerate(zip(SCENARIOS, DOES)):
-        result = play(probe, name, f'/fault{number}')
+        result = run_scenario(probe, name, f'/fault{number}')
         print(row(name, does, result), flush=True)
         for said in result.said.splitlines():
             if 'WARN' in said or 'ERROR' in said:

@@ -24,7 +24,7 @@ pytest.importorskip('nav_msgs')
 pytest.importorskip('diagnostic_msgs')
 pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
 
-from link_fault_cases import play, SCENARIOS, SPEED  # noqa: E402, I100
+from link_fault_cases import run_scenario, SCENARIOS, SPEED  # noqa: E402, I100
 
 NAMES = list(SCENARIOS)
 #: What one hold drives, and the ways of a velocity and of a zero on a busy machine [m].
@@ -41,13 +41,13 @@ def probe():
 
 @pytest.mark.parametrize('name', [NAMES[0], NAMES[1], NAMES[2], NAMES[5], NAMES[6]])
 def test_broken_link_costs_one_command_timeout_and_no_motion_follows(probe, name):
-    result = play(probe, name, f'/fault{NAMES.index(name)}')
+    result = run_scenario(probe, name, f'/fault{NAMES.index(name)}')
     assert result.drift < TIMEOUT_DISTANCE
     assert result.after_stop == 0
 
 
 def test_slow_link_drives_and_stops_within_one_call(probe):
-    result = play(probe, NAMES[3], '/slow')
+    result = run_scenario(probe, NAMES[3], '/slow')
     assert result.after_stop == 0
     assert result.late < 0.25 + 0.1
     assert result.drift < TIMEOUT_DISTANCE + SPEED * 0.25
@@ -55,7 +55,7 @@ def test_slow_link_drives_and_stops_within_one_call(probe):
 
 def test_link_slower_than_the_command_timeout_is_refused(probe):
     """The robot stands still between two of its velocities anyway."""
-    result = play(probe, NAMES[4], '/slower')
+    result = run_scenario(probe, NAMES[4], '/slower')
     assert result.after_stop == 0
     assert 'the robot did not answer a velocity: no answer within 0.3 s' in result.said
     assert result.drift < TIMEOUT_DISTANCE
