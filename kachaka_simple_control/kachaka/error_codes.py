@@ -21,7 +21,7 @@ import json
 from typing import Any
 
 from kachaka_simple_control.escaping import escaped
-from kachaka_simple_control.telemetry.level import Level
+from kachaka_simple_control.telemetry.diagnosis import Level
 
 SUCCESS = 0
 #: The robot's own codes, in pf-robotics/kachaka-api: error_code.hpp of the bridge for the first,

@@ -40,7 +40,7 @@ from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros.executors import ExecutorLoop, SubscriptionExecutor
-from kachaka_simple_control.telemetry.level import Level
+from kachaka_simple_control.telemetry.diagnosis import Level
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 

@@ -22,7 +22,7 @@ import math
 
 from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts, SUCCESS
-from kachaka_simple_control.telemetry.level import Level
+from kachaka_simple_control.telemetry.diagnosis import Level
 
 #: A response to a velocity that takes longer [s] uses up half of the command timeout.
 SLOW_RESPONSE = 0.15

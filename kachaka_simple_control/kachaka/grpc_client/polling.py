@@ -24,7 +24,7 @@ from typing import Any, TYPE_CHECKING
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
-from kachaka_simple_control.telemetry.level import Level
+from kachaka_simple_control.telemetry.diagnosis import Level
 
 if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.grpc_client.client import RobotClient

@@ -36,7 +36,7 @@ from kachaka_simple_control.kachaka.grpc_client.connection_state import (
     RpcFailure,
     RpcResult,
 )
-from kachaka_simple_control.telemetry.level import Level
+from kachaka_simple_control.telemetry.diagnosis import Level
 
 if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.grpc_client.client import RobotClient

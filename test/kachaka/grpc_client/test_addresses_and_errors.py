@@ -25,7 +25,7 @@ from kachaka_simple_control.kachaka.error_codes import ErrorText, ErrorTexts
 from kachaka_simple_control.kachaka.grpc_client.address import Address
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
 from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.telemetry.level import Level
+from kachaka_simple_control.telemetry.diagnosis import Level
 import pytest
 
 LIMITS = KACHAKA.limits

@@ -33,7 +33,7 @@ from kachaka_simple_control.kachaka.grpc_client.connection_state import (
 )
 from kachaka_simple_control.kachaka.grpc_client.polling import LogThread, OdometryPoller
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
-from kachaka_simple_control.telemetry.level import Level
+from kachaka_simple_control.telemetry.diagnosis import Level
 import pytest
 
 OK, LATE = RpcResult(code=0), RpcResult(failure=RpcFailure.LATE, text='no answer within 0.3 s')
