@@ -127,14 +127,14 @@ SCENARIOS = {
 }
 #: What the bridge does about each of them.
 DOES = (
-    'tells it once; when it is back, a zero; motions are dropped until a rest',
+    'logs it once; when it is back, a zero; velocities are dropped until a rest',
     'the same; manual control is not taken again before a rest',
     'a zero after 0.3 s without an answer; the link counts as lost after 1 s more',
     ('drives, with the newest velocity each time; the zero overtakes the one under way, and is '
      'sent again after it'),
     'after three velocities without an answer in 0.3 s it says so, and sends no more until a rest',
-    'nothing: the hold is what is left',
-    'notices it; what had waited is not sent',
+    'nothing: only the command timeout is left',
+    'detects it; velocities that waited are not sent',
 )
 HEAD = ('what happens', 'what the bridge does', 'the robot drove on for',
         'last velocity at the robot after', 'velocities after the stop')
