@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The blocks of the documentation, and what hidden comments say of them.
+The blocks of the documentation, and the hidden comments that mark them.
 
 In Markdown, a hidden comment directly before a fenced block says what the block is::
 
@@ -21,12 +21,12 @@ In Markdown, a hidden comment directly before a fenced block says what the block
 Marks of blocks of commands (``console``):
 
 ``run``
-    The commands are run, by bash, in a scratch home; folder and environment last until the end of
-    the document.  A line ``make TARGET`` must be one that ``.ci/run`` has too; it is left to that,
-    unless it ends with one of our programs: then the program is run.  More words may follow, in
-    this order: ``in FOLDER`` (``$SOURCE`` is a copy of this repository); ``with colcon`` (left out
-    where there is none: ``make docs`` has it); ``with exit code N``;
-    ``in another terminal until: TEXT`` (started there, and going on, once it has printed the
+    The commands are run by bash in a scratch home; directory and environment last until the end
+    of the document.  A line ``make TARGET`` must be one that ``.ci/run`` has too, which runs it;
+    of a target that ends with one of our programs, the program is run here.  More words may
+    follow, in this order: ``in FOLDER`` (``$SOURCE`` is a copy of this repository);
+    ``with colcon`` (skipped without colcon: ``make docs`` has it); ``with exit code N``;
+    ``in another terminal until: TEXT`` (started there; the next block runs once it has printed the
     text); ``, after the other terminals are closed``; ``, instead of cloning: COMMAND``.
 ``needs ros2: WHY``
     Run where there is the real command ``ros2``, which PyPI does not have.  Without it, a stand-in
@@ -41,10 +41,10 @@ Marks of other blocks:
 ``fragment``
     A part of a file that the reader has by the end of the document.
 ``output``
-    What the run block before it printed: each line of it, in order, leaving out log lines of nodes
-    that the block does not name, and other lines if it has none.  A line ``...`` stands for any
-    lines, and ``...`` within one for anything.  Times are left out; figures with two digits after
-    the point or more may differ a little.  A block with ``[INFO]`` in it needs no mark.
+    What the run block before it printed: each line of it, in order, without log lines of nodes
+    that the block does not name, and without other lines if it has none.  A line ``...`` stands
+    for any lines, and ``...`` within one for anything.  Times are ignored; figures with two digits
+    after the point or more may differ a little.  A block with ``[INFO]`` in it needs no mark.
 ``run`` (Python)
     Run with a simulated robot of its own.
 
@@ -71,7 +71,7 @@ RUN = re.compile(
     r'(?: in another terminal until: (?P<until>.+?))?'
     r'(?P<close>, after the other terminals are closed)?'
     r'(?:, instead of cloning: (?P<instead>.+))?')
-#: What somebody meant to replace: a line that is an upper-case word, or a word that says so.
+#: A placeholder: a line that is an upper-case word, or has a word such as TODO.
 PLACEHOLDER = re.compile(r'\s*[A-Z][A-Z0-9_]+\s*|.*\b(TODO|TBD|FIXME|XXX)\b.*')
 NOT_RUN = re.compile(r'(needs|not run:) .+')
 
@@ -92,17 +92,17 @@ class Block:
 
     @property
     def is_run(self) -> bool:
-        """Tell whether it holds commands that are run."""
+        """Return whether it has commands that are run."""
         return self.language in COMMANDS and RUN.fullmatch(self.mark) is not None
 
     @property
     def is_output(self) -> bool:
-        """Tell whether it quotes what a program prints."""
+        """Return whether it quotes the output of a program."""
         return self.mark == 'output' or (self.language == 'text' and '[INFO]' in self.text)
 
     @property
     def run(self) -> re.Match[str]:
-        """Return what its mark says of how to run it."""
+        """Return how to run it, by its mark."""
         match = RUN.fullmatch(self.mark)
         assert match is not None
         return match
@@ -134,7 +134,7 @@ def blocks(path: Path) -> list[Block]:
 
 
 def placeholders(text: str) -> list[int]:
-    """Return the numbers of the lines, outside of blocks, that somebody meant to replace."""
+    """Return the numbers of the lines, outside of blocks, that are placeholders."""
     found: list[int] = []
     inside = False
     for number, line in enumerate(text.splitlines(), 1):

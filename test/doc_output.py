@@ -37,14 +37,14 @@ def compare(quoted: list[str], printed: list[str]) -> str | None:
         while rest and anything and not agree(line, rest[0]):
             rest.pop(0)
         if not rest or not agree(line, rest[0]):
-            return f'{line!r} was to come, and not {rest[0] if rest else "the end"!r}'
+            return f'expected {line!r}, got {rest[0] if rest else "the end"!r}'
         rest.pop(0)
         anything = False
     return None if anything or not rest else f'{rest[0]!r} is not quoted'
 
 
 def agree(quoted: str, printed: str) -> bool:
-    """Tell whether a quoted line is like a printed one, figures nearly so."""
+    """Return whether a quoted line matches a printed one, figures approximately."""
     quoted, printed = (
         ' '.join(re.sub(r'^(\[\w+\]) \[[\d.]+\] ', r'\1 ', line).split())
         for line in (quoted, printed))

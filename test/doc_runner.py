@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Play somebody who does what a document says, in terminals of their own."""
+"""Run what a document tells its reader to do, in terminals like theirs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ PROGRAMS = {
     'kachaka_bridge': 'kachaka_simple_control.kachaka.bridge_command',
     'kachaka_sim': 'kachaka_simple_control.kachaka.simulator.command',
 }
-PATIENCE = 300.0
+#: How long the commands of a block may take [s].
+COMMAND_TIMEOUT = 300.0
 
 MAKE = """#!/bin/bash
 set -e
@@ -59,7 +60,7 @@ exit 1
 
 
 class Terminal:
-    """A shell that a reader has opened, and what it shows."""
+    """A shell that a reader has opened, and its output."""
 
     def __init__(self, command: str, reader: Reader, number: int) -> None:
         """Start a command in it."""
@@ -72,11 +73,11 @@ class Terminal:
 
     @property
     def text(self) -> str:
-        """Return what it shows."""
+        """Return its output so far."""
         return self._log.read_text()
 
     def wait_for(self, text: str) -> None:
-        """Return when it shows a text."""
+        """Return when its output has a text."""
         end = time.monotonic() + 30.0
         while text not in self.text:
             assert time.monotonic() < end, f'{text!r} never came, but:\n{self.text}'
@@ -84,8 +85,8 @@ class Terminal:
             time.sleep(0.05)
 
     def wait(self) -> int:
-        """Return the exit code of what runs in it."""
-        return self._process.wait(PATIENCE)
+        """Wait for the command, and return its exit code."""
+        return self._process.wait(COMMAND_TIMEOUT)
 
     def close(self) -> None:
         """Press Ctrl+C, and close it."""
@@ -96,10 +97,10 @@ class Terminal:
 
 
 class Reader:
-    """Somebody who does what a document says, line by line."""
+    """Does what a document says, block by block."""
 
     def __init__(self, scratch: Path) -> None:
-        """Sit down at a machine with nothing but this repository's source."""
+        """Start with an empty home directory and a copy of this repository's source."""
         self.scratch = scratch
         self.home, self.source = scratch / 'home', scratch / 'source'
         self._state = scratch / 'state'
@@ -125,7 +126,7 @@ class Reader:
         for name, text in programs.items():
             tools.joinpath(name).write_text(text)
             tools.joinpath(name).chmod(0o755)
-        # What `make` would have made.
+        # What `make setup` would have made.
         environment = self.source / '.venv'
         if sys.prefix != sys.base_prefix:
             environment.symlink_to(sys.prefix)
@@ -135,14 +136,14 @@ class Reader:
         return tools
 
     def do(self, block: Block) -> None:
-        """Run the commands of a block, and look at how they end."""
+        """Run the commands of a block, and check their exit code."""
         run = block.run
         if run['close']:
             self.close_terminals()
         text = (run['instead'] + '\n') if run['instead'] else block.text
         folder = f'cd "{run["folder"]}"\n' if run['folder'] else ''
         if run['until']:
-            # Another terminal knows nothing of what was sourced here.
+            # Another terminal does not have what was sourced here.
             terminal = self._open(folder + text)
             terminal.wait_for(run['until'])
             self.output = terminal.text
@@ -157,7 +158,7 @@ class Reader:
             f'{block}: these commands ended with exit code {code}:\n{text}\n{self.output}')
 
     def type_file(self, block: Block) -> None:
-        """Write down a file."""
+        """Write a file of the document."""
         assert block.file is not None
         state = self._state.read_text() if self._state.exists() else ''
         folder = re.findall(r'^cd (.+)$', state, re.MULTILINE)
@@ -179,7 +180,7 @@ class Reader:
         robot.close()
 
     def read_output(self, block: Block) -> None:
-        """Compare what a block quotes with what has just been printed."""
+        """Compare what a block quotes with the last output."""
         difference = compare(block.text.splitlines(), self.output.splitlines())
         assert difference is None, f'{block}: {difference}; it printed:\n{self.output}'
 
@@ -203,7 +204,7 @@ class Reader:
 
 
 def copy_source(folder: Path) -> None:
-    """Copy what git knows or would know of this repository."""
+    """Copy the files of this repository that git knows or would add."""
     listing = subprocess.run(
         ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
         cwd=ROOT, capture_output=True, text=True, check=True)
@@ -214,5 +215,5 @@ def copy_source(folder: Path) -> None:
 
 
 def searched() -> str:
-    """Return where programs are looked for."""
+    """Return the search path of programs."""
     return os.pathsep.join([str(Path(sys.prefix) / 'bin'), os.environ['PATH']])

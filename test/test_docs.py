@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the documentation tells a reader to do works, and what it quotes is what appears."""
+"""The commands of the documentation work, and print what it quotes."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ needs_source = pytest.mark.skipif(
 def test_every_block_of_commands_has_a_mark(block):
     assert block.mark, (
         f'{block}: say above this block whether its commands are tested: <!-- test: run -->, or '
-        '<!-- test: not run: WHY -->; documents.py lists all marks')
+        '<!-- test: not run: WHY -->; doc_blocks.py lists all marks')
     assert block.is_run or NOT_RUN.fullmatch(block.mark), (
-        f'{block}: {block.mark!r} is no mark; documents.py lists them at its top')
+        f'{block}: {block.mark!r} is no mark; doc_blocks.py lists them at its top')
 
 
 @pytest.mark.parametrize('block', [b for b in ALL if b.language not in COMMANDS], ids=str)
 def test_other_marks_are_known(block):
     known = ('', 'fragment', 'output', *(['run'] if block.language == 'python' else []))
     assert block.mark in known or block.file, (
-        f'{block}: {block.mark!r} is no mark; documents.py lists them at its top')
+        f'{block}: {block.mark!r} is no mark; doc_blocks.py lists them at its top')
 
 
 @pytest.mark.parametrize('block', [b for b in ALL if b.language == 'python'], ids=str)
@@ -77,7 +77,7 @@ def test_every_make_is_one_that_ci_makes_too(block):
     lines = ROOT.joinpath('.ci', 'run').read_text().splitlines()
     for line in block.text.splitlines():
         assert not line.startswith('make ') or line in lines, (
-            f'{block}: .ci/run has no line {line!r}, so nobody would notice if it broke')
+            f'{block}: .ci/run has no line {line!r}, so no check would fail if it broke')
 
 
 def test_every_example_is_shown():
@@ -102,8 +102,8 @@ def test_quotes_are_compared_as_said_above(quoted, printed, same):
     assert (compare(quoted, printed) is None) == same
 
 
-def plays() -> list[object]:
-    """Return the documents to play, each with whether to do what needs colcon."""
+def documents_to_run() -> list[object]:
+    """Return the documents to run, each with whether to run what needs colcon."""
     found: list[object] = []
     for path in DOCUMENTS:
         run = [block for block in blocks(path) if block.is_run or (
@@ -119,7 +119,7 @@ def plays() -> list[object]:
 @needs_source
 @pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.parametrize('path, colcon', plays())
+@pytest.mark.parametrize('path, colcon', documents_to_run())
 def test_what_it_says_works(path, colcon, tmp_path):
     pytest.importorskip('nav_msgs', reason='needs ROS 2')
     uses_colcon = any(block.is_run and block.run['colcon'] for block in blocks(path))
@@ -129,12 +129,12 @@ def test_what_it_says_works(path, colcon, tmp_path):
         pytest.skip('all of it is run, colcon included')
     reader = Reader(tmp_path)
     try:
-        play(path, reader, colcon)
+        run_document(path, reader, colcon)
     finally:
         reader.close_terminals()
 
 
-def play(path: Path, reader: Reader, colcon: bool) -> None:
+def run_document(path: Path, reader: Reader, colcon: bool) -> None:
     """Do what a document says."""
     was_run = False
     for block in blocks(path):
@@ -157,6 +157,6 @@ def play(path: Path, reader: Reader, colcon: bool) -> None:
 
 
 def needs_edit(block: Block) -> bool:
-    """Tell whether a fragment gets into its file by commands that are run with colcon."""
+    """Return whether a fragment gets into its file by commands that are run with colcon."""
     texts = [other.text for other in blocks(block.path) if other.file]
     return not any(block.text.strip() in text for text in texts)
