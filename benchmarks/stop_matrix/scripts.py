@@ -115,7 +115,7 @@ from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 HEARD = Path(os.environ.get('HEARD', 'heard')).resolve()
 MachineClaim.take = lambda self, name, who: None
 ForeignMessages.update = lambda self: False
-robot_claim.is_kept_to_this_machine = lambda: False
+robot_claim.is_localhost_only = lambda: False
 hear = Claims.on_claim
 Claims.on_claim = lambda self, claim, now: HEARD.exists() and hear(self, claim, now)
 """ + USER.replace('node.move_robot(0.0, 0.0, 0.2)', '') + """

@@ -125,7 +125,7 @@ def look(way, **chosen):
             {address.split(':')[0] for address in addresses})
 
 
-@pytest.mark.parametrize('way', ['avoid_shared_memory', 'stay_on_this_machine'])
+@pytest.mark.parametrize('way', ['use_udp_transport', 'use_localhost_only'])
 def test_nothing_goes_by_shared_memory(way):
     """A program that was killed leaves its part of it locked, and others wait for it."""
     threads, _ = look(way)
@@ -136,14 +136,14 @@ def test_nothing_goes_by_shared_memory(way):
 @pytest.mark.parametrize('chosen', [{}, {dds_transport.RANGE: 'LOCALHOST'}])
 def test_what_stays_here_sends_from_the_loopback_interface(chosen):
     """So it cannot answer what it may hear from elsewhere, by way of others who stand here."""
-    _, addresses = look('stay_on_this_machine', **chosen)
+    _, addresses = look('use_localhost_only', **chosen)
     assert addresses == {LOOPBACK, ANNOUNCEMENTS}
 
 
 @pytest.mark.parametrize(('way', 'offset'), [
-    ('avoid_shared_memory', 0), ('stay_on_this_machine', 0),
+    ('use_udp_transport', 0), ('use_localhost_only', 0),
     # Where the 32nd participant of this machine listens, of those that ROS's range greets.
-    ('stay_on_this_machine', 10 + 2 * 31)])
+    ('use_localhost_only', 10 + 2 * 31)])
 def test_a_newcomer_is_announced_until_everybody_has_heard_it(way, offset):
     """By itself Fast DDS does so five times, and then every three seconds."""
     needs_fast_dds()
@@ -247,11 +247,11 @@ def test_a_simulated_drive_sends_no_packet_off_this_machine(cable, tmp_path):
 
 
 def test_what_people_chose_stands():
-    threads, _ = look('avoid_shared_memory', **{dds_transport.TRANSPORTS: 'DEFAULT'})
+    threads, _ = look('use_udp_transport', **{dds_transport.TRANSPORTS: 'DEFAULT'})
     assert 'shm' in threads
     for chosen in ({dds_transport.RANGE: 'SUBNET'}, {dds_transport.LOCALHOST_ONLY: '0'}):
         code = ('import os; from kachaka_simple_control.ros.dds_transport import *; '
-                'stay_on_this_machine(); '
+                'use_localhost_only(); '
                 f'print({{name: os.environ.get(name) for name in {dds_transport.CHOICES}}})')
         told = subprocess.run(
             [sys.executable, '-c', code], env=environment(**chosen), timeout=60,
@@ -262,7 +262,7 @@ def test_what_people_chose_stands():
 def test_tools_that_know_nothing_of_this_hear_who_stays_here():
     """As in another terminal: with ROS's own settings, or with its range LOCALHOST."""
     needs_fast_dds()
-    talk = ('from kachaka_simple_control.ros.dds_transport import *; stay_on_this_machine(); '
+    talk = ('from kachaka_simple_control.ros.dds_transport import *; use_localhost_only(); '
             'import rclpy, time; from geometry_msgs.msg import Twist; rclpy.init(); '
             'publisher = rclpy.create_node("talker").create_publisher(Twist, "/talk", 10)\n'
             'while True: publisher.publish(Twist()); time.sleep(0.05)')

@@ -38,7 +38,7 @@ ELSEWHERE = """
 from kachaka_simple_control.control.claims import MachineClaim
 from kachaka_simple_control.ros import robot_claim
 MachineClaim.take = lambda self, name, who: None
-robot_claim.is_kept_to_this_machine = lambda: False
+robot_claim.is_localhost_only = lambda: False
 """
 #: One that discovery lets hear of others only when it is too late.
 UNAWARE = """
