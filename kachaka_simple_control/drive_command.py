@@ -31,8 +31,8 @@ from kachaka_simple_control.report.recording import lacking
 from kachaka_simple_control.report.report_directory import prepare_report_dir
 from kachaka_simple_control.report.text_tables import table
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
+from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.parameters import check_names, session_started
-from kachaka_simple_control.ros.qos import SERVICE_QOS
 from kachaka_simple_control.ros.startup import start_ros
 from kachaka_simple_control.telemetry.subscriber_process import REPORTER, SubscriberProcesses
 import rclpy

@@ -41,11 +41,11 @@ from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.ros.dds_transport import use_udp_transport
 from kachaka_simple_control.ros.debug_topics import IntrospectionPublishers
+from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.names import names_of
 from kachaka_simple_control.ros.odometry import listen_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters, declare_robot
-from kachaka_simple_control.ros.qos import SERVICE_QOS
 from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import VelocityMessage, VelocityPublisher

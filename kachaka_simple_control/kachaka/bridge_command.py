@@ -169,7 +169,7 @@ def _parser() -> OneLineParser:
 
 def _serve(node: BridgeNode, shutdown: ShutdownEvent, with_parent: bool) -> None:
     if with_parent:
-        from kachaka_simple_control.ros.participants import own_participant
+        from kachaka_simple_control.ros.endpoints import own_participant
         print(f'{PARTICIPANT}{own_participant(node).hex()}', file=sys.stderr, flush=True)
     # The executors run in threads of their own: the main thread sleeps until a signal comes, so
     # it takes no time from them.

@@ -33,7 +33,7 @@ from kachaka_simple_control.control.timing import DISCOVERY_RETRY_TIMEOUTS, POLL
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.control.watchdog import GuardianMessage, Watchdog
 from kachaka_simple_control.motion.geometry import ZERO
-from kachaka_simple_control.ros.participants import own_participant
+from kachaka_simple_control.ros.endpoints import own_participant
 from kachaka_simple_control.ros.velocity_publisher import VelocityMessage, VelocityPublisher
 from rclpy.context import Context
 from rclpy.node import Node

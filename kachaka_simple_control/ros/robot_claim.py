@@ -40,8 +40,8 @@ from kachaka_simple_control.control.timing import (
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotTakenError
 from kachaka_simple_control.ros.dds_transport import is_localhost_only
+from kachaka_simple_control.ros.endpoints import own_participant
 from kachaka_simple_control.ros.names import MAX_NAME_LENGTH
-from kachaka_simple_control.ros.participants import own_participant
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
