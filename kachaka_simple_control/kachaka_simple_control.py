@@ -48,7 +48,7 @@ from kachaka_simple_control.ros.odometry import listen_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters, declare_robot
 from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
-from kachaka_simple_control.ros.velocity_publisher import VelocityMessage, VelocityPublisher
+from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.telemetry.events import (
     EventBus,
     MotionEnded,
@@ -111,10 +111,8 @@ class KachakaSimpleControl(Node):
             self.profile, self.node_parameters.robot_namespace,
             self.node_parameters.manual_control)
         check_node_names(self, self.robot_names, TOPICS, SERVICES)
-        message = VelocityMessage(
-            self.profile.message_type, self.profile.frame,
-            lambda: self.get_clock().now().to_msg())
-        self.publisher = VelocityPublisher(self, self.robot_names.velocity, message)
+        self.publisher = VelocityPublisher(
+            self, self.robot_names.velocity, self.profile.message_type, self.profile.frame)
         self._introspection = IntrospectionPublishers(self, self.publisher, self.profile)
         if self.node_parameters.summary or self.node_parameters.odometry_timeout:
             listen_to_odometry(

@@ -34,7 +34,7 @@ from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.control.watchdog import GuardianMessage, Watchdog
 from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.ros.endpoints import own_participant
-from kachaka_simple_control.ros.velocity_publisher import VelocityMessage, VelocityPublisher
+from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.context import Context
 from rclpy.node import Node
 
@@ -63,8 +63,7 @@ class GuardianNode:
             f'_guardian_{os.getpid()}', context=self._context, use_global_arguments=False,
             enable_rosout=False, start_parameter_services=False)
         on_participant(own_participant(node))
-        message = VelocityMessage(message_type, frame, lambda: node.get_clock().now().to_msg())
-        self.publisher = VelocityPublisher(node, topic, message)
+        self.publisher = VelocityPublisher(node, topic, message_type, frame)
 
     @property
     def is_matched(self) -> bool:

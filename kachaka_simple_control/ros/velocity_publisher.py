@@ -15,9 +15,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
 from kachaka_simple_control.control.sent_messages import SentMessages
@@ -27,122 +26,83 @@ from kachaka_simple_control.ros.conversions import twist
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
-if TYPE_CHECKING:
-    from builtin_interfaces.msg import Time
-
-#: By the names that robot profiles have for them.
+#: Message types by the names that robot profiles use.
 TYPES = {'Twist': Twist, 'TwistStamped': TwistStamped}
-
-
-class VelocityMessage:
-    """
-    Makes messages of velocities, as the bytes that go on the wire, one at a time.
-
-    The same velocity comes again and again, and a message takes longer to make than to send: each
-    is kept until another velocity is wanted.  Of a stamped one, the time is new each time.
-    """
-
-    def __init__(self, name: str, frame: str, now: Callable[[], Time]) -> None:
-        """
-        Make a zero first.
-
-        :param name: of the type: Twist or TwistStamped
-        :param frame: the frame in the header of a stamped message
-        :param now: tells the time for that header
-        """
-        self.type: type[Twist] | type[TwistStamped] = TYPES[name]
-        self._frame = frame
-        self._now = now
-        self._velocity = ZERO
-        self._message: Twist | TwistStamped
-        self._data: bytes
-        self._make(ZERO)
-
-    def of(self, velocity: Velocity) -> bytes:
-        """
-        Return a velocity as what a publisher takes.
-
-        :param velocity: the velocity
-        :returns: the message
-        """
-        if velocity is not self._velocity:
-            self._make(velocity)
-        if isinstance(self._message, TwistStamped):
-            self._message.header.stamp = self._now()
-            self._data = bytes(serialize_message(self._message))
-        return self._data
-
-    def _make(self, velocity: Velocity) -> None:
-        self._velocity = velocity
-        self._message = twist(velocity)
-        if self.type is TwistStamped:
-            self._message = TwistStamped(twist=self._message)
-            self._message.header.frame_id = self._frame
-        self._data = bytes(serialize_message(self._message))
+#: Depth of the publisher's queue, as in the lesson [messages].
+DEPTH = 10
 
 
 def is_zero(data: bytes) -> bool:
-    """
-    Tell whether a message is a zero.
-
-    :param data: a Twist or a TwistStamped, as it comes from the wire
-    :returns: whether all its velocities are 0
-    """
-    # Six doubles come last in either.
+    """Tell whether a serialized Twist or TwistStamped has only zero components."""
+    # In both, the six doubles of the velocity come last.
     return not any(data[-48:])
-
-
-#: How many messages the publisher keeps: the lesson's.
-DEPTH = 10
 
 
 class VelocityPublisher:
     """
-    A publisher that can be looked at, but publishes nothing on its own.
+    A publisher that may be inspected, but sends for the velocity gate and the guardian alone.
 
-    Velocities leave through one place, where latch, gap and limits are checked; everything else
-    a publisher offers (``topic_name``, ``get_subscription_count()``, ...) is handed through.
+    All other attributes of a publisher (``topic_name``, ``get_subscription_count()``, ...) are
+    those of the rclpy publisher inside.
+
+    :param topic: where velocities are published
+    :param message_type: Twist or TwistStamped
+    :param frame: the frame in the header of a stamped message
     """
 
-    def __init__(self, node: Node, topic: str, message: VelocityMessage) -> None:
-        """
-        Make a publisher for the edge to use.
-
-        :param node: whose it is
-        :param topic: where velocities go
-        :param message: makes messages of them
-        """
-        self._publisher = node.create_publisher(message.type, topic, DEPTH)
-        self._message = message
-        #: what went out, to tell it from what others send
+    def __init__(self, node: Node, topic: str, message_type: str, frame: str) -> None:
+        self._publisher = node.create_publisher(TYPES[message_type], topic, DEPTH)
+        self._messages = _MessageCache(node, message_type, frame)
+        #: what was sent, to tell it from the messages of other publishers
         self.sent = SentMessages()
 
     def transmit(self, velocity: Velocity) -> None:
-        """
-        Put a velocity on the wire; for the edge alone.
-
-        :param velocity: what to publish
-        """
-        data = self._message.of(velocity)
+        """Publish a velocity; for the velocity gate and the guardian alone."""
+        data = self._messages.serialized(velocity)
         self.sent.note(time.monotonic(), data)
         self._publisher.publish(data)
 
     def publish(self, msg: Any) -> None:  # noqa: ARG002
         """
-        Refuse to publish beside the edge.
+        Refuse to publish outside the velocity gate.
 
-        :param msg: not sent
-        :raises MotionRefusedError: always, with the way to go
+        :raises MotionRefusedError: always, with what to call instead
         """
         raise MotionRefusedError(
             'nothing was published: velocities are timed, limited and stopped by move_robot() '
             'and stop_robot(); use those')
 
     def __getattr__(self, name: str) -> Any:
-        """
-        Hand everything else through.
-
-        :param name: the attribute
-        :returns: the publisher's own
-        """
+        """Return an attribute of the rclpy publisher."""
         return getattr(self._publisher, name)
+
+
+class _MessageCache:
+    """
+    Serializes velocities, and keeps the newest message.
+
+    A plan repeats the same velocity object, and to make a message takes longer than to publish
+    it.  A stamped message is serialized each time, for its stamp changes.
+    """
+
+    def __init__(self, node: Node, message_type: str, frame: str) -> None:
+        self._is_stamped = message_type == 'TwistStamped'
+        self._frame = frame
+        self._clock = node.get_clock()
+        self._make(ZERO)
+
+    def serialized(self, velocity: Velocity) -> bytes:
+        if velocity is not self._velocity:
+            self._make(velocity)
+        if self._is_stamped:
+            self._message.header.stamp = self._clock.now().to_msg()
+            self._data = bytes(serialize_message(self._message))
+        return self._data
+
+    def _make(self, velocity: Velocity) -> None:
+        self._velocity = velocity
+        self._message: Any = twist(velocity)
+        if self._is_stamped:
+            self._message = TwistStamped(twist=self._message)
+            self._message.header.frame_id = self._frame
+        self._data = bytes(serialize_message(self._message))
