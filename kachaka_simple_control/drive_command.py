@@ -32,7 +32,7 @@ from kachaka_simple_control.report.report_directory import prepare_report_dir
 from kachaka_simple_control.report.text_tables import table
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
-from kachaka_simple_control.ros.parameters import check_names, session_started
+from kachaka_simple_control.ros.parameters import check_parameter_names, session_started
 from kachaka_simple_control.ros.startup import start_ros
 from kachaka_simple_control.telemetry.subscriber_process import REPORTER, SubscriberProcesses
 import rclpy
@@ -56,7 +56,7 @@ def drive(options: Options) -> None:
     """
     make_nonblocking(STDOUT, STDERR)
     motion_file = _motion_file(options)
-    check_names(options.ros_arguments)
+    check_parameter_names(options.ros_arguments)
     # Started last, a bridge ends last: after its robot was stopped and given back.
     with contextlib.ExitStack() as helpers:
         if options.report is not None:

@@ -44,7 +44,7 @@ from kachaka_simple_control.ros.debug_topics import IntrospectionPublishers
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.names import names_of
-from kachaka_simple_control.ros.odometry import listen_to_odometry
+from kachaka_simple_control.ros.odometry import subscribe_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters, declare_robot
 from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
@@ -115,7 +115,7 @@ class KachakaSimpleControl(Node):
             self, self.robot_names.velocity, self.profile.message_type, self.profile.frame)
         self._introspection = IntrospectionPublishers(self, self.publisher, self.profile)
         if self.node_parameters.summary or self.node_parameters.odometry_timeout:
-            listen_to_odometry(
+            subscribe_to_odometry(
                 self, self.robot_names, self._on_odometry, self._introspection.in_frame)
         self.session = Session(
             self, self.publisher, self.profile, self.robot_names, self.node_parameters)

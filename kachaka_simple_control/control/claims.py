@@ -145,7 +145,7 @@ MAX_CLAIMS = 64
 MAX_TEXT_LENGTH = 200
 
 #: What is claimed: nothing any more; the robot, as soon as nobody else does; the robot, for good.
-NOTHING, WANTED, HELD = 'nothing', 'wanted', 'held'
+RELEASED, WANTED, HELD = 'nothing', 'wanted', 'held'
 
 
 @dataclass(frozen=True)
@@ -162,12 +162,12 @@ class Claim:
     state: str
     who: str
 
-    def packed(self) -> str:
+    def to_json(self) -> str:
         """Return it as text, for the network."""
         return json.dumps(asdict(self))
 
     @staticmethod
-    def unpacked(text: str) -> Claim | None:
+    def from_json(text: str) -> Claim | None:
         """
         Read a claim.
 
@@ -180,7 +180,7 @@ class Claim:
             return None
         if not all(isinstance(value, str) for value in asdict(claim).values()):
             return None
-        if claim.state not in (NOTHING, WANTED, HELD):
+        if claim.state not in (RELEASED, WANTED, HELD):
             return None
         shown = ''.join(c if c.isprintable() else '?' for c in claim.who[:MAX_TEXT_LENGTH])
         return Claim(claim.participant[:MAX_TEXT_LENGTH], claim.state, shown)
@@ -221,7 +221,7 @@ class Claims:
         """
         return next((claim for claim in self._fresh(now) if claim.state == HELD), None)
 
-    def rival(self, now: float) -> Claim | None:
+    def blocking_claim(self, now: float) -> Claim | None:
         """
         Return a claim that we have to yield to, as long as we want the robot and do not hold it.
 

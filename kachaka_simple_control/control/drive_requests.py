@@ -99,7 +99,7 @@ class DriveRequests:
         request.ended = self._clock() if is_whole else None
         self._busy.release()
 
-    def note_stop(self, reason: ControlError) -> None:
+    def on_stop(self, reason: ControlError) -> None:
         """
         Take note of a stop, before the edge cancels what is under way.
 

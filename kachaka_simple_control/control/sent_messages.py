@@ -37,7 +37,7 @@ class SentMessages:
         self._sent: deque[tuple[float, bytes]] = deque(maxlen=MAX_KEPT)
         self._by_guardian: deque[float] = deque(maxlen=MAX_KEPT)
 
-    def note(self, now: float, data: bytes) -> None:
+    def record(self, now: float, data: bytes) -> None:
         """
         Take note of a message, before it is sent.
 
@@ -46,7 +46,7 @@ class SentMessages:
         """
         self._sent.append((now, data))
 
-    def note_guardian(self, now: float) -> None:
+    def record_guardian_zero(self, now: float) -> None:
         """
         Take note that the guardian is asked to send a zero.
 
@@ -54,7 +54,7 @@ class SentMessages:
         """
         self._by_guardian.append(now)
 
-    def begin(self, now: float) -> None:
+    def discard_old(self, now: float) -> None:
         """
         Forget what cannot be heard any more by whoever listens from now on.
 
@@ -63,7 +63,7 @@ class SentMessages:
         while self._sent and now - self._sent[0][0] > MAX_TRANSIT_TIME:
             self._sent.popleft()
 
-    def accounts_for(self, data: bytes, is_zero: bool, now: float) -> bool:
+    def consume(self, data: bytes, is_zero: bool, now: float) -> bool:
         """
         Tell whether a message that was heard is one of those sent; each is so once.
 

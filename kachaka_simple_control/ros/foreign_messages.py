@@ -76,7 +76,7 @@ class ForeignMessages:
         """
         self._names = self._others()
         if self._names and self._subscription is None:
-            self._publisher.sent.begin(time.monotonic())
+            self._publisher.sent.discard_old(time.monotonic())
             self._subscription = self._node.create_subscription(
                 self._publisher.msg_type, self._publisher.topic_name, self._hear, LISTENER_QOS,
                 callback_group=self._group, raw=True)
@@ -85,7 +85,7 @@ class ForeignMessages:
             self._node.destroy_subscription(subscription)
         return bool(self._names)
 
-    def is_heard(self, now: float) -> bool:
+    def has_recent(self, now: float) -> bool:
         """
         Tell whether somebody else drives the robot.
 
@@ -94,7 +94,7 @@ class ForeignMessages:
         """
         return now - self._heard <= FOREIGN_MESSAGE_MAX_AGE
 
-    def listen(self, check: Callable[[], None] = lambda: None) -> bool:
+    def detect(self, check: Callable[[], None] = lambda: None) -> bool:
         """
         Listen for a while whether somebody else drives the robot; at once if nobody could.
 
@@ -105,25 +105,26 @@ class ForeignMessages:
             return False
         self._is_asked = True
         try:
-            return wait_until(lambda: self.is_heard(time.monotonic()), LISTEN_TIME, check)
+            return wait_until(lambda: self.has_recent(time.monotonic()), LISTEN_TIME, check)
         finally:
             self._is_asked = False
 
-    def require_silence(self, check: Callable[[], None]) -> None:
+    def require_none(self, check: Callable[[], None]) -> None:
         """
         Make sure that nobody else drives the robot; for use before it is taken.
 
         :param check: called while waiting; what it raises ends the wait
         :raises RobotTakenError: if somebody does
         """
-        if self.listen(check):
+        if self.detect(check):
             # Discovery tells the names of nodes last, and nothing moves yet.
             wait_until(lambda: UNKNOWN not in self._others(), LISTEN_TIME, check)
             raise RobotTakenError(
-                f'{self.sender()} sends velocities on {self._publisher.topic_name}; nothing was '
+                f'{self.describe_sender()} sends velocities on {self._publisher.topic_name}; '
+                'nothing was '
                 'sent. Stop that program, or set the parameter allow_other_publishers to true')
 
-    def sender(self) -> str:
+    def describe_sender(self) -> str:
         """Return who may have sent what was heard, as far as that can be known."""
         if UNKNOWN in self._names:
             self._names = self._others() or self._names  # discovery tells names last
@@ -134,8 +135,8 @@ class ForeignMessages:
 
     def _hear(self, data: bytes) -> None:
         now, zero = time.monotonic(), is_zero(data)
-        if self._publisher.sent.accounts_for(data, zero, now) or (zero and self._is_latched()):
+        if self._publisher.sent.consume(data, zero, now) or (zero and self._is_latched()):
             return
         self._heard = now
         if not self._is_asked:
-            self._on_message(self.sender())
+            self._on_message(self.describe_sender())

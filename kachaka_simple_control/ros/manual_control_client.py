@@ -29,7 +29,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 
-class ServiceAnswer:
+class ManualControlResponse:
     """The answer to one request for manual control."""
 
     def __init__(self, future: Any) -> None:
@@ -84,7 +84,7 @@ class ManualControlClient:
         return self._client is not None
 
     @property
-    def is_offered(self) -> bool:
+    def is_available(self) -> bool:
         """Whether somebody serves the service, where it is needed."""
         return self._client is None or bool(self._client.service_is_ready())
 
@@ -104,7 +104,7 @@ class ManualControlClient:
         if answer.refusal is not None:
             raise RobotNotFoundError(f'the robot refused manual control: {answer.refusal}')
 
-    def request(self, enabled: bool) -> ServiceAnswer:
+    def request(self, enabled: bool) -> ManualControlResponse:
         """
         Ask for manual control, or give it back, without waiting.
 
@@ -114,7 +114,7 @@ class ManualControlClient:
         assert self._client is not None
         self.was_requested = True
         self._asked = time.monotonic() if enabled else None
-        return ServiceAnswer(self._client.call_async(SetBool.Request(data=enabled)))
+        return ManualControlResponse(self._client.call_async(SetBool.Request(data=enabled)))
 
     def state(self, now: float) -> str:
         """
@@ -140,9 +140,9 @@ class ManualControlClient:
         answer = self.request(False)
         return wait_until(lambda: answer.done, timeout)
 
-    def _answer(self, end: float) -> ServiceAnswer | None:
+    def _answer(self, end: float) -> ManualControlResponse | None:
         """Ask until an answer comes, to whichever request."""
-        answers: list[ServiceAnswer] = []
+        answers: list[ManualControlResponse] = []
         pause = REQUEST_RETRY_PERIOD
         while (left := end - time.monotonic()) > 0.0:
             answers.append(self.request(True))

@@ -29,7 +29,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 
-def listen_to_odometry(
+def subscribe_to_odometry(
         node: Node, names: RobotNames,
         on_odometry: Callable[[float, Pose, Velocity], None],
         on_frame: Callable[[str], None]) -> None:

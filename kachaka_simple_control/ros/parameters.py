@@ -80,7 +80,7 @@ class NodeParameters:
         False, 'Record what is sent and what odometry answers, for the table at the end')
 
 
-def check_names(arguments: Sequence[str]) -> None:
+def check_parameter_names(arguments: Sequence[str]) -> None:
     """
     Make sure that parameters of the command line are parameters of the node: ROS would not mind.
 

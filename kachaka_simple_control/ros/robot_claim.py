@@ -28,7 +28,7 @@ from kachaka_simple_control.control.claims import (
     Claims,
     HELD,
     MachineClaim,
-    NOTHING,
+    RELEASED,
     WANTED,
 )
 from kachaka_simple_control.control.timing import (
@@ -151,7 +151,7 @@ class _ToldClaim:
         self._on_rival = on_rival
         self._participant = own_participant(node).hex()
         self._claims = Claims(self._participant)
-        self._state = NOTHING
+        self._state = RELEASED
         self._rival_seen: float | None = None
         quality = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._publisher = node.create_publisher(String, topic, quality)
@@ -197,7 +197,7 @@ class _ToldClaim:
     def withdraw(self) -> None:
         """Want it no more; one that is held is not given back before the end."""
         if self._state == WANTED:
-            self._tell(NOTHING)
+            self._tell(RELEASED)
 
     def holder(self) -> str | None:
         """Return who else holds the claim."""
@@ -209,11 +209,11 @@ class _ToldClaim:
         if self._rival_seen is not None:
             time.sleep(max(0.0, self._rival_seen + CLAIM_CONFLICT_TIME - time.monotonic()))
         self._over.set()
-        if self._state != NOTHING and self._node.context.ok():
-            self._tell(NOTHING)
+        if self._state != RELEASED and self._node.context.ok():
+            self._tell(RELEASED)
 
     def _rival(self) -> str | None:
-        claim = self._claims.rival(time.monotonic())
+        claim = self._claims.blocking_claim(time.monotonic())
         return None if claim is None else claim.who
 
     def _tell(self, state: str) -> None:
@@ -222,17 +222,17 @@ class _ToldClaim:
 
     def _publish(self) -> None:
         self._publisher.publish(
-            String(data=Claim(self._participant, self._state, self._who).packed()))
+            String(data=Claim(self._participant, self._state, self._who).to_json()))
 
     def _tell_on(self) -> None:
         while not self._over.wait(CLAIM_PERIOD):
             if not self._node.context.ok():
                 return
-            if self._state != NOTHING:
+            if self._state != RELEASED:
                 self._publish()
 
     def _hear(self, message: String) -> None:
-        claim = Claim.unpacked(message.data)
+        claim = Claim.from_json(message.data)
         if claim is None:
             return
         self._claims.on_claim(claim, time.monotonic())

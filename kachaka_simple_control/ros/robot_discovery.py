@@ -80,7 +80,7 @@ class RobotDiscovery:
         """
         self._brought = brought
 
-    def wait(self, timeout: float, check: Callable[[], None]) -> None:
+    def wait_for_robot(self, timeout: float, check: Callable[[], None]) -> None:
         """
         Wait until the robot listens to us.
 
@@ -195,7 +195,7 @@ class RobotDiscovery:
             return self._not_one(len(robots))
         if self._brought is not None and self._brought() not in robots:
             return self._not_ours(len(robots))
-        if not self._manual_control.is_offered:
+        if not self._manual_control.is_available:
             return (f'a subscriber is there, but not the service {self._service}; for a robot '
                     'without it, set the parameter manual_control to false')
         if not self._manual_control.is_needed and self._odometry and not robots:

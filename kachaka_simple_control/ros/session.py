@@ -179,7 +179,7 @@ class Session:
         :returns: whether there was anything to stop: False before the robot was taken
         :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
         """
-        self._requests.note_stop(reason)
+        self._requests.on_stop(reason)
         if (failure := self._stop(reason)) is not None:
             self._has_reported = True
             raise RunFaultError(failure)
@@ -254,11 +254,11 @@ class Session:
 
     def _connect(self) -> None:
         timeout = self._parameters.robot_timeout
-        self._discovery.wait(timeout, self._require_wanted)
+        self._discovery.wait_for_robot(timeout, self._require_wanted)
         # The claim comes before any message and any request.
         self._claim.take(self._require_wanted)
         try:
-            self._foreign.require_silence(self._require_wanted)
+            self._foreign.require_none(self._require_wanted)
         except BaseException:
             self._claim.withdraw()
             raise
@@ -286,7 +286,7 @@ class Session:
         while time.monotonic() < end:
             self._require_wanted()
             self.gate.send_zero(after=self.gate.run)
-            self._publisher.sent.note_guardian(time.monotonic())
+            self._publisher.sent.record_guardian_zero(time.monotonic())
             self._guardian.prime()
             count += 1
             time.sleep(STOP_REPEAT_PERIOD)
@@ -300,7 +300,7 @@ class Session:
             return
         self._executor.ensure_spinning(take_over=True)
         # Another program may drive the robot by now, under manual control.
-        if self._foreign.is_heard(time.monotonic()) or self._foreign.listen():
+        if self._foreign.has_recent(time.monotonic()) or self._foreign.detect():
             return
         if not self._manual_control.release(RELEASE_TIMEOUT):
             self._node.get_logger().warning(
@@ -313,7 +313,7 @@ class Session:
         # A dead link keeps messages in the kernel for 3 s, velocities included.  They must be gone
         # before our publisher is: a reader drops the zeros that follow them with the publisher.
         needed = self.odometry.is_moving(now) or self._monitor.has_lost_robot(now)
-        return needed and not self._foreign.is_heard(now)
+        return needed and not self._foreign.has_recent(now)
 
     def _stop(self, reason: ControlError) -> str | None:
         """Stop the robot, and return what went wrong; None if it stands still."""
@@ -323,7 +323,7 @@ class Session:
             return f'the stop could not be sent: {error}'
         now = time.monotonic()
         # Another robot's motion, or one that another program drives, is no failure of ours.
-        is_ours = self.gate.state is GateState.OPEN and not self._foreign.is_heard(now)
+        is_ours = self.gate.state is GateState.OPEN and not self._foreign.has_recent(now)
         if is_ours and self.odometry.is_moving(now):
             return ('the stop is unconfirmed: zeros were sent, and odometry still sees the robot '
                     'move')

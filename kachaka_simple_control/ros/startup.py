@@ -75,7 +75,7 @@ def start_ros(arguments: Sequence[str]) -> None:
         raise UsageError(_explained(str(error))) from None
 
 
-def check_arguments(
+def strip_ros_arguments(
         arguments: Sequence[str], remove: Callable[[list[str]], list[str]]) -> list[str]:
     """
     Return what is not for ROS, after a look at what is.

@@ -59,7 +59,7 @@ class VelocityPublisher:
     def transmit(self, velocity: Velocity) -> None:
         """Publish a velocity; for the velocity gate and the guardian alone."""
         data = self._messages.serialized(velocity)
-        self.sent.note(time.monotonic(), data)
+        self.sent.record(time.monotonic(), data)
         self._publisher.publish(data)
 
     def publish(self, msg: Any) -> None:  # noqa: ARG002

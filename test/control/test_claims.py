@@ -15,7 +15,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.claims import Claim, Claims, HELD, MAX_CLAIMS, NOTHING, WANTED
+from kachaka_simple_control.control.claims import Claim, Claims, HELD, MAX_CLAIMS, RELEASED, WANTED
 from kachaka_simple_control.control.timing import CLAIM_TIMEOUT
 import pytest
 
@@ -26,15 +26,15 @@ NEWCOMER = Claim('aa', WANTED, 'a newcomer')
 def test_whoever_wants_the_robot_yields_to_the_one_that_holds_it():
     claims = Claims('cc')
     claims.on_claim(HOLDER, 0.0)
-    assert claims.rival(0.1) == claims.holder(0.1) == HOLDER
+    assert claims.blocking_claim(0.1) == claims.holder(0.1) == HOLDER
 
 
 def test_of_two_newcomers_the_lower_participant_wins():
     first, second = Claims('aa'), Claims('bb')
     first.on_claim(Claim('bb', WANTED, 'second'), 0.0)
     second.on_claim(Claim('aa', WANTED, 'first'), 0.0)
-    assert first.rival(0.1) is None
-    assert second.rival(0.1).who == 'first'
+    assert first.blocking_claim(0.1) is None
+    assert second.blocking_claim(0.1).who == 'first'
 
 
 def test_a_newcomer_does_not_hold_anything():
@@ -54,14 +54,14 @@ def test_a_claim_that_is_not_heard_of_any_more_is_over():
 def test_a_claim_may_be_taken_back():
     claims = Claims('cc')
     claims.on_claim(HOLDER, 0.0)
-    claims.on_claim(Claim('bb', NOTHING, 'somebody'), 0.1)
-    assert claims.rival(0.2) is None
+    claims.on_claim(Claim('bb', RELEASED, 'somebody'), 0.1)
+    assert claims.blocking_claim(0.2) is None
 
 
 def test_ones_own_claim_is_no_rival():
     claims = Claims('bb')
     claims.on_claim(HOLDER, 0.0)
-    assert claims.rival(0.1) is None
+    assert claims.blocking_claim(0.1) is None
 
 
 def test_the_network_cannot_fill_the_memory():
@@ -79,20 +79,22 @@ def test_of_newcomers_that_hear_each_other_one_goes_on(order):
     for hearer in programs.values():
         for participant in order:
             hearer.on_claim(Claim(participant, WANTED, participant), 0.0)
-    assert [name for name, claims in sorted(programs.items()) if claims.rival(0.1) is None] == [
+    assert [name for name,
+        claims in sorted(programs.items()) if claims.blocking_claim(0.1) is None] == [
         'aa']
 
 
-@given(st.builds(Claim, st.text(max_size=30), st.sampled_from([NOTHING, WANTED, HELD]), st.text()))
+@given(
+    st.builds(Claim, st.text(max_size=30), st.sampled_from([RELEASED, WANTED, HELD]), st.text()))
 def test_a_claim_survives_the_network(claim):
-    read = Claim.unpacked(claim.packed())
+    read = Claim.from_json(claim.to_json())
     assert (read.participant, read.state) == (claim.participant, claim.state)
     assert read.who.isprintable()
 
 
 @given(st.text() | st.binary().map(lambda data: data.decode('latin-1')))
 def test_what_is_no_claim_is_none(text):
-    assert Claim.unpacked(text) is None or Claim.unpacked(text).state in (NOTHING, WANTED, HELD)
+    assert Claim.from_json(text) is None or Claim.from_json(text).state in (RELEASED, WANTED, HELD)
 
 
 @pytest.mark.parametrize('text', [
@@ -101,10 +103,10 @@ def test_what_is_no_claim_is_none(text):
     '{"participant": "aa", "state": "nonsense", "who": "x"}',
     '{"participant": "aa", "state": "held", "who": "x", "more": 1}'])
 def test_hostile_texts_are_no_claims(text):
-    assert Claim.unpacked(text) is None
+    assert Claim.from_json(text) is None
 
 
 def test_what_is_shown_is_one_line_that_a_terminal_can_take():
-    claim = Claim.unpacked(Claim('aa', HELD, 'a\nb\x1b[2J' + 'c' * 1000).packed())
+    claim = Claim.from_json(Claim('aa', HELD, 'a\nb\x1b[2J' + 'c' * 1000).to_json())
     assert claim.who.startswith('a?b?[2Jccc')
     assert len(claim.who) == 200

@@ -41,7 +41,7 @@ class Bench:
 
     def stop(self):
         """Stop as a session does."""
-        self.requests.note_stop(STOPPED)
+        self.requests.on_stop(STOPPED)
         self.edge.cancel(STOPPED)
 
     def stop_from_outside(self):

@@ -26,7 +26,7 @@ def sent(*messages, now=0.0):
     """Return what was sent at one time."""
     log = SentMessages()
     for message in messages:
-        log.note(now, message)
+        log.record(now, message)
     return log
 
 
@@ -34,12 +34,12 @@ def sent(*messages, now=0.0):
 def test_our_own_are_ours_whatever_is_lost_on_the_way(messages, data):
     log = sent(*messages)
     arrived = [m for m in messages if data.draw(st.booleans())]
-    assert all(log.accounts_for(m, m == ZERO, 0.0) for m in arrived)
+    assert all(log.consume(m, m == ZERO, 0.0) for m in arrived)
 
 
 @given(OWN)
 def test_one_that_was_never_sent_is_somebody_elses(messages):
-    assert not sent(*messages).accounts_for(FOREIGN, False, 0.0)
+    assert not sent(*messages).consume(FOREIGN, False, 0.0)
 
 
 @given(OWN, st.sampled_from([ZERO, FORWARD, LEFT]), st.integers(min_value=0, max_value=40))
@@ -49,22 +49,22 @@ def test_one_too_many_is_noticed_even_if_it_looks_like_ours(messages, foreign, p
     heard = [*messages]
     heard.insert(min(place, len(heard)), foreign)
     # All of them are asked about, whatever the first answers are.
-    answers = [log.accounts_for(m, m == ZERO, 0.0) for m in heard]
+    answers = [log.consume(m, m == ZERO, 0.0) for m in heard]
     assert False in answers
 
 
 def test_a_zero_of_the_guardian_is_ours_once_and_not_for_long():
     log = sent()
-    log.note_guardian(0.0)
-    log.note_guardian(0.0)
-    assert log.accounts_for(ZERO, True, 0.5)
-    assert not log.accounts_for(FORWARD, False, 0.5)
-    assert not log.accounts_for(ZERO, True, MAX_GUARDIAN_DELAY + 0.1)
+    log.record_guardian_zero(0.0)
+    log.record_guardian_zero(0.0)
+    assert log.consume(ZERO, True, 0.5)
+    assert not log.consume(FORWARD, False, 0.5)
+    assert not log.consume(ZERO, True, MAX_GUARDIAN_DELAY + 0.1)
 
 
 def test_who_begins_to_listen_hears_nothing_of_long_ago():
     log = sent(FORWARD, now=0.0)
-    log.note(1.0, LEFT)
-    log.begin(1.0 + MAX_TRANSIT_TIME)
-    assert not log.accounts_for(FORWARD, False, 1.1)
-    assert log.accounts_for(LEFT, False, 1.1)
+    log.record(1.0, LEFT)
+    log.discard_old(1.0 + MAX_TRANSIT_TIME)
+    assert not log.consume(FORWARD, False, 1.1)
+    assert log.consume(LEFT, False, 1.1)
