@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The right to drive a robot, or to show one: one program holds it, and newcomers are refused."""
+"""The claim on a robot: one program drives it, or is its bridge; others are refused."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-#: What is told who comes second, by what is claimed.
+#: Message for the program that is refused, by role.
 TAKEN = {
     'driver': '{who} drives the robot on {topic}, so nothing was sent; wait until it ends, or '
               'stop it',
@@ -59,38 +59,35 @@ class RobotClaim:
     """
     The claim of one program on one robot, on this machine and between machines.
 
-    On one machine the kernel decides.  Between machines, programs tell each other of their claims
-    on a topic beside that of the velocities.  Discovery takes its time there, so that two may hold
-    the claim for a moment: when they find each other, both are told.
+    On one machine the kernel decides.  Between machines, programs publish their claims on a topic
+    next to that of the velocities.  Discovery takes time, so for a moment two programs may hold
+    the claim: as soon as they receive each other's, both are told.
+
+    :param node: the node that claims; its claim topic is served by the node's executor
+    :param topic: where the robot takes velocities, resolved
+    :param role: what is claimed: ``driver`` or ``bridge``
+    :param on_conflict: called in the executor's thread with who else holds the claim, for each
+        message of that program
     """
 
     def __init__(
-            self, node: Node, topic: str, role: str, on_rival: Callable[[str], None]) -> None:
-        """
-        Claim nothing yet.
-
-        :param node: whose claim it is
-        :param topic: where the robot takes velocities, resolved
-        :param role: what is claimed: ``driver`` or ``bridge``
-        :param on_rival: called, in the thread that serves callbacks, when somebody else turns out
-            to hold the claim that this program holds
-        """
+            self, node: Node, topic: str, role: str, on_conflict: Callable[[str], None]) -> None:
         self._machine = MachineClaim()
         self._name = f'{role} {node.context.get_domain_id()} {topic}'
         self._node_name = node.get_fully_qualified_name()
         self._taken_text = TAKEN[role].format(topic=topic, who='{who}')
-        self._told = None if is_localhost_only() else _ToldClaim(
-            node, _topic(topic, role), on_rival)
+        self._network = None if is_localhost_only() else _NetworkClaim(
+            node, _claim_topic(topic, role), on_conflict)
 
     def fileno(self) -> int:
-        """Return the descriptor that keeps the claim, for a child to inherit."""
+        """Return the descriptor that keeps the claim, for a child process to inherit."""
         return self._machine.fileno()
 
     def take(self, check: Callable[[], None]) -> None:
         """
-        Take the claim on this machine, and tell others that it is wanted.
+        Take the claim on this machine, and ask for it on the network.
 
-        Nothing happens if it is held already.  Follow it with ``hold``, or with ``withdraw``.
+        Does nothing if it is held already.  ``hold`` or ``withdraw`` has to follow.
 
         :param check: called while waiting; what it raises ends the wait
         :raises RobotTakenError: if another program holds the claim, with who that is
@@ -101,83 +98,86 @@ class RobotClaim:
             self._machine.take(self._name, f'{who}, {since}')
         except ClaimedError as error:
             raise self._taken(str(error)) from None
-        if self._told is not None:
-            rival = self._told.take(f'{who} on {socket.gethostname()}, {since}', check)
-            if rival is not None:
-                raise self._taken(rival)
+        if self._network is not None:
+            blocker = self._network.take(f'{who} on {socket.gethostname()}, {since}', check)
+            if blocker is not None:
+                raise self._taken(blocker)
 
     def hold(self) -> None:
-        """Tell other machines that the robot is ours from now on."""
-        if self._told is not None:
-            self._told.hold()
+        """Publish that this program holds the claim from now on."""
+        if self._network is not None:
+            self._network.hold()
 
     def withdraw(self) -> None:
-        """Tell other machines that the robot is not wanted any more."""
-        if self._told is not None:
-            self._told.withdraw()
+        """Publish that the claim is not wanted any more; one that is held stays held."""
+        if self._network is not None:
+            self._network.withdraw()
 
     def require(self) -> None:
         """
-        Make sure that nobody else holds the claim as well.
+        Check that no other program holds the claim as well.
 
-        :raises RobotTakenError: if somebody does
+        :raises RobotTakenError: if one does
         """
-        if self._told is not None and (rival := self._told.holder()) is not None:
-            raise self._taken(rival)
+        if self._network is not None and (holder := self._network.holder()) is not None:
+            raise self._taken(holder)
 
     def release(self) -> None:
-        """Give the claim back, for good."""
-        if self._told is not None:
-            self._told.release()
+        """Release the claim; it cannot be taken again."""
+        if self._network is not None:
+            self._network.release()
         self._machine.release()
 
     def _taken(self, who: str) -> RobotTakenError:
         return RobotTakenError(self._taken_text.replace('{who}', who))
 
 
-def _topic(velocities: str, role: str) -> str:
-    topic = f'{velocities}/_{role}'
+def _claim_topic(velocity_topic: str, role: str) -> str:
+    topic = f'{velocity_topic}/_{role}'
     if len(topic) <= MAX_NAME_LENGTH:
         return topic
-    return f'/_kachaka_simple_control/_{hashlib.sha256(velocities.encode()).hexdigest()}/_{role}'
+    digest = hashlib.sha256(velocity_topic.encode()).hexdigest()
+    return f'/_kachaka_simple_control/_{digest}/_{role}'
 
 
-class _ToldClaim:
-    """A claim that other machines are told of, and what they tell."""
+class _NetworkClaim:
+    """A claim that is published to other machines, and the claims received from them."""
 
-    def __init__(self, node: Node, topic: str, on_rival: Callable[[str], None]) -> None:
+    def __init__(self, node: Node, topic: str, on_conflict: Callable[[str], None]) -> None:
         self._joined = time.monotonic()
         self._who = ''
-        self._on_rival = on_rival
+        self._on_conflict = on_conflict
         self._participant = own_participant(node).hex()
         self._claims = Claims(self._participant)
         self._state = RELEASED
-        self._rival_seen: float | None = None
-        quality = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._publisher = node.create_publisher(String, topic, quality)
-        # Many may tell of theirs at the same moment.
-        heard = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        # In a group of its own: what is told must be heard whatever became of other callbacks.
+        self._conflict_found: float | None = None
+        self._publisher = node.create_publisher(
+            String, topic, QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        # The depth is for many that publish at the same moment.  In a callback group of its own:
+        # claims must be received even if another callback of the node blocks.
         node.create_subscription(
-            String, topic, self._hear, heard, callback_group=MutuallyExclusiveCallbackGroup())
+            String, topic, self._on_message,
+            QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+            callback_group=MutuallyExclusiveCallbackGroup())
         self._node = node
-        self._over = threading.Event()
-        self._telling = threading.Thread(target=self._tell_on, name='claim', daemon=True)
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(
+            target=self._publish_periodically, name='claim', daemon=True)
 
     def take(self, who: str, check: Callable[[], None]) -> str | None:
-        """Say that the claim is wanted, and return who keeps us from it."""
+        """Publish that the claim is wanted; return who blocks it, None if it may be held."""
         if self._state == HELD:
             return self.holder()
         self._who = who
-        self._tell(WANTED)
-        if not self._telling.is_alive():
-            self._telling.start()
+        self._set_state(WANTED)
+        if not self._thread.is_alive():
+            self._thread.start()
         asked = time.monotonic()
 
         def is_decided() -> bool:
-            alone = self._node.count_publishers(self._publisher.topic_name) < 2
-            settled = asked if alone else asked + CLAIM_SETTLE_TIME
-            return self._rival() is not None or time.monotonic() >= max(
+            is_alone = self._node.count_publishers(self._publisher.topic_name) < 2
+            settled = asked if is_alone else asked + CLAIM_SETTLE_TIME
+            return self._blocker() is not None or time.monotonic() >= max(
                 settled, self._joined + CLAIM_DISCOVERY_TIME)
 
         try:
@@ -185,19 +185,17 @@ class _ToldClaim:
         except BaseException:
             self.withdraw()
             raise
-        if (rival := self._rival()) is not None:
+        if (blocker := self._blocker()) is not None:
             self.withdraw()
-        return rival
+        return blocker
 
     def hold(self) -> None:
-        """Hold the claim from now on."""
         if self._state != HELD:
-            self._tell(HELD)
+            self._set_state(HELD)
 
     def withdraw(self) -> None:
-        """Want it no more; one that is held is not given back before the end."""
         if self._state == WANTED:
-            self._tell(RELEASED)
+            self._set_state(RELEASED)
 
     def holder(self) -> str | None:
         """Return who else holds the claim."""
@@ -205,18 +203,18 @@ class _ToldClaim:
         return None if claim is None else claim.who
 
     def release(self) -> None:
-        """Claim nothing any more; only after the other has heard of ours, if there is another."""
-        if self._rival_seen is not None:
-            time.sleep(max(0.0, self._rival_seen + CLAIM_CONFLICT_TIME - time.monotonic()))
-        self._over.set()
+        """Release the claim; after a conflict, not before the other program has received ours."""
+        if self._conflict_found is not None:
+            time.sleep(max(0.0, self._conflict_found + CLAIM_CONFLICT_TIME - time.monotonic()))
+        self._stopped.set()
         if self._state != RELEASED and self._node.context.ok():
-            self._tell(RELEASED)
+            self._set_state(RELEASED)
 
-    def _rival(self) -> str | None:
+    def _blocker(self) -> str | None:
         claim = self._claims.blocking_claim(time.monotonic())
         return None if claim is None else claim.who
 
-    def _tell(self, state: str) -> None:
+    def _set_state(self, state: str) -> None:
         self._state = state
         self._publish()
 
@@ -224,19 +222,19 @@ class _ToldClaim:
         self._publisher.publish(
             String(data=Claim(self._participant, self._state, self._who).to_json()))
 
-    def _tell_on(self) -> None:
-        while not self._over.wait(CLAIM_PERIOD):
+    def _publish_periodically(self) -> None:
+        while not self._stopped.wait(CLAIM_PERIOD):
             if not self._node.context.ok():
                 return
             if self._state != RELEASED:
                 self._publish()
 
-    def _hear(self, message: String) -> None:
+    def _on_message(self, message: String) -> None:
         claim = Claim.from_json(message.data)
         if claim is None:
             return
         self._claims.on_claim(claim, time.monotonic())
         if self._state == HELD and (holder := self.holder()) is not None:
-            if self._rival_seen is None:
-                self._rival_seen = time.monotonic()
-            self._on_rival(holder)
+            if self._conflict_found is None:
+                self._conflict_found = time.monotonic()
+            self._on_conflict(holder)
