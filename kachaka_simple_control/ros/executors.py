@@ -28,101 +28,94 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-#: How long the thread may take to end [s].
+#: How long the thread of an executor may take to end [s].
 THREAD_EXIT_TIMEOUT = 2.0
-#: How long it pauses after a callback has failed [s]: the next may fail as well.
+#: Pause after a callback has failed [s]: the next one may fail as well.
 PAUSE_AFTER_ERROR = 0.02
+#: Pause after a message [s]: the thread that it was for runs first.
+YIELD_TIME = 5e-5
+#: Timeout of a wait set without a timeout.
+WAIT_FOREVER = -1
 
 
 class BackgroundExecutor:
     """
-    Spins a node in one background thread, unless somebody else does.
+    Spins a node in one background thread, unless it is in another executor.
 
-    The thread is there from the beginning, for from Python 3.12 on none can be started any more
-    once the main thread has ended, while another may still drive.  It is joined before the program
-    ends: a thread that still spins while Python is taken down aborts it.
+    The thread is started at once: from Python 3.12 on none can be started after the main thread
+    has ended, while another thread may still drive.  It has to be stopped before the program ends:
+    a thread that spins while the interpreter is finalized aborts it.
+
+    :param node: the node whose callbacks are served
+    :param on_error: called in the background thread with what a callback raised
     """
 
     def __init__(self, node: Node, on_error: Callable[[BaseException], None]) -> None:
-        """
-        Make a spinner that serves nobody yet.
-
-        :param node: whose callbacks are served
-        :param on_error: called, in the background thread, with what a callback raised
-        """
         self._node = node
         self._on_error = on_error
         self._executor = SingleThreadedExecutor(context=node.context)
-        self._thread = threading.Thread(target=self._spin, name='spinner', daemon=True)
+        self._thread = threading.Thread(target=self._run, name='spinner', daemon=True)
         self._thread.start()
 
     def ensure_spinning(self, take_over: bool = False) -> None:
         """
-        See to it that the node's callbacks are served.
+        Add the node to this executor if it is in none.
 
-        :param take_over: serve them here even if the node is in somebody else's executor
+        :param take_over: add it even if it is in another executor
         """
-        if take_over or not self._is_served():
+        if take_over or not self._has_executor():
             self._executor.add_node(self._node)
 
     def is_executor_thread(self) -> bool:
         """
-        Tell whether the calling thread is the one that serves the node's callbacks.
+        Tell whether the calling thread is in a callback of the node's executor.
 
-        :returns: true inside a callback of this node's executor: who waits there for another
-            callback waits for ever
+        To wait there for another callback would never end.
         """
         if threading.current_thread() is self._thread:
             return True
-        return self._is_served() and not self._is_ours() and _inside_executor()
+        is_elsewhere = self._has_executor() and self._node.executor is not self._executor
+        return is_elsewhere and any(True for _ in _executor_frames(sys._getframe()))
 
     def stop(self) -> None:
-        """Spin no more, and return when the thread has ended."""
+        """Stop spinning, and join the thread."""
         self._executor.shutdown(timeout_sec=0.0)
         if threading.current_thread() is not self._thread:
             self._thread.join(THREAD_EXIT_TIMEOUT)
 
-    def _is_ours(self) -> bool:
-        return self._node.executor is self._executor
-
-    def _is_served(self) -> bool:
+    def _has_executor(self) -> bool:
         # A node keeps its reference to an executor that has removed it.
         executor = self._node.executor
         return executor is not None and self._node in executor.get_nodes()
 
-    def _spin(self) -> None:
-        while (error := _failure(self._executor)) is not None:
-            # Then it goes on: the answer to giving the robot back needs to be heard, too.
+    def _run(self) -> None:
+        while (error := self._spin()) is not None:
+            # It goes on: the response to the release of manual control has to be received.
             self._on_error(error)
             time.sleep(PAUSE_AFTER_ERROR)
 
-
-def _failure(executor: SingleThreadedExecutor) -> BaseException | None:
-    """Spin until the executor ends, or a callback raises what is returned."""
-    try:
-        executor.spin()
-    except ExternalShutdownException:
+    def _spin(self) -> BaseException | None:
+        """Spin until the executor is shut down, or a callback raises what is returned."""
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return None
+        except BaseException as error:
+            return error
         return None
-    except BaseException as error:
-        return error
-    return None
 
 
 def wake_main_thread() -> None:
     """
-    Make a main thread that waits in an executor return to Python for a moment.
+    Wake the executor that the main thread waits in, if it does.
 
-    Python runs signal handlers in its main thread, and only there; a wait in C++ keeps it away.
+    Python runs signal handlers in its main thread, between bytecodes; a wait in C++ delays them.
     """
     for frame in _executor_frames(sys._current_frames().get(threading.main_thread().ident or 0)):
         executor = frame.f_locals.get('self')
         if isinstance(executor, Executor):
             executor.wake()
             return
-
-
-def _inside_executor() -> bool:
-    return any(True for _ in _executor_frames(sys._getframe()))
 
 
 def _executor_frames(frame: FrameType | None) -> Iterator[FrameType]:
@@ -132,109 +125,98 @@ def _executor_frames(frame: FrameType | None) -> Iterator[FrameType]:
         frame = frame.f_back
 
 
-#: After a message, the thread that it was for is let go first [s].
-YIELD_TIME = 5e-5
-FOREVER = -1
-
-
 class ExecutorLoop(Protocol):
-    """Serves something."""
+    """Serves callbacks in the thread that calls ``run``."""
 
     def run(self) -> None:
-        """Serve until it is stopped."""
+        """Serve until ``stop`` is called."""
 
     def stop(self) -> None:
-        """Make ``run`` return, or not begin; once, from any thread."""
+        """Make ``run`` return, or not begin; to be called once, from any thread."""
 
 
 class NodeExecutor:
-    """Serves a node in rclpy's way, without what a ``SubscriptionExecutor`` has taken."""
+    """An ``ExecutorLoop`` for a node, without what a ``SubscriptionExecutor`` serves."""
 
     def __init__(self, node: Node) -> None:
-        """
-        Serve nothing yet.
-
-        :param node: the node
-        """
-        self._over = threading.Event()
+        self._stopped = threading.Event()
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
 
     def run(self) -> None:
-        """Serve until it is stopped."""
-        while not self._over.is_set():
+        """Serve until ``stop`` is called."""
+        while not self._stopped.is_set():
             self._executor.spin_once()
         self._executor.shutdown()
 
     def stop(self) -> None:
-        """Make ``run`` return, or not begin; once, from any thread."""
-        # A task wakes the executor; shutting it down under way would pull away what it waits on.
-        self._executor.create_task(self._over.set)
+        """Make ``run`` return, or not begin; to be called once, from any thread."""
+        # A task wakes the executor.  To shut it down here would destroy what it waits on.
+        self._executor.create_task(self._stopped.set)
 
 
 class SubscriptionExecutor:
     """
-    Serves one subscription and nothing else of its node, at a fraction of what an executor costs.
+    An ``ExecutorLoop`` for one subscription, at a fraction of the cost of an executor.
 
-    It waits as ``rclpy.wait_for_message`` does, again and again.
+    It waits as ``rclpy.wait_for_message`` does, in a loop.
+
+    :param subscription: a subscription of the node, in a callback group of its own
+    :param on_message: called with each message, the oldest first
     """
 
     def __init__(
-            self, node: Node, subscription: Subscription, hear: Callable[[Any], None]) -> None:
-        """
-        Hear nothing yet.
-
-        :param node: the node
-        :param subscription: its subscription, in a callback group of its own
-        :param hear: called with each message, the oldest first
-        """
+            self, node: Node, subscription: Subscription, on_message: Callable[[Any], None],
+    ) -> None:
         self._context = node.context
         self._subscription = subscription
-        self._hear = hear
-        self._over = threading.Event()
+        self._on_message = on_message
+        self._stopped = threading.Event()
         group = subscription.callback_group
         # The node destroys it, but only after ``run``, which holds it.
-        self._wake = node.create_guard_condition(lambda: None, callback_group=group)
-        # At work on it for ever: so no executor serves the group or waits for it.  Its events
-        # neither: to wait for them, DDS wakes the executor at each message.  They would tell of
-        # a quality of service that does not fit; with best effort, any fits.
+        self._guard_condition = node.create_guard_condition(lambda: None, callback_group=group)
+        # The group looks busy from now on, so no executor waits for it or serves it.  The events
+        # of the subscription belong to it: while an executor waits for those, DDS wakes it at each
+        # message.  They would report a quality of service that does not match; best effort
+        # matches every publisher.
         group.beginning_execution(subscription)
 
     def run(self) -> None:
-        """Hear until it is stopped."""
-        heard, wake, context = self._subscription.handle, self._wake.handle, self._context.handle
+        """Serve until ``stop`` is called."""
+        subscription, guard_condition = self._subscription.handle, self._guard_condition.handle
+        context = self._context.handle
         assert context is not None, 'ROS is running'
-        with heard, wake, context:
+        with subscription, guard_condition, context:
             wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, context)
-            while not self._over.is_set():
+            while not self._stopped.is_set():
                 wait_set.clear_entities()
-                wait_set.add_subscription(heard)
-                wait_set.add_guard_condition(wake)
-                wait_set.wait(FOREVER)
-                self._empty()
+                wait_set.add_subscription(subscription)
+                wait_set.add_guard_condition(guard_condition)
+                wait_set.wait(WAIT_FOREVER)
+                self._take_all()
                 time.sleep(YIELD_TIME)
 
     def stop(self) -> None:
-        """Make ``run`` return, or not begin; once, from any thread."""
-        self._over.set()
-        self._wake.trigger()
+        """Make ``run`` return, or not begin; to be called once, from any thread."""
+        self._stopped.set()
+        self._guard_condition.trigger()
 
-    def _empty(self) -> None:
+    def _take_all(self) -> None:
         take, kind = self._subscription.handle.take_message, self._subscription.msg_type
-        # A publisher that is quicker than this must not keep it from its end.
-        while not self._over.is_set() and (taken := take(kind, False)) is not None:
-            self._hear(taken[0])
+        # A publisher that is faster than this loop must not keep it from its end.
+        while not self._stopped.is_set() and (taken := take(kind, False)) is not None:
+            self._on_message(taken[0])
 
 
 def before_shutdown(context: Context, callback: Callable[[], None]) -> None:
     """
     Call a function before a context is shut down, in the thread that shuts it down.
 
-    rclpy's own ``Context.on_shutdown`` comes after the fact, when nothing can be published any
-    more (ros2/rclpy issue 1077), so the context's two ways to shut down are wrapped.
+    ``Context.on_shutdown`` of rclpy calls back afterwards, when nothing can be published any more
+    (ros2/rclpy issue 1077), so the two methods that shut down are wrapped.
 
     :param context: the context, as ``rclpy.shutdown`` will find it
-    :param callback: what to call; it may be called more than once
+    :param callback: may be called more than once
     """
     for name in ('shutdown', 'try_shutdown'):
         setattr(context, name, _preceded(getattr(context, name), callback))
