@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What serves the bridge's node, and its one subscription that no executor serves."""
+"""The executors of the bridge: one for its node, one for its subscription of velocities."""
 
 from __future__ import annotations
 
@@ -49,23 +49,23 @@ def node():
 
 
 class Running:
-    """A spinner in a thread of its own."""
+    """An executor in a thread of its own."""
 
-    def __init__(self, spinner):
+    def __init__(self, executor):
         """Run it."""
-        self.spinner = spinner
+        self._executor = executor
         self.busy = 0.0
         self._threads = ThreadPoolExecutor(max_workers=1)
         self.end = self._threads.submit(self._run)
 
     def stop(self):
         """Stop it, and wait for its end."""
-        self.spinner.stop()
+        self._executor.stop()
         self.end.result(AT_ONCE)
         self._threads.shutdown()
 
     def _run(self):
-        self.spinner.run()
+        self._executor.run()
         self.busy = time.thread_time()
 
 
@@ -76,41 +76,42 @@ def subscription(node, callback=lambda _: None):
         callback_group=MutuallyExclusiveCallbackGroup())
 
 
-def speaker(node):
-    """Return what publishes a velocity, once it is heard."""
+def velocities(node):
+    """Return a function that publishes a velocity; its publisher is matched."""
     publisher = node.create_publisher(Twist, TOPIC, 10)
     assert wait_until(lambda: publisher.get_subscription_count() == 1)
 
-    def say(linear):
+    def publish(linear):
         message = Twist()
         message.linear.x = linear
         publisher.publish(message)
 
-    return say
+    return publish
 
 
-def reached(say, heard):
-    """Publish until something is heard: the reader may match later than the writer."""
-    def is_heard():
-        say(0.0)
-        return bool(heard)
-    return wait_until(is_heard)
+def is_reached(publish, received):
+    """Publish until something is received: the reader may match later than the writer."""
+    def is_received():
+        publish(0.0)
+        return bool(received)
+    return wait_until(is_received)
 
 
-def test_ear_hears_all_the_oldest_first(node):
-    heard = []
+def test_subscription_executor_delivers_all_the_oldest_first(node):
+    received = []
     running = Running(
-        SubscriptionExecutor(node, subscription(node), lambda twist: heard.append(twist.linear.x)))
-    say = speaker(node)
-    assert reached(say, heard)
+        SubscriptionExecutor(node, subscription(node),
+        lambda twist: received.append(twist.linear.x)))
+    publish = velocities(node)
+    assert is_reached(publish, received)
     for number in range(1, 21):
-        say(float(number))
-        assert wait_until(lambda number=number: heard[-1] == number)
+        publish(float(number))
+        assert wait_until(lambda number=number: received[-1] == number)
     running.stop()
-    assert [number for number in heard if number] == [*range(1, 21)]
+    assert [number for number in received if number] == [*range(1, 21)]
 
 
-def test_ear_that_hears_nothing_costs_nothing_and_ends_at_once(node):
+def test_subscription_executor_without_messages_costs_nothing_and_ends_at_once(node):
     running = Running(SubscriptionExecutor(node, subscription(node), lambda _: None))
     time.sleep(1.0)
     assert not running.end.done()
@@ -120,87 +121,89 @@ def test_ear_that_hears_nothing_costs_nothing_and_ends_at_once(node):
     assert running.busy < 0.1
 
 
-def test_ear_that_is_stopped_before_it_begins_does_not_begin(node):
-    ear = SubscriptionExecutor(node, subscription(node), lambda _: None)
-    ear.stop()
-    Running(ear).end.result(AT_ONCE)
+def test_subscription_executor_stopped_before_it_begins_does_not_begin(node):
+    subscribed = SubscriptionExecutor(node, subscription(node), lambda _: None)
+    subscribed.stop()
+    Running(subscribed).end.result(AT_ONCE)
 
 
-def test_ear_ends_in_the_midst_of_a_flood(node):
-    """Each message brings the next, so there is always one more to hear."""
+def test_subscription_executor_ends_in_the_midst_of_a_flood(node):
+    """Each message brings the next, so there is always one more to take."""
     flood = threading.Event()
     flood.set()
-    heard = []
+    received = []
 
-    def hear(twist):
-        heard.append(twist)
+    def on_twist(twist):
+        received.append(twist)
         if flood.is_set():
-            say(1.0)
+            publish(1.0)
 
-    running = Running(SubscriptionExecutor(node, subscription(node), hear))
-    say = speaker(node)
-    assert reached(say, heard)
-    assert wait_until(lambda: len(heard) > 100)
+    running = Running(SubscriptionExecutor(node, subscription(node), on_twist))
+    publish = velocities(node)
+    assert is_reached(publish, received)
+    assert wait_until(lambda: len(received) > 100)
     try:
         running.stop()
     finally:
         flood.clear()
 
 
-def test_what_fails_on_hearing_comes_out(node):
-    heard = []
+def test_an_error_of_the_subscription_callback_comes_out(node):
+    received = []
 
-    def hear(twist):
-        heard.append(twist)
+    def on_twist(twist):
+        received.append(twist)
         raise ValueError('not that one')
 
-    running = Running(SubscriptionExecutor(node, subscription(node), hear))
-    assert reached(speaker(node), heard)
+    running = Running(SubscriptionExecutor(node, subscription(node), on_twist))
+    assert is_reached(velocities(node), received)
     assert wait_until(running.end.done)
     with pytest.raises(ValueError, match='not that one'):
         running.stop()
 
 
-def test_executor_serves_the_rest_of_the_node_and_leaves_the_ear_its_own(node):
-    wrongly, heard, ticks = [], [], []
-    ear = Running(SubscriptionExecutor(node, subscription(node, wrongly.append), heard.append))
+def test_node_executor_leaves_the_subscription_to_its_own(node):
+    by_node, received, ticks = [], [], []
+    subscribed = Running(
+        SubscriptionExecutor(node, subscription(node, by_node.append), received.append))
     node.create_timer(0.01, lambda: ticks.append(1))
     rest = Running(NodeExecutor(node))
-    say = speaker(node)
-    assert reached(say, heard)
+    publish = velocities(node)
+    assert is_reached(publish, received)
     assert wait_until(lambda: len(ticks) > 10)
     for _ in range(50):
-        say(1.0)
+        publish(1.0)
         time.sleep(0.002)
     rest.stop()
-    ear.stop()
-    assert not wrongly
-    assert len(heard) > 10
+    subscribed.stop()
+    assert not by_node
+    assert len(received) > 10
 
 
-def test_what_the_ear_hears_wakes_no_executor(node):
+def test_what_the_subscription_executor_takes_wakes_no_other(node):
     """Not even to look for events of the subscription, which share its condition in DDS."""
-    heard = []
-    ear = Running(SubscriptionExecutor(node, subscription(node), heard.append))
+    received = []
+    subscribed = Running(SubscriptionExecutor(node, subscription(node), received.append))
     rest = Running(NodeExecutor(node))
-    say = speaker(node)
-    assert reached(say, heard)
+    publish = velocities(node)
+    assert is_reached(publish, received)
     for _ in range(500):
-        say(1.0)
+        publish(1.0)
         time.sleep(0.002)
     rest.stop()
-    ear.stop()
-    assert len(heard) > 100
-    assert rest.busy < 0.3 * ear.busy
+    subscribed.stop()
+    assert len(received) > 100
+    assert rest.busy < 0.3 * subscribed.busy
 
 
-def test_ear_goes_on_when_the_executor_has_ended(node):
-    heard = []
-    ear, rest = Running(SubscriptionExecutor(node, subscription(node), heard.append)), Running(
+def test_subscription_executor_goes_on_when_the_node_executor_has_ended(node):
+    received = []
+    subscribed, rest = Running(
+        SubscriptionExecutor(node, subscription(node), received.append)), Running(
         NodeExecutor(node))
     rest.stop()
-    assert reached(speaker(node), heard)
-    ear.stop()
+    assert is_reached(velocities(node), received)
+    subscribed.stop()
 
 
 class Ends:
@@ -216,7 +219,7 @@ class Ends:
 
 
 class Endless:
-    """A spinner that only ``stop`` ends."""
+    """An executor that only ``stop`` ends."""
 
     def __init__(self):
         """Serve nothing yet."""
@@ -231,14 +234,14 @@ class Endless:
         self._over.set()
 
 
-def test_failure_beside_a_spinner_is_not_waited_for():
+def test_failure_beside_an_executor_is_not_waited_for():
     begun = time.monotonic()
     with pytest.raises(ValueError, match='beside'), _spinning(Endless(), Ends()):
         raise ValueError('beside')
     assert time.monotonic() - begun < AT_ONCE
 
 
-def test_end_of_a_spinner_ends_the_program():
+def test_end_of_an_executor_ends_the_program():
     ends = Ends()
     with _spinning(Endless(), ends):
         assert not ends.told.is_set()
