@@ -90,8 +90,7 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
     try:
         from kachaka_simple_control.ros.startup import start_ros, strip_ros_arguments
         import rclpy
-        from rclpy.utilities import remove_ros_args
-        options, parameters = _parse(strip_ros_arguments(args, remove_ros_args))
+        options, parameters = _parse(strip_ros_arguments(args))
         namespace = '/' + options.namespace.strip('/')
         require_namespace(namespace, '--namespace', MAX_NAMESPACE_LENGTH)
         make_node = (_grpc_bridge(options, namespace, fault) if options.address

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The names under which a robot is found."""
+"""Names of ROS: those of one robot, and what a name or a namespace may be."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.robot_profile import RobotProfile
 
 #: The longest name of a topic or a service: RMW_TOPIC_MAX_NAME_LENGTH, which is what DDS takes
-#: (255) without the room for the prefixes of ROS [characters].
+#: (255) minus the prefixes of ROS [characters].
 MAX_NAME_LENGTH = 247
-#: Likewise of a namespace: RMW_NAMESPACE_MAX_LENGTH, which leaves room for a name in it.
+#: The longest namespace: RMW_NAMESPACE_MAX_LENGTH, which leaves room for a name in it.
 MAX_NAMESPACE_LENGTH = 245
 _NAMESPACE = re.compile('(/+[A-Za-z_][A-Za-z0-9_]*)*/*')
 
@@ -35,8 +35,8 @@ class RobotNames:
     """
     Absolute names of one robot, before remapping.
 
-    :param velocity: the topic it takes velocities on
-    :param odometry: the topic it tells its odometry on; None if it tells none
+    :param velocity: the topic on which it takes velocities
+    :param odometry: the topic of its odometry; None if it has none
     :param manual_control: the service that switches manual control; None if it needs none
     """
 
@@ -47,37 +47,49 @@ class RobotNames:
 
 def names_of(profile: RobotProfile, namespace: str, manual_control: bool) -> RobotNames:
     """
-    Put a robot's names together.
+    Return the names of a robot.
 
     :param profile: the kind of robot
-    :param namespace: the ROS namespace of this one
+    :param namespace: the ROS namespace of this robot
     :param manual_control: whether to use its manual control, if it has one
-    :returns: its names
-    :raises UsageError: if the namespace is none, or so long that the names cannot be used
+    :raises UsageError: if the namespace is invalid, or so long that a name in it is too long
     """
     longest = max(len(name) for name in (
         profile.velocity_topic, profile.odometry_topic, profile.manual_control_service) if name)
     require_namespace(f'/{namespace}', 'robot_namespace', MAX_NAME_LENGTH - 1 - longest)
 
-    def absolute(name: str | None) -> str | None:
-        return f'/{namespace.strip("/")}/{name}'.replace('//', '/') if name else None
+    def absolute(name: str) -> str:
+        return f'/{namespace.strip("/")}/{name}'.replace('//', '/')
 
-    velocity = absolute(profile.velocity_topic)
-    assert velocity is not None
+    odometry, service = profile.odometry_topic, profile.manual_control_service
     return RobotNames(
-        velocity=velocity,
-        odometry=absolute(profile.odometry_topic),
-        manual_control=absolute(profile.manual_control_service) if manual_control else None)
+        velocity=absolute(profile.velocity_topic),
+        odometry=absolute(odometry) if odometry else None,
+        manual_control=absolute(service) if service and manual_control else None)
+
+
+def require_length(text: str, name: str, longest: int, what: str = 'name') -> None:
+    """
+    Check the length of a name.
+
+    :param text: the beginning of the message, with the name in it
+    :param longest: how many characters ROS takes
+    :param what: what should be shorter
+    :raises UsageError: if it is too long
+    """
+    if len(name) > longest:
+        raise UsageError(
+            f'{text}, which has {len(name)} characters; ROS takes {longest} at most: take a '
+            f'shorter {what}')
 
 
 def require_namespace(namespace: str, what: str, longest: int) -> None:
     """
-    Make sure that a namespace can be one of ROS.
+    Check that a namespace is one that ROS takes.
 
-    :param namespace: the namespace
-    :param what: what people call it
-    :param longest: how many characters it may have at most, from its first slash on
-    :raises UsageError: if it cannot
+    :param what: what it is called in the message
+    :param longest: how many characters it may have, from its first slash on
+    :raises UsageError: if it is not
     """
     # fullmatch: a line break at the end would pass otherwise.
     if not _NAMESPACE.fullmatch(namespace):
@@ -88,5 +100,4 @@ def require_namespace(namespace: str, what: str, longest: int) -> None:
         raise UsageError(
             f'{what} is {quoted(namespace, 60)}, which has {length} characters; it may have '
             f'{longest}, for the names in it must not be longer than the {MAX_NAME_LENGTH} that '
-            'ROS '
-            'takes: take a shorter one')
+            'ROS takes: take a shorter one')
