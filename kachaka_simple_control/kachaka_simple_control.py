@@ -33,7 +33,6 @@ from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import MotionRefusedError
-from kachaka_simple_control.files.robot_profile import profile_of
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
@@ -45,7 +44,7 @@ from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.names import names_of
 from kachaka_simple_control.ros.odometry import subscribe_to_odometry
-from kachaka_simple_control.ros.parameters import declare_parameters, declare_robot
+from kachaka_simple_control.ros.parameters import declare_parameters
 from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
@@ -105,8 +104,7 @@ class KachakaSimpleControl(Node):
         self.get_logger().info('Robot control node has started')
 
     def _set_up(self) -> None:
-        self.profile = profile_of(declare_robot(self))
-        self.node_parameters = declare_parameters(self, self.profile)
+        self.profile, self.node_parameters = declare_parameters(self)
         self.robot_names = names_of(
             self.profile, self.node_parameters.robot_namespace,
             self.node_parameters.manual_control)
