@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The service that makes a robot take velocities, or drop them."""
+"""The client of the service that switches manual control of a robot."""
 
 from __future__ import annotations
 
@@ -30,14 +30,9 @@ from std_srvs.srv import SetBool
 
 
 class ManualControlResponse:
-    """The answer to one request for manual control."""
+    """The response to one request, from the future that rclpy returned for it."""
 
     def __init__(self, future: Any) -> None:
-        """
-        Wait for nothing yet.
-
-        :param future: what rclpy returned for the call
-        """
         self._future = future
 
     @property
@@ -47,35 +42,33 @@ class ManualControlResponse:
 
     @property
     def refusal(self) -> str | None:
-        """Why manual control was refused; None if it was granted."""
+        """Why the request was refused; None if it was granted."""
         response = self._future.result()
         return None if response.success else escaped(response.message) or 'no reason given'
 
 
 class ManualControlClient:
-    """Manual control of one robot; without a service it is always on."""
+    """
+    Switches manual control of one robot.
+
+    :param service: the name of the service; None for a robot that needs no manual control
+    :param check: called while waiting; what it raises ends the wait
+    :param timeout: how long manual control lasts after a request [s]
+    """
 
     def __init__(
             self, node: Node, service: str | None, check: Callable[[], None],
             timeout: float = math.inf) -> None:
-        """
-        Ask for nothing yet.
-
-        :param node: the node that asks
-        :param service: the name of the service; None for a robot that needs none
-        :param check: called while waiting; what it raises ends the wait
-        :param timeout: how long one enabling lasts [s]
-        """
         self._service = service
         self._timeout = timeout
-        #: when it was asked for last [s on the steady clock]; None if it was given back since
-        self._asked: float | None = None
-        # In a group of its own: Ctrl+C in the middle of a callback blocks that callback's group
-        # for good, and the answer to giving the robot back must be heard all the same.
+        #: time of the newest request [s on the steady clock]; None if it was released since
+        self._requested: float | None = None
+        # A group of its own: after Ctrl+C in a callback that callback's group stays blocked, and
+        # the response to the release has to be received all the same.
         self._client = node.create_client(
             SetBool, service, callback_group=MutuallyExclusiveCallbackGroup()) if service else None
         self._check = check
-        #: whether it was ever asked for
+        #: whether anything was ever requested
         self.was_requested = False
 
     @property
@@ -85,70 +78,62 @@ class ManualControlClient:
 
     @property
     def is_available(self) -> bool:
-        """Whether somebody serves the service, where it is needed."""
+        """Whether the service has a server, where it is needed."""
         return self._client is None or bool(self._client.service_is_ready())
 
     def enable(self, timeout: float) -> None:
         """
-        Switch manual control on, and wait for the answer.
+        Switch manual control on, and wait for the response.
+
+        Requests are repeated, with growing pauses; the first response to any of them counts.
 
         :param timeout: how long [s]
-        :raises RobotNotFoundError: if no answer comes, or it is a refusal
+        :raises RobotNotFoundError: if no response comes, or it is a refusal
         """
-        answer = self._answer(time.monotonic() + timeout)
-        if answer is None:
-            raise RobotNotFoundError(
-                f'{self._service} did not answer within {timeout:g} s, so manual control may be '
-                'off and nothing was sent: check the link between the bridge and the robot, and '
-                'that somebody spins the executor this node is in')
-        if answer.refusal is not None:
-            raise RobotNotFoundError(f'the robot refused manual control: {answer.refusal}')
+        end = time.monotonic() + timeout
+        responses: list[ManualControlResponse] = []
+        pause = REQUEST_RETRY_PERIOD
+        while (left := end - time.monotonic()) > 0.0:
+            responses.append(self.request(True))
+            wait_until(lambda: any(r.done for r in responses), min(pause, left), self._check)
+            response = next((r for r in responses if r.done), None)
+            if response is None:
+                pause *= 2.0
+            elif response.refusal is None:
+                return
+            else:
+                raise RobotNotFoundError(f'the robot refused manual control: {response.refusal}')
+        raise RobotNotFoundError(
+            f'{self._service} did not answer within {timeout:g} s, so manual control may be off '
+            'and nothing was sent: check the link between the bridge and the robot, and that '
+            'somebody spins the executor this node is in')
 
     def request(self, enabled: bool) -> ManualControlResponse:
-        """
-        Ask for manual control, or give it back, without waiting.
-
-        :param enabled: whether it is wanted
-        :returns: the answer on its way
-        """
+        """Send a request without waiting, and return its response, which is still to come."""
         assert self._client is not None
         self.was_requested = True
-        self._asked = time.monotonic() if enabled else None
+        self._requested = time.monotonic() if enabled else None
         return ManualControlResponse(self._client.call_async(SetBool.Request(data=enabled)))
 
     def state(self, now: float) -> str:
         """
-        Return how it stands, as far as this side knows.
+        Describe the state of manual control, as far as this side knows.
 
         :param now: the time [s on the steady clock]
-        :returns: it, in a few words
         """
         if not self.is_needed:
             return 'not needed'
-        if self._asked is None:
+        if self._requested is None:
             return 'off'
-        age = now - self._asked
+        age = now - self._requested
         return f'asked for {age:.0f} s ago' if age < self._timeout else 'off, for it timed out'
 
     def release(self, timeout: float) -> bool:
         """
         Switch manual control off.
 
-        :param timeout: how long to wait for the answer [s]
-        :returns: whether the answer came
+        :param timeout: how long to wait for the response [s]
+        :returns: whether it came
         """
-        answer = self.request(False)
-        return wait_until(lambda: answer.done, timeout)
-
-    def _answer(self, end: float) -> ManualControlResponse | None:
-        """Ask until an answer comes, to whichever request."""
-        answers: list[ManualControlResponse] = []
-        pause = REQUEST_RETRY_PERIOD
-        while (left := end - time.monotonic()) > 0.0:
-            answers.append(self.request(True))
-            wait_until(lambda: any(a.done for a in answers), min(pause, left), self._check)
-            for answer in answers:
-                if answer.done:
-                    return answer
-            pause *= 2.0
-        return None
+        response = self.request(False)
+        return wait_until(lambda: response.done, timeout)

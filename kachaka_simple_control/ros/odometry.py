@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Hear where the robot says it is."""
+"""The subscription of the robot's odometry."""
 
 from __future__ import annotations
 
@@ -34,21 +34,17 @@ def subscribe_to_odometry(
         on_odometry: Callable[[float, Pose, Velocity], None],
         on_frame: Callable[[str], None]) -> None:
     """
-    Call a function for each pose and velocity that odometry tells.
+    Subscribe to odometry, unless the robot has none or nav_msgs is not installed.
 
-    Does nothing for a robot without odometry, or where nav_msgs is not installed.
-
-    :param node: the node that listens
-    :param names: the robot's names
     :param on_odometry: called with the time of arrival [s on the steady clock], the pose and the
         velocity
-    :param on_frame: called with the frame that poses are in, before the first pose in it
-    :raises UsageError: if a parameter asks for a quality of service that cannot be had
+    :param on_frame: called with the frame of the poses, before the first pose in it
+    :raises UsageError: if a parameter asks for an invalid quality of service
     """
     topic = names.odometry
     if topic is None:
         return
-    # Imported here: a drive needs no nav_msgs, it only knows less of how it went.
+    # Optional: without nav_msgs a drive works, and only knows less of how it went.
     try:
         from nav_msgs.msg import Odometry
     except ImportError:
@@ -56,17 +52,17 @@ def subscribe_to_odometry(
 
     frame = None
 
-    def hear(message: Any) -> None:
+    def on_message(message: Any) -> None:
         nonlocal frame
         if message.header.frame_id != frame:
             frame = message.header.frame_id
             on_frame(frame)
-        place, speed = pose(message), velocity(message.twist.twist)
-        # What is no number is no odometry: it is left out, as if nothing had come.
-        if math.isfinite(place.x + place.y + place.theta + speed.linear_x + speed.angular_z):
-            on_odometry(time.monotonic(), place, speed)
+        at, speed = pose(message), velocity(message.twist.twist)
+        # A message with a value that is not finite counts as none.
+        if math.isfinite(at.x + at.y + at.theta + speed.linear_x + speed.angular_z):
+            on_odometry(time.monotonic(), at, speed)
 
-    # Best effort, as the robot publishes it: a reliable subscription would hear nothing.
+    # Best effort, as the robot publishes it: a reliable subscription would not match.
     with_qos_overrides(lambda options: node.create_subscription(
-        Odometry, topic, hear, copy(qos_profile_sensor_data),
+        Odometry, topic, on_message, copy(qos_profile_sensor_data),
         qos_overriding_options=options))
