@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""By which ways ROS 2 traffic goes: not by shared memory, and on request on this machine alone."""
+"""The transport of DDS: no shared memory and, on request, no other machines."""
 
 from __future__ import annotations
 
@@ -20,87 +20,80 @@ from pathlib import Path
 import re
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-#: Other machines that are to be found nevertheless.
+#: Other machines that are discovered nevertheless.
 PEERS = 'ROS_STATIC_PEERS'
 #: Humble's, in place of the range.
 LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'
 TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
-#: Files in which people choose transports themselves, by the major version of Fast DDS.
+#: Variables that name a file of XML profiles, by the major version of Fast DDS.
 PROFILES = {2: 'FASTRTPS_DEFAULT_PROFILES_FILE', 3: 'FASTDDS_DEFAULT_PROFILES_FILE'}
 #: The Fast DDS of Humble, whose rclpy does not know the range.
 HUMBLE = (2, 6)
-#: Whatever people choose ways with.
+#: All variables by which a user chooses the transport or the range.
 CHOICES = (RANGE, PEERS, LOCALHOST_ONLY, TRANSPORTS, *PROFILES.values())
-#: Profiles of ours: how to send without shared memory, to everybody or to this machine alone.
+#: Our XML profiles: UDP without shared memory, to all machines or to this one alone.
 UDP, LOOPBACK = (Path(__file__).with_name(name) for name in ('udp.xml', 'loopback.xml'))
 
 
 def use_udp_transport() -> None:
     """
-    Let Fast DDS send by UDP alone in this process and its children, unless told otherwise.
+    Make Fast DDS send by UDP alone in this process and its children, unless the user chose.
 
-    Its shared memory is common to all programs of a machine, and one of them that was killed
-    leaves its part of it locked.  Whoever meets a newcomer then waits for it, a third of a second
-    at a time, with every publisher of the process held up: a velocity, or a stop, comes that much
-    too late.  What we send is too small to gain anything by shared memory.
+    Its shared memory is common to all processes of a machine, and one that was killed leaves its
+    part locked.  A process that discovers a newcomer then waits for it, a third of a second at a
+    time, with all its publishers held up: a velocity, or a stop, comes that much too late.  Our
+    messages are too small to gain anything by shared memory.
 
-    Call it before the first node of a context is made.  Humble's Fast DDS and other middlewares
-    keep what they have.
+    To be called before the first node of a context is created.  Humble's Fast DDS and other
+    middlewares keep their transport.
     """
-    if not _is_chosen():
-        _choose(UDP)
+    if not _is_transport_chosen():
+        _use_profile(UDP)
 
 
 def use_localhost_only() -> None:
     """
-    Let this process and its children find nobody on other machines, unless told otherwise.
+    Keep discovery of this process and its children on this machine, unless the user chose.
 
     A simulated robot has the names of a real one, which must not obey in its place.  With Fast
-    DDS a profile does it: ROS's own range LOCALHOST brings shared memory with it, and leaves
-    every third newcomer unheard for three seconds.  Call it before ``rclpy.init``.
+    DDS a profile does it: ROS's own range LOCALHOST brings shared memory with it, and every third
+    newcomer is discovered three seconds late.  To be called before ``rclpy.init``.
 
-    The profile greets the first 32 participants of this machine by unicast, too, as ROS's own
-    range does: nodes with that range hear no multicast, and greet no others by themselves.  More
-    than 32 would reach further, but Fast DDS listens only after it has greeted them all, and the
-    answer of a quick robot is lost until then: with 120, every answer was.  Greetings are 320
-    small packets a second for five seconds, then 32, all of them on this machine.
+    As ROS's own range does, the profile announces itself to the first 32 participants of this
+    machine by unicast too: nodes with that range receive no multicast, and announce themselves to
+    nobody else.  More than 32 would reach further, but Fast DDS receives nothing until it has
+    announced itself to all of them, and the answer of a quick robot is lost: with 120, every
+    answer was.  The announcements are 320 small packets a second for five seconds, then 32, all
+    on this machine.
 
-    Both profiles also announce a newcomer for five seconds, ten times a second, and then once a
-    second.  Fast DDS does so five times in all, and then every three seconds: on a busy machine
-    every third robot was found that much later.
+    Both profiles announce a participant ten times a second for five seconds, then once a second.
+    By default Fast DDS does so five times in all, and then every three seconds: on a busy machine
+    every third robot was discovered that much later.
     """
     if os.environ.get(RANGE, 'LOCALHOST') != 'LOCALHOST' or LOCALHOST_ONLY in os.environ:
         return
     if _fast_dds() == HUMBLE or os.environ.get('ROS_DISTRO') == 'humble':
         os.environ[LOCALHOST_ONLY] = '1'
-    elif _is_chosen() or os.environ.get(PEERS) or not _choose(LOOPBACK):
+    elif _is_transport_chosen() or os.environ.get(PEERS) or not _use_profile(LOOPBACK):
         os.environ[RANGE] = 'LOCALHOST'
     else:
         os.environ[RANGE] = 'SUBNET'
 
 
 def is_localhost_requested() -> bool:
-    """
-    Tell whether ROS is asked to find nobody on other machines.
-
-    :returns: whether ``use_localhost_only`` does the same, and better
-    """
+    """Tell whether the environment sets ROS's range LOCALHOST, for ``use_localhost_only``."""
     return os.environ.get(RANGE) == 'LOCALHOST'
 
 
 def is_localhost_only() -> bool:
-    """
-    Tell whether this process finds nobody on other machines.
-
-    :returns: whether it was told so, by ROS's own variables or by ``use_localhost_only``
-    """
+    """Tell whether ROS's variables or our profile keep discovery on this machine."""
     if is_localhost_requested() or os.environ.get(LOCALHOST_ONLY) == '1':
         return not os.environ.get(PEERS)
     return str(LOOPBACK) in (os.environ.get(name) for name in PROFILES.values())
 
 
-def _choose(profile: Path) -> bool:
-    """Let Fast DDS read a profile of ours; return whether it will."""
+def _use_profile(profile: Path) -> bool:
+    """Make Fast DDS read an XML profile; return whether it will."""
     version = _fast_dds()
     if version in (None, HUMBLE) or not profile.is_file():
         return False
@@ -108,12 +101,12 @@ def _choose(profile: Path) -> bool:
     return True
 
 
-def _is_chosen() -> bool:
+def _is_transport_chosen() -> bool:
     return any(name in os.environ for name in (TRANSPORTS, *PROFILES.values()))
 
 
 def _fast_dds() -> tuple[int, int] | None:
-    """Return the version of Fast DDS that this process sends with; None if it is no such."""
+    """Return the version of the Fast DDS that this process uses; None for another middleware."""
     try:
         from rclpy.utilities import get_rmw_implementation_identifier
         get_rmw_implementation_identifier()  # loads it
