@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Claims to a robot: one program drives it, on this machine and among several."""
+"""Claims on a robot: one program drives it, on one machine and among several."""
 
 from __future__ import annotations
 
@@ -37,41 +37,42 @@ from kachaka_simple_control.control.timing import (
 
 #: What ``SO_PEERCRED`` returns: process, user and group.
 CREDENTIALS = struct.Struct('3i')
-#: How many bytes of an answer are read.
-MAX_ANSWER_BYTES = 1000
+#: Longest description of a holder that is read [bytes].
+MAX_DESCRIPTION_BYTES = 1000
 
 
 class ClaimedError(Exception):
-    """Somebody else holds the claim; the text says who, and since when."""
+    """Another program holds the claim; the message says which, and since when."""
 
 
 class MachineClaim:
     """
-    The right to one name on this machine: an abstract Unix socket bound to it.
+    The claim on one name on this machine: an abstract Unix socket that is bound to it.
 
-    The kernel gives a name to one socket at a time, and takes it back when the last process that
-    has the socket open is gone, however it ended.  So a guardian that inherited the socket keeps
-    the claim of a program that was killed until the robot is stopped, and a program that is frozen
-    keeps its own.  Linux alone has such sockets; elsewhere every claim is granted.
+    The kernel gives a name to one socket at a time, and frees it when the last process that has
+    the socket open is gone, however it ended.  So a guardian that inherited the socket keeps the
+    claim of a program that was killed until the robot is stopped, and a frozen program keeps its
+    own.  Only Linux has such sockets; elsewhere every claim is granted.
     """
 
     def __init__(self) -> None:
-        """Hold nothing yet; the socket is there, so that a child may inherit it."""
         self._socket = socket.socket(socket.AF_UNIX)
         self._is_held = False
         os.register_at_fork(after_in_child=self._socket.close)
 
     def fileno(self) -> int:
-        """Return the descriptor that keeps the claim, for a child to inherit."""
+        """Return the descriptor that keeps the claim, for a child process to inherit."""
         return self._socket.fileno()
 
     def take(self, name: str, who: str) -> None:
         """
-        Take the claim, unless it is held already, by this object or another.
+        Take the claim, unless this object holds it already.
 
-        :param name: what is claimed, the same for all who may want it
-        :param who: what others are told of the holder, a line of at most 1000 bytes
-        :raises ClaimedError: if somebody else holds it
+        Waits for GUARDIAN_LEAVE_TIMEOUT if the program that held it has ended, for its guardian.
+
+        :param name: what is claimed
+        :param who: describes this program to others, in one line of at most 1000 bytes
+        :raises ClaimedError: if another program holds it
         """
         if self._is_held or not sys.platform.startswith('linux'):
             return
@@ -84,11 +85,11 @@ class MachineClaim:
             time.sleep(CLAIM_RETRY_PERIOD)
         self._is_held = True
         threading.Thread(
-            target=_answer, args=(self._socket, who), name='claim', daemon=True).start()
+            target=_serve, args=(self._socket, who), name='claim', daemon=True).start()
 
     def release(self) -> None:
-        """Give it back, as far as this process is concerned; it cannot be taken again."""
-        # Closing would not wake the thread that accepts, and the kernel would keep the socket.
+        """Release the claim in this process; it cannot be taken again."""
+        # Closing alone would not wake the thread that accepts, and the socket would stay open.
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
@@ -111,51 +112,52 @@ def _address(name: str) -> bytes:
 
 
 def _holder(address: bytes) -> tuple[str, bool]:
-    """Return who holds a claim, and whether that program is still running."""
-    with socket.socket(socket.AF_UNIX) as asking:
-        asking.settimeout(CLAIM_ANSWER_TIMEOUT)
+    """Return a description of who holds a claim, and whether that program is still running."""
+    with socket.socket(socket.AF_UNIX) as client:
+        client.settimeout(CLAIM_ANSWER_TIMEOUT)
         try:
-            asking.connect(address)
+            client.connect(address)
         except OSError:
             # It does not listen yet, or has just left.
             return 'a program that does not answer', False
         process, _, _ = CREDENTIALS.unpack(
-            asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size))
+            client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size))
         with contextlib.suppress(OSError):
-            if said := asking.recv(MAX_ANSWER_BYTES):
-                return said.decode(errors='replace'), True
-    # Frozen; or ended, and its guardian is not; or of a container that counts processes anew.
+            if description := client.recv(MAX_DESCRIPTION_BYTES):
+                return description.decode(errors='replace'), True
+    # Frozen; or ended, and its guardian is not; or in a container with its own process numbers.
     return f'process {process}, which does not answer', process == 0 or is_running(process)
 
 
-def _answer(listening: socket.socket, text: str) -> None:
-    """Tell everybody who asks who holds the claim, until it is released."""
+def _serve(server: socket.socket, who: str) -> None:
+    """Send a description of the holder to each client, until the claim is released."""
     while True:
         try:
-            asking, _ = listening.accept()
+            client, _ = server.accept()
         except OSError:
             return
-        with asking, contextlib.suppress(OSError):
-            asking.sendall(text.encode())
+        with client, contextlib.suppress(OSError):
+            client.sendall(who.encode())
 
 
-#: No more claims than this are kept: the network may tell anything.
+#: Most claims that are kept; the network may deliver anything.
 MAX_CLAIMS = 64
-#: No more of a text than this is shown.
+#: Most of a text from the network that is kept [characters].
 MAX_TEXT_LENGTH = 200
 
-#: What is claimed: nothing any more; the robot, as soon as nobody else does; the robot, for good.
+#: States of a claim: the robot is not claimed; it is wanted, and taken if no other claim blocks
+#: it; it is held until the program ends.
 RELEASED, WANTED, HELD = 'nothing', 'wanted', 'held'
 
 
 @dataclass(frozen=True)
 class Claim:
     """
-    What one program tells of itself.
+    The claim that one program publishes.
 
     :param participant: its DDS participant, in hexadecimal digits
-    :param state: what it claims: NOTHING, WANTED or HELD
-    :param who: what people call it, and since when it holds the claim
+    :param state: RELEASED, WANTED or HELD
+    :param who: describes the program, and says since when it has the claim
     """
 
     participant: str
@@ -163,17 +165,12 @@ class Claim:
     who: str
 
     def to_json(self) -> str:
-        """Return it as text, for the network."""
+        """Return it as text."""
         return json.dumps(asdict(self))
 
     @staticmethod
     def from_json(text: str) -> Claim | None:
-        """
-        Read a claim.
-
-        :param text: what came from the network, which may be anything
-        :returns: the claim; None if it is none
-        """
+        """Return the claim in a text from the network; None if it is none."""
         try:
             claim = Claim(**json.loads(text))
         except (ValueError, TypeError, RecursionError):
@@ -182,55 +179,46 @@ class Claim:
             return None
         if claim.state not in (RELEASED, WANTED, HELD):
             return None
-        shown = ''.join(c if c.isprintable() else '?' for c in claim.who[:MAX_TEXT_LENGTH])
-        return Claim(claim.participant[:MAX_TEXT_LENGTH], claim.state, shown)
+        who = ''.join(c if c.isprintable() else '?' for c in claim.who[:MAX_TEXT_LENGTH])
+        return Claim(claim.participant[:MAX_TEXT_LENGTH], claim.state, who)
 
 
 class Claims:
-    """What is known of the claims of others."""
+    """
+    The claims of other programs, as received.
+
+    :param participant: the DDS participant of this program, in hexadecimal digits
+    """
 
     def __init__(self, participant: str) -> None:
-        """
-        Know of none.
-
-        :param participant: the DDS participant of this program, in hexadecimal digits
-        """
         self._participant = participant
-        self._heard: dict[str, tuple[float, Claim]] = {}
+        #: by participant: when it was received [s], and the claim; the oldest first
+        self._received: dict[str, tuple[float, Claim]] = {}
 
     def on_claim(self, claim: Claim, now: float) -> None:
-        """
-        Take note of a claim.
-
-        :param claim: the claim; one of our own says nothing
-        :param now: when it was heard [s]
-        """
+        """Keep a claim that was received [s]; this program's own is ignored."""
         if claim.participant == self._participant:
             return
-        self._heard.pop(claim.participant, None)
-        self._heard[claim.participant] = now, claim
-        if len(self._heard) > MAX_CLAIMS:
-            self._heard.pop(next(iter(self._heard)))
+        self._received.pop(claim.participant, None)
+        self._received[claim.participant] = now, claim
+        if len(self._received) > MAX_CLAIMS:
+            self._received.pop(next(iter(self._received)))
 
     def holder(self, now: float) -> Claim | None:
-        """
-        Return a claim that somebody else holds.
-
-        :param now: the time [s]
-        :returns: the claim; None if nobody does
-        """
-        return next((claim for claim in self._fresh(now) if claim.state == HELD), None)
+        """Return a claim that another program holds; None if none does."""
+        return next((claim for claim in self._current(now) if claim.state == HELD), None)
 
     def blocking_claim(self, now: float) -> Claim | None:
         """
-        Return a claim that we have to yield to, as long as we want the robot and do not hold it.
+        Return the claim to which this program has to yield while it wants the robot.
 
-        :param now: the time [s]
-        :returns: one that is held, or else that of another newcomer whose participant comes first
+        :returns: one that is held, else a wanted one of a lower participant, else None
         """
-        wanted = (claim for claim in self._fresh(now)
+        wanted = (claim for claim in self._current(now)
                   if claim.state == WANTED and claim.participant < self._participant)
         return self.holder(now) or next(wanted, None)
 
-    def _fresh(self, now: float) -> list[Claim]:
-        return [claim for heard, claim in [*self._heard.values()] if now - heard <= CLAIM_TIMEOUT]
+    def _current(self, now: float) -> list[Claim]:
+        # A copy first: another thread receives meanwhile.
+        return [claim for received, claim in [*self._received.values()]
+                if now - received <= CLAIM_TIMEOUT]

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""One drive at a time, which a stop ends from the call that asks for it on."""
+"""Accept one drive at a time, which a stop ends from the call that requests it on."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from kachaka_simple_control.errors import ControlError, MotionRefusedError
 @dataclass
 class DriveRequest:
     """
-    One drive, from the call that asks for it to its end.
+    One drive, from the call that requests it to its end.
 
-    :param run: what a stop cancels, before it has begun as well
-    :param thread: the thread that asked
-    :param ended: when it ended whole [s on the clock]; None before, and if it was cut short
+    :param run: what a stop cancels, even before the drive has begun
+    :param thread: the thread that requested it
+    :param ended: when it ended complete [s on the clock]; None before, and if it was cut short
     :param stopped_by: why another thread stopped it, or stopped the robot right after it
     """
 
@@ -45,21 +45,18 @@ class DriveRequests:
     """
     Accepts one drive at a time.
 
-    Movements of one thread that follow each other within a period are one run to whoever stops
-    the robot from outside: a stop that falls between two of them refuses the second.
+    Movements of one thread that follow each other within a period are one run to a caller that
+    stops the robot from another thread: a stop between two of them refuses the second.
+
+    :param gate: prepares the runs
+    :param period: time between two messages of a run [s]
+    :param clock: the steady clock [s]
     """
 
     def __init__(
-            self, edge: VelocityGate, period: float,
+            self, gate: VelocityGate, period: float,
             clock: Callable[[], float] = time.monotonic) -> None:
-        """
-        Accept the first.
-
-        :param edge: prepares the runs
-        :param period: time between two messages of a run [s]
-        :param clock: the steady clock [s]
-        """
-        self._edge = edge
+        self._gate = gate
         self._period = period
         self._clock = clock
         self._busy = threading.Lock()
@@ -72,21 +69,21 @@ class DriveRequests:
 
     def accept(self) -> DriveRequest:
         """
-        Accept a drive; ``finish`` ends it.
+        Accept a drive; ``finish`` has to follow.
 
-        :returns: the request
-        :raises ControlError: if another drive is under way, or a stop fell between the movement
-            before and this one
+        :raises ControlError: if another drive is under way, or a stop fell between the previous
+            movement and this one
         """
         if not self._busy.acquire(blocking=False):
             raise MotionRefusedError('a motion is running already; wait for its end, or stop it')
-        request = DriveRequest(self._edge.prepare())
-        last, self._newest = self._newest, request
+        request = DriveRequest(self._gate.prepare())
+        previous, self._newest = self._newest, request
         # In this order: a stop that comes now finds either the run that was just prepared, or the
-        # request before it, which is looked at only here.
-        if last is not None and last.stopped_by is not None and self._continues(last, request):
+        # request before it, which is checked only here.
+        if (previous is not None and previous.stopped_by is not None
+                and self._continues(previous, request)):
             self.finish(request, is_whole=False)
-            raise last.stopped_by
+            raise previous.stopped_by
         return request
 
     def finish(self, request: DriveRequest, is_whole: bool) -> None:
@@ -101,15 +98,15 @@ class DriveRequests:
 
     def on_stop(self, reason: ControlError) -> None:
         """
-        Take note of a stop, before the edge cancels what is under way.
+        Record a stop, before the gate cancels the run.
 
-        :param reason: what a movement that follows at once is refused with
+        :param reason: the error with which a movement that follows at once is refused
         """
         newest = self._newest
-        # The thread that drives and stops by itself may go on as it likes.
+        # A thread that stops its own drive may drive on.
         if newest is not None and newest.thread != threading.get_ident():
             newest.stopped_by = newest.stopped_by or reason
 
-    def _continues(self, last: DriveRequest, request: DriveRequest) -> bool:
-        return (last.ended is not None and last.thread == request.thread
-                and self._clock() - last.ended <= self._period)
+    def _continues(self, previous: DriveRequest, request: DriveRequest) -> bool:
+        return (previous.ended is not None and previous.thread == request.thread
+                and self._clock() - previous.ended <= self._period)

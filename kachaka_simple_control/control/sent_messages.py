@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Tell messages that this program sent from those of others; pure."""
+"""Tell the messages that this program sent from those of other programs; pure."""
 
 from __future__ import annotations
 
@@ -19,68 +19,54 @@ from collections import deque
 
 from kachaka_simple_control.control.timing import MAX_GUARDIAN_DELAY, MAX_TRANSIT_TIME
 
-#: How many messages are kept that were sent and not heard yet: the highest rate, for seconds.
+#: Most messages that are kept: some seconds at the highest rate.
 MAX_KEPT = 4096
 
 
 class SentMessages:
     """
-    What was sent and has not been heard yet.
+    Messages that were sent and not received yet.
 
-    Each message that was sent accounts for one that is heard.  Those of one publisher are heard in
-    the order in which they were sent, so what was sent before one that is heard is not to come any
-    more.  One thread sends, another one asks.
+    Each message that was sent accounts for one that is received.  Those of one publisher arrive in
+    order, so what was sent before a received one will not come any more.  One thread records,
+    another one consumes.
     """
 
     def __init__(self) -> None:
-        """Have sent nothing."""
         self._sent: deque[tuple[float, bytes]] = deque(maxlen=MAX_KEPT)
-        self._by_guardian: deque[float] = deque(maxlen=MAX_KEPT)
+        self._guardian_zeros: deque[float] = deque(maxlen=MAX_KEPT)
 
     def record(self, now: float, data: bytes) -> None:
-        """
-        Take note of a message, before it is sent.
-
-        :param now: the time [s]
-        :param data: the message as it goes on the wire
-        """
+        """Record a message, as serialized, before it is sent."""
         self._sent.append((now, data))
 
     def record_guardian_zero(self, now: float) -> None:
-        """
-        Take note that the guardian is asked to send a zero.
-
-        :param now: the time [s]
-        """
-        self._by_guardian.append(now)
+        """Record that the guardian is asked to send a zero."""
+        self._guardian_zeros.append(now)
 
     def discard_old(self, now: float) -> None:
-        """
-        Forget what cannot be heard any more by whoever listens from now on.
-
-        :param now: the time [s]
-        """
+        """Discard what was sent too long ago to reach a subscription that begins now."""
         while self._sent and now - self._sent[0][0] > MAX_TRANSIT_TIME:
             self._sent.popleft()
 
     def consume(self, data: bytes, is_zero: bool, now: float) -> bool:
         """
-        Tell whether a message that was heard is one of those sent; each is so once.
+        Remove a received message, and all that were sent before it.
 
-        :param data: the message as it came
+        :param data: the message as received
         :param is_zero: whether it is a zero, which the guardian may have sent
         :param now: the time [s]
-        :returns: whether it is; if not, somebody else sent it
+        :returns: whether it was sent by this program or its guardian
         """
-        # A copy: the sending thread goes on.
+        # A copy: the other thread goes on sending.
         for index, (_, sent) in enumerate([*self._sent]):
             if sent == data:
                 for _ in range(index + 1):
                     self._sent.popleft()
                 return True
-        while self._by_guardian and now - self._by_guardian[0] > MAX_GUARDIAN_DELAY:
-            self._by_guardian.popleft()
-        if is_zero and self._by_guardian:
-            self._by_guardian.popleft()
+        while self._guardian_zeros and now - self._guardian_zeros[0] > MAX_GUARDIAN_DELAY:
+            self._guardian_zeros.popleft()
+        if is_zero and self._guardian_zeros:
+            self._guardian_zeros.popleft()
             return True
         return False

@@ -69,7 +69,7 @@ def test_the_network_cannot_fill_the_memory():
     for number in range(10 * MAX_CLAIMS):
         claims.on_claim(Claim(str(number), HELD, 'flood'), 0.0)
     claims.on_claim(HOLDER, 0.0)
-    assert len(claims._heard) <= MAX_CLAIMS
+    assert len(claims._received) <= MAX_CLAIMS
     assert claims.holder(0.1) is not None
 
 
