@@ -22,19 +22,13 @@ from kachaka_simple_control.cli import exit_code, Options, parse
 from kachaka_simple_control.errors import UsageError
 
 
-def act(options: Options) -> None:
-    """
-    Do what the command was asked to.
-
-    :param options: what was asked
-    :raises ControlError: if it could not be done
-    """
+def _run(options: Options) -> None:
     if options.is_preview:
         from kachaka_simple_control.preview_command import preview
         preview(options)
         return
     try:
-        # Here, for much of the command needs no ROS, and Ctrl+C is heard by now.
+        # Imported here: previews need no ROS, and by now Ctrl+C is handled.
         from kachaka_simple_control.drive_command import drive
     except ModuleNotFoundError as error:
         raise UsageError(
@@ -46,13 +40,13 @@ def act(options: Options) -> None:
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Do what the arguments say.
+    Run the command.
 
     :param args: arguments without the program's name; None for those of the process
     :returns: the exit code
     """
     options = parse(args)
-    return exit_code(lambda: act(options))
+    return exit_code(lambda: _run(options))
 
 
 if __name__ == '__main__':

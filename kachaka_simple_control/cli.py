@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Options of the ``kachaka_simple_control`` command, and how it ends; needs no ROS."""
+"""Options and exit codes of the ``kachaka_simple_control`` command; needs no ROS."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ from kachaka_simple_control.one_line_parser import OneLineParser
 
 NAME = 'kachaka_simple_control'
 #: The longest line that is printed of an error [characters]; a path may be long.
-LONGEST_LINE = 1000
+MAX_LINE_LENGTH = 1000
 
 
 @dataclass(frozen=True)
 class Options:
     """
-    What the command was asked to do.
+    The options of the command.
 
-    :param motions: names or files of the motions it is about; none: the lesson
-    :param sim: whether to start a simulated robot beside the node
-    :param robot: name or file of the robot's profile; None where nothing was said
-    :param rate: how often a velocity is sent [Hz]; None where nothing was said
+    :param motions: names or files of motions; none: the lesson
+    :param sim: whether to start the bridge of a simulated robot
+    :param robot: name or file of the robot's profile; None if not given
+    :param rate: how often a velocity is sent [Hz]; None if not given
     :param list: whether to list the motions that come with the package
     :param plan: whether to print what a motion will do
-    :param plot: where to draw what a motion will do; None if nowhere
-    :param wait: whether to drive only when a service asks for it
-    :param ros_arguments: what ROS itself is told, from ``--ros-args`` on
-    :param report: the folder to leave a report in; None for no report
-    :param quiet: whether to show nothing while the robot drives but the node's log lines
-    :param address: of the real robot to start a bridge to beside the node; None for no bridge
+    :param plot: the file to plot what a motion will do to; None for none
+    :param wait: whether to drive only when the service ``~/run`` is called
+    :param ros_arguments: the arguments of ROS, with their marks
+    :param report: the folder for a report; None for no report
+    :param quiet: whether to print only the node's log lines while the robot drives
+    :param address: the real robot to start a bridge for; None for no bridge
     """
 
     motions: tuple[str, ...] = ()
@@ -67,28 +67,27 @@ class Options:
 
     @property
     def is_preview(self) -> bool:
-        """Whether nothing is to move."""
+        """Whether the command shows motions and drives none."""
         return self.list or self.plan or self.plot is not None
 
     @property
     def starts_bridge(self) -> bool:
-        """Whether the command starts a robot's bridge, simulated or not, beside the node."""
+        """Whether the command starts the bridge of a robot, simulated or real."""
         return self.sim or self.address is not None
 
 
 def parse(arguments: Sequence[str] | None = None) -> Options:
     """
-    Read the command's arguments.
+    Parse the arguments of the command.
 
-    :param arguments: the arguments without the program's name; None for those of the process
-    :returns: the options
-    :raises SystemExit: with code 2 and one line for bad ones; with 0 after ``--help``
+    :param arguments: without the program's name; None for those of the process
+    :raises SystemExit: with code 2 and one line if they are invalid; with 0 after ``--help``
     """
     own, ros = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
     parser = _parser()
-    said = vars(parser.parse_args(own))
-    said.pop('ros_args', None)
-    options = Options(motions=tuple(said.pop('motions')), ros_arguments=tuple(ros), **said)
+    values = vars(parser.parse_args(own))
+    values.pop('ros_args', None)
+    options = Options(motions=tuple(values.pop('motions')), ros_arguments=tuple(ros), **values)
     if len(options.motions) > 1 and not options.is_preview:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
     if options.report is not None and options.is_preview:
@@ -144,27 +143,25 @@ def _parser() -> OneLineParser:
 
 def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     """
-    Tell our arguments from those of ROS, which stand between ``--ros-args`` and ``--``.
+    Split arguments into ours and those of ROS, from ``--ros-args`` to ``--``.
 
-    :param arguments: all of them
-    :returns: ours, and those of ROS with their marks
+    :returns: ours, and those of ROS with these marks
     """
     own: list[str] = []
     ros: list[str] = []
-    inside = False
+    is_for_ros = False
     for argument in arguments:
-        inside = inside or argument == '--ros-args'
-        (ros if inside else own).append(argument)
-        inside = inside and argument != '--'
+        is_for_ros = is_for_ros or argument == '--ros-args'
+        (ros if is_for_ros else own).append(argument)
+        is_for_ros = is_for_ros and argument != '--'
     return own, ros
 
 
 def exit_code(body: Callable[[], None]) -> int:
     """
-    Run a program's body, and turn how it ends into an exit code and at most one line.
+    Run a program, and turn the error that ends it into one line and an exit code.
 
-    :param body: what to run
-    :returns: the exit code
+    :returns: the exit code; after a signal that of the signal, whatever followed from it
     """
     code = DONE
     try:
@@ -173,9 +170,9 @@ def exit_code(body: Callable[[], None]) -> int:
         code = SIGNALLED + 2
     except Exception as error:
         code = code_of(error)
-        # That a signal stopped the motion is known; anything else is worth a line even then.
+        # After a signal an expected error only says that it stopped the motion.
         if signal_dispatcher.signum is None or not _is_expected(error):
-            print(f'{NAME}: {_text(error)}', file=sys.stderr)
+            print(f'{NAME}: {_message(error)}', file=sys.stderr)
     return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
 
 
@@ -183,11 +180,11 @@ def _is_expected(error: Exception) -> bool:
     return isinstance(error, (InvalidMotionError, ControlError))
 
 
-def _text(error: Exception) -> str:
+def _message(error: Exception) -> str:
     if _is_expected(error):
-        # A file that is wrong in several places has a line for each.
-        return '\n'.join(escaped(line, LONGEST_LINE) for line in str(error).split('\n'))
-    where = traceback.extract_tb(error.__traceback__)[-1]
-    text = escaped(error, LONGEST_LINE)
-    return (f'unexpected {type(error).__name__}: {text} ({where.filename}:{where.lineno}); the '
+        # An invalid file has one line for each of its problems.
+        return '\n'.join(escaped(line, MAX_LINE_LENGTH) for line in str(error).split('\n'))
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    text = escaped(error, MAX_LINE_LENGTH)
+    return (f'unexpected {type(error).__name__}: {text} ({frame.filename}:{frame.lineno}); the '
             'robot was stopped')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the command does when a robot is to be driven; needs ROS."""
+"""Drive a robot as the command's options say; needs ROS."""
 
 from __future__ import annotations
 
@@ -46,38 +46,38 @@ if TYPE_CHECKING:
     from kachaka_simple_control.motion.limits import Limits
     from kachaka_simple_control.motion.steps import Motion
 
+
 def drive(options: Options) -> None:
     """
-    Drive a robot as the command was asked to.
+    Drive a motion or the lesson, or offer a service that does.
 
-    :param options: what was asked
-    :raises ControlError: if it could not be done; the robot was stopped
-    :raises InvalidMotionError: if it cannot be done; nothing has moved
+    :raises ControlError: if the drive could not be completed; the robot was stopped
+    :raises InvalidMotionError: if the robot cannot do the motion; nothing has moved
     """
     make_nonblocking(STDOUT, STDERR)
     motion_file = _motion_file(options)
     check_parameter_names(options.ros_arguments)
-    # Started last, a bridge ends last: after its robot was stopped and given back.
-    with contextlib.ExitStack() as helpers:
+    # A bridge ends when the stack is closed: after its robot was stopped and released.
+    with contextlib.ExitStack() as stack:
         if options.report is not None:
-            helpers.enter_context(prepare_report_dir(options.report))
+            stack.enter_context(prepare_report_dir(options.report))
         if options.starts_bridge or is_localhost_requested():
             use_localhost_only()
         start_ros(options.ros_arguments)
         robot_control = KachakaSimpleControl(parameter_overrides=[
             Parameter(name, value=value)
             for name, value in _parameters(options, motion_file).items()])
-        subscribers = helpers.enter_context(SubscriberProcesses(robot_control.event_bus))
+        subscribers = stack.enter_context(SubscriberProcesses(robot_control.event_bus))
         try:
             _start_subscribers(subscribers, options, is_lesson=motion_file is None)
             robot_control.event_bus.publish(session_started(
-                robot_control, _title(motion_file), robot_control.profile,
-                robot_control.robot_names, robot_control.node_parameters))
+                robot_control, 'lesson' if motion_file is None else motion_file.motion.name,
+                robot_control.profile, robot_control.robot_names, robot_control.node_parameters))
             if options.starts_bridge:
-                robot = helpers.enter_context(
-                    _robot_of(options, robot_control.node_parameters.robot_namespace))
-                robot_control.session.require_robot(robot.require_participant)
-            _play(robot_control, motion_file, options.wait)
+                bridge = stack.enter_context(
+                    _bridge(options, robot_control.node_parameters.robot_namespace))
+                robot_control.session.require_robot(bridge.require_participant)
+            _run(robot_control, motion_file, options.wait)
         except KeyboardInterrupt:
             robot_control.get_logger().info('Program was interrupted')
         finally:
@@ -101,13 +101,9 @@ def _start_subscribers(
         subscribers.start(REPORTER, options.report)
 
 
-def _title(motion_file: MotionFile | None) -> str:
-    return 'lesson' if motion_file is None else motion_file.motion.name
-
-
-def _robot_of(
+def _bridge(
         options: Options, namespace: str) -> contextlib.AbstractContextManager[BridgeProcess]:
-    """Return the robot that the command brings along, in a process of its own."""
+    """Return a context manager that starts the bridge of a robot in a child process."""
     from kachaka_simple_control.kachaka.bridge_process import real_bridge, simulated_bridge
     if options.address is None:
         return simulated_bridge(namespace)
@@ -115,7 +111,7 @@ def _robot_of(
 
 
 def _motion_file(options: Options) -> MotionFile | None:
-    """Read the motion, and refuse what its robot cannot do before anything is started."""
+    """Return the motion, None for the lesson; check it before anything is started."""
     robot = options.robot
     motion_file = None
     if options.motions or options.wait:
@@ -137,15 +133,16 @@ def _motion_file(options: Options) -> MotionFile | None:
 
 
 def _parameters(options: Options, motion_file: MotionFile | None) -> dict[str, object]:
-    # A report needs what the table needs: odometry.
+    # Table and report need the odometry that ``summary`` records.
     summary = options.starts_bridge or options.report is not None or None
-    said = [{'robot': options.robot, 'rate': options.rate, 'summary': summary}]
+    sources = [{'robot': options.robot, 'rate': options.rate, 'summary': summary}]
     if motion_file is not None:
-        said.insert(0, {'robot': motion_file.robot, 'rate': motion_file.rate})
-    return {name: value for values in said for name, value in values.items() if value is not None}
+        sources.insert(0, {'robot': motion_file.robot, 'rate': motion_file.rate})
+    return {name: value for source in sources for name, value in source.items()
+            if value is not None}
 
 
-def _play(
+def _run(
         robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool) -> None:
     if motion_file is None:
         play_lesson(robot_control)
@@ -185,6 +182,7 @@ class RunService:
         except ControlError as error:
             response.message = str(error)
             return response
+        # A drive in a callback would wait for callbacks that wait for it.
         threading.Thread(target=self._run, args=(drive,), name='drive', daemon=True).start()
         response.success, response.message = True, 'started'
         return response

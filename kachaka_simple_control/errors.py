@@ -11,29 +11,29 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The errors that refuse or end a motion, each with one line for a person to read."""
+"""The errors that refuse or end a motion; each message is one line for a user."""
 
 from __future__ import annotations
 
 
 class ControlError(RuntimeError):
-    """Base of the errors that end a run; ``InvalidMotionError`` comes before there is one."""
+    """Base of the errors of a drive; ``InvalidMotionError`` is raised before there is one."""
 
 
 class UsageError(ControlError):
-    """An option or a parameter cannot work as it is; nothing moved."""
+    """An option, a parameter or a name is invalid; nothing moved."""
 
 
 class RobotNotFoundError(ControlError):
-    """No robot listened, or none could be taken, within the time allowed; nothing moved."""
+    """No robot was found, or none could be driven, within the timeout; nothing moved."""
 
 
 class RobotTakenError(RobotNotFoundError):
-    """Another program drives the robot, or shows one under its names; nothing moved."""
+    """Another program drives the robot, or is a bridge under its names; nothing moved."""
 
 
 class MotionRefusedError(ControlError):
-    """The node may not move now: it was stopped for good, or is asked from a wrong place."""
+    """No motion is allowed now: a stop, another motion, or a call in a callback forbids it."""
 
 
 class RunFaultError(ControlError):
@@ -42,19 +42,13 @@ class RunFaultError(ControlError):
 
 class InvalidMotionError(ValueError):
     """
-    A motion was refused before anything moved: a value is missing, wrong or beyond a limit.
+    A motion is invalid: a value is missing, wrong or beyond a limit; nothing moved.
 
-    :ivar message: what is wrong, in one line, without the place
-    :ivar path: the place in the motion, as in ``steps[2].turn.speed``; None if there is none
+    :param message: the value with its unit, the bound, what to do; without the path
+    :param path: the key path in the motion, as in ``steps[2].turn.speed``; None if there is none
     """
 
     def __init__(self, message: str, path: str | None = None) -> None:
-        """
-        Say what is wrong, and where.
-
-        :param message: what is wrong: the value with its unit, the bound, what to do
-        :param path: the place in the motion
-        """
         super().__init__(message if path is None else f'{path}: {message}')
         self.message = message
         self.path = path

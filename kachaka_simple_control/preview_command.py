@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the command does when nothing is to move; needs no ROS."""
+"""Show motions without driving: --list, --plan and --plot; needs no ROS."""
 
 from __future__ import annotations
 
@@ -29,36 +29,34 @@ from kachaka_simple_control.report.plan_plot import check_plot_file, save_plot
 from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.text_tables import plan_table
 
-#: How often a velocity is sent where nobody says [Hz]: the lesson's.
+#: Rate without an option and without one in the motion [Hz]: the lesson's.
 DEFAULT_RATE = 10.0
 
 
 def preview(options: Options) -> None:
     """
-    Show what motions will do.
+    Print or plot what motions will do.
 
-    :param options: which, and how to show them
-    :raises InvalidMotionError: if a motion cannot be done, or there is none of that name
-    :raises UsageError: if it cannot be shown like that, or sent at that rate
+    :raises InvalidMotionError: if a motion is invalid, or there is none of that name
+    :raises UsageError: if an option is invalid, or the output cannot be written
     """
     if options.plot is not None:
         check_plot_file(options.plot)
     if options.list:
-        _say(listing(options))
+        _print(_listing(options))
     if options.plan or options.plot is not None:
         previews = [_preview(name, options) for name in options.motions or ['lesson']]
         if options.plan:
-            _say(plan_table(previews))
+            _print(plan_table(previews))
         if options.plot is not None:
             save_plot(options.plot, previews)
 
 
 def check_rate(rate: float, profile: RobotProfile) -> None:
     """
-    Make sure that a robot can be driven at a rate.
+    Check that a robot can be driven at a rate.
 
     :param rate: how often a velocity is sent [Hz]
-    :param profile: the robot
     :raises UsageError: if it cannot
     """
     lowest = min_rate(profile.hold)
@@ -68,13 +66,8 @@ def check_rate(rate: float, profile: RobotProfile) -> None:
             f'{MAX_RATE:g} Hz')
 
 
-def listing(options: Options) -> str:
-    """
-    List the motions that come with the package.
-
-    :param options: robot and rate to plan them with
-    :returns: a line for each: name, duration, description
-    """
+def _listing(options: Options) -> str:
+    """Return a line for each motion of the package: name, duration, description."""
     rows = []
     for name in library():
         preview = _preview(name, options)
@@ -84,13 +77,13 @@ def listing(options: Options) -> str:
         f'{name:{width}}  {duration:>8}  {description}' for name, duration, description in rows)
 
 
-def _say(text: str) -> None:
+def _print(text: str) -> None:
     try:
         print(text, flush=True)
     except OSError as error:
-        # Python would try once more when it ends.
+        # At exit Python would flush once more, and fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):  # which only says: `head` has seen enough
+        if not isinstance(error, BrokenPipeError):  # of a reader like `head`
             raise UsageError(f'it cannot be printed: {error.strerror}') from None
 
 
