@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Claims that programs tell each other of: in no time, and at random."""
+"""Claims that programs publish to each other: by hand, and at random."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,11 +19,11 @@ from kachaka_simple_control.control.claims import Claim, Claims, HELD, MAX_CLAIM
 from kachaka_simple_control.control.timing import CLAIM_TIMEOUT
 import pytest
 
-HOLDER = Claim('bb', HELD, 'somebody')
+HOLDER = Claim('bb', HELD, 'holder')
 NEWCOMER = Claim('aa', WANTED, 'a newcomer')
 
 
-def test_whoever_wants_the_robot_yields_to_the_one_that_holds_it():
+def test_a_program_that_wants_the_robot_yields_to_its_holder():
     claims = Claims('cc')
     claims.on_claim(HOLDER, 0.0)
     assert claims.blocking_claim(0.1) == claims.holder(0.1) == HOLDER
@@ -43,8 +43,8 @@ def test_a_newcomer_does_not_hold_anything():
     assert claims.holder(0.1) is None
 
 
-def test_a_claim_that_is_not_heard_of_any_more_is_over():
-    """Killed or frozen: whatever DDS still lists."""
+def test_a_claim_that_is_not_received_any_more_is_over():
+    """As of a program that was killed or is frozen, though DDS still lists it."""
     claims = Claims('cc')
     claims.on_claim(HOLDER, 10.0)
     assert claims.holder(10.0 + CLAIM_TIMEOUT) is HOLDER
@@ -54,11 +54,11 @@ def test_a_claim_that_is_not_heard_of_any_more_is_over():
 def test_a_claim_may_be_taken_back():
     claims = Claims('cc')
     claims.on_claim(HOLDER, 0.0)
-    claims.on_claim(Claim('bb', RELEASED, 'somebody'), 0.1)
+    claims.on_claim(Claim('bb', RELEASED, 'holder'), 0.1)
     assert claims.blocking_claim(0.2) is None
 
 
-def test_ones_own_claim_is_no_rival():
+def test_the_own_claim_does_not_block():
     claims = Claims('bb')
     claims.on_claim(HOLDER, 0.0)
     assert claims.blocking_claim(0.1) is None
@@ -74,11 +74,11 @@ def test_the_network_cannot_fill_the_memory():
 
 
 @given(st.permutations(['aa', 'bb', 'cc', 'dd']))
-def test_of_newcomers_that_hear_each_other_one_goes_on(order):
+def test_of_newcomers_that_receive_each_other_one_goes_on(order):
     programs = {participant: Claims(participant) for participant in order}
-    for hearer in programs.values():
+    for claims in programs.values():
         for participant in order:
-            hearer.on_claim(Claim(participant, WANTED, participant), 0.0)
+            claims.on_claim(Claim(participant, WANTED, participant), 0.0)
     assert [name for name,
         claims in sorted(programs.items()) if claims.blocking_claim(0.1) is None] == [
         'aa']

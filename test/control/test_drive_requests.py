@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Drives that are asked for, and stops that come before they begin."""
+"""Drives that are requested, and stops that come before they begin."""
 
 import threading
 
@@ -28,24 +28,23 @@ STOPPED = MotionRefusedError('stopped from outside')
 
 
 class Bench:
-    """Requests, the edge they go to, and a clock."""
+    """Requests, the gate that prepares their runs, and a clock."""
 
     def __init__(self):
-        """Have a robot that is ours."""
         self.time = FakeTime()
-        self.edge = VelocityGate(
+        self.gate = VelocityGate(
             Wire(self.time).transmit, Limits(0.3, 1.57), Latch(), None, self.time.clock,
             self.time.clock)
-        self.edge.open()
-        self.requests = DriveRequests(self.edge, PERIOD, self.time.clock)
+        self.gate.open()
+        self.requests = DriveRequests(self.gate, PERIOD, self.time.clock)
 
     def stop(self):
         """Stop as a session does."""
         self.requests.on_stop(STOPPED)
-        self.edge.cancel(STOPPED)
+        self.gate.cancel(STOPPED)
 
     def stop_from_outside(self):
-        """Do it in another thread."""
+        """Stop in another thread."""
         thread = threading.Thread(target=self.stop)
         thread.start()
         thread.join()
@@ -53,7 +52,7 @@ class Bench:
     def drive(self, is_whole=True):
         """Begin and end a drive."""
         request = self.requests.accept()
-        self.edge.begin(0.2, request.run)
+        self.gate.begin(0.2, request.run)
         self.requests.finish(request, is_whole)
 
 
@@ -75,10 +74,10 @@ def test_a_drive_that_has_not_begun_is_ended_by_a_stop(bench):
     request = bench.requests.accept()
     bench.stop_from_outside()
     with pytest.raises(MotionRefusedError, match='from outside'):
-        bench.edge.begin(0.2, request.run)
+        bench.gate.begin(0.2, request.run)
 
 
-def test_after_such_a_stop_one_may_ask_anew(bench):
+def test_after_such_a_stop_a_drive_may_be_requested(bench):
     request = bench.requests.accept()
     bench.stop_from_outside()
     bench.requests.finish(request, is_whole=False)
@@ -91,33 +90,33 @@ def test_a_stop_between_two_movements_that_follow_at_once_refuses_the_second(ben
     bench.stop_from_outside()
     with pytest.raises(MotionRefusedError, match='from outside'):
         bench.drive()
-    # Whoever goes on nevertheless asks anew.
+    # A request after that is a new one.
     bench.drive()
 
 
 def test_a_stop_at_the_last_moment_of_a_movement_refuses_the_next(bench):
     request = bench.requests.accept()
-    bench.edge.begin(0.2, request.run)
+    bench.gate.begin(0.2, request.run)
     bench.stop_from_outside()
     bench.requests.finish(request, is_whole=True)
     with pytest.raises(MotionRefusedError, match='from outside'):
         bench.drive()
 
 
-def test_a_movement_some_time_after_a_stop_is_asked_for_anew(bench):
+def test_a_movement_some_time_after_a_stop_is_a_new_request(bench):
     bench.drive()
     bench.stop_from_outside()
     bench.time.now += 1.1 * PERIOD
     bench.drive()
 
 
-def test_who_drives_and_stops_by_itself_may_go_on(bench):
+def test_a_thread_that_stops_its_own_drive_may_drive_on(bench):
     bench.drive()
     bench.stop()
     bench.drive()
 
 
-def test_another_thread_than_the_one_that_was_stopped_asks_anew(bench):
+def test_another_thread_than_the_one_that_was_stopped_may_drive(bench):
     bench.drive()
     thread = threading.Thread(target=bench.drive)
     bench.stop()
@@ -126,7 +125,7 @@ def test_another_thread_than_the_one_that_was_stopped_asks_anew(bench):
     bench.drive()
 
 
-def test_a_refused_drive_lets_the_next_be_asked_for(bench):
+def test_a_refused_drive_lets_the_next_be_requested(bench):
     bench.drive()
     bench.stop_from_outside()
     for _ in range(2):

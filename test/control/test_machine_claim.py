@@ -29,7 +29,7 @@ from ros_support import environment, wait_until
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith('linux'), reason='abstract sockets are those of Linux')
 
-#: Says whether it got the claim, and keeps it until its standard input ends.
+#: Prints whether it got the claim, and keeps it until its standard input ends.
 HOLDER = """
 import sys
 from kachaka_simple_control.control.claims import ClaimedError, MachineClaim
@@ -47,7 +47,7 @@ else:
 
 @pytest.fixture
 def name():
-    """Return a name that nobody else claims."""
+    """Return a name that no other program claims."""
     return f'driver 7 /{uuid.uuid4().hex}/cmd_vel'
 
 
@@ -75,7 +75,7 @@ def go(process):
 
 
 def refused(name):
-    """Return what somebody is told who does not get the claim."""
+    """Return the message of a claim that is refused."""
     claim = MachineClaim()
     try:
         with pytest.raises(ClaimedError) as caught:
@@ -97,13 +97,13 @@ def test_of_three_at_the_same_moment_one_wins(name, trial):
     with holders(name, 3) as processes:
         for process in processes:
             go(process)
-        said = [process.stdout.readline().strip() for process in processes]
-    assert said.count('taken') == 1
-    winner = said.index('taken')
-    assert [line for line in said if line != 'taken'] == [f'refused: holder {winner}'] * 2
+        answers = [process.stdout.readline().strip() for process in processes]
+    assert answers.count('taken') == 1
+    winner = answers.index('taken')
+    assert [line for line in answers if line != 'taken'] == [f'refused: holder {winner}'] * 2
 
 
-def test_whoever_ends_gives_it_back(name):
+def test_a_program_that_ends_releases_it(name):
     with holders(name, 1) as (holder,):
         go(holder)
         assert holder.stdout.readline() == 'taken\n'

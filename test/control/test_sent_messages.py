@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Whose message it is: pure, at random."""
+"""Which received messages were sent here: at random."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,7 +23,7 @@ OWN = st.lists(st.sampled_from([ZERO, FORWARD, LEFT]), max_size=40)
 
 
 def sent(*messages, now=0.0):
-    """Return what was sent at one time."""
+    """Return a record of messages that were sent at one time."""
     log = SentMessages()
     for message in messages:
         log.record(now, message)
@@ -31,25 +31,25 @@ def sent(*messages, now=0.0):
 
 
 @given(OWN, st.data())
-def test_our_own_are_ours_whatever_is_lost_on_the_way(messages, data):
+def test_our_own_messages_are_ours_whichever_are_lost(messages, data):
     log = sent(*messages)
     arrived = [m for m in messages if data.draw(st.booleans())]
     assert all(log.consume(m, m == ZERO, 0.0) for m in arrived)
 
 
 @given(OWN)
-def test_one_that_was_never_sent_is_somebody_elses(messages):
+def test_a_message_that_was_never_sent_is_foreign(messages):
     assert not sent(*messages).consume(FOREIGN, False, 0.0)
 
 
 @given(OWN, st.sampled_from([ZERO, FORWARD, LEFT]), st.integers(min_value=0, max_value=40))
-def test_one_too_many_is_noticed_even_if_it_looks_like_ours(messages, foreign, place):
+def test_one_message_too_many_is_noticed_even_if_it_looks_like_ours(messages, foreign, place):
     """Not which, but that: with nothing lost, not all of them can be accounted for."""
     log = sent(*messages)
-    heard = [*messages]
-    heard.insert(min(place, len(heard)), foreign)
+    received = [*messages]
+    received.insert(min(place, len(received)), foreign)
     # All of them are asked about, whatever the first answers are.
-    answers = [log.consume(m, m == ZERO, 0.0) for m in heard]
+    answers = [log.consume(m, m == ZERO, 0.0) for m in received]
     assert False in answers
 
 
@@ -62,7 +62,7 @@ def test_a_zero_of_the_guardian_is_ours_once_and_not_for_long():
     assert not log.consume(ZERO, True, MAX_GUARDIAN_DELAY + 0.1)
 
 
-def test_who_begins_to_listen_hears_nothing_of_long_ago():
+def test_a_subscription_that_begins_receives_nothing_of_long_ago():
     log = sent(FORWARD, now=0.0)
     log.record(1.0, LEFT)
     log.discard_old(1.0 + MAX_TRANSIT_TIME)

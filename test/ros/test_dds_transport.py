@@ -32,14 +32,14 @@ from benchmarks.lossy_link import network  # noqa: I100
 
 pytestmark = pytest.mark.ros
 
-#: Makes a node, and tells its threads and the addresses that it listens at.
-LOOK = """
+#: Creates a node, and prints its threads and the addresses that it receives at.
+INSPECT = """
 import json, pathlib, sys, time
 from kachaka_simple_control.ros.dds_transport import use_udp_transport, use_localhost_only
-{way}()
+{call}()
 import rclpy
 rclpy.init()
-node = rclpy.create_node('looked_at')
+node = rclpy.create_node('inspected')
 time.sleep(0.5)
 threads = [task.read_text().strip() for task in pathlib.Path('/proc/self/task').glob('*/comm')]
 mine = set()
@@ -51,8 +51,7 @@ for link in pathlib.Path('/proc/self/fd').iterdir():
 sockets = [line.split() for line in open('/proc/net/udp').readlines()[1:]]
 print(json.dumps([threads, [s[1] for s in sockets if 'socket:[%s]' % s[9] in mine]]))
 """
-#: Programs of somebody else: a robot, which only listens, and many other nodes, each a participant
-#: of its own.
+#: Other programs: a robot, which only subscribes, and many nodes, each with its own participant.
 ROBOT = """
 import rclpy
 from geometry_msgs.msg import Twist
@@ -74,8 +73,8 @@ for number in range(40):
 print(flush=True)
 sys.stdin.read()
 """
-#: Newcomers of ours, one after the other, and how long [s] each took to meet the robot.
-NEWCOMERS = """
+#: Publishers of ours, one after the other, and how long [s] each took to match the robot.
+PUBLISHERS = """
 import json, sys, time
 from kachaka_simple_control.ros.dds_transport import use_localhost_only
 use_localhost_only()
@@ -86,7 +85,7 @@ for _ in range(int(sys.argv[1])):
     began = time.monotonic()
     context = rclpy.Context()
     context.init(args=[])
-    node = rclpy.create_node('newcomer', context=context)
+    node = rclpy.create_node('publisher', context=context)
     publisher = node.create_publisher(Twist, '/robot', 10)
     while not publisher.get_subscription_count() and time.monotonic() < began + 15:
         time.sleep(0.01)
@@ -95,7 +94,7 @@ for _ in range(int(sys.argv[1])):
     context.shutdown()
 print(json.dumps(took))
 """
-#: 127.0.0.1, and 239.255.0.1 where all announcements are heard; as the kernel writes them.
+#: 127.0.0.1, and 239.255.0.1 where all announcements are received; as the kernel writes them.
 LOOPBACK, ANNOUNCEMENTS = '0100007F', '0100FFEF'
 
 
@@ -113,62 +112,62 @@ def environment(**chosen):
     return {**free, **chosen}
 
 
-def look(way, **chosen):
-    """Return the threads of DDS and the addresses of a program that goes a way."""
+def inspect(call, **chosen):
+    """Return the threads of DDS and the addresses of a program that calls a function."""
     needs_fast_dds()
-    told = subprocess.run(
-        [sys.executable, '-c', LOOK.format(way=way)], env=environment(**chosen), timeout=60,
+    result = subprocess.run(
+        [sys.executable, '-c', INSPECT.format(call=call)], env=environment(**chosen), timeout=60,
         capture_output=True, check=True, text=True)
-    threads, addresses = json.loads(told.stdout)
-    assert 'deprecated' not in told.stderr
+    threads, addresses = json.loads(result.stdout)
+    assert 'deprecated' not in result.stderr
     return ({name.split('.')[1] for name in threads if name.startswith('dds.')},
             {address.split(':')[0] for address in addresses})
 
 
-@pytest.mark.parametrize('way', ['use_udp_transport', 'use_localhost_only'])
-def test_nothing_goes_by_shared_memory(way):
-    """A program that was killed leaves its part of it locked, and others wait for it."""
-    threads, _ = look(way)
+@pytest.mark.parametrize('call', ['use_udp_transport', 'use_localhost_only'])
+def test_no_shared_memory_is_used(call):
+    """A program that was killed leaves its part of it locked, and others wait."""
+    threads, _ = inspect(call)
     assert 'udp' in threads
     assert 'shm' not in threads
 
 
 @pytest.mark.parametrize('chosen', [{}, {dds_transport.RANGE: 'LOCALHOST'}])
-def test_what_stays_here_sends_from_the_loopback_interface(chosen):
-    """So it cannot answer what it may hear from elsewhere, by way of others who stand here."""
-    _, addresses = look('use_localhost_only', **chosen)
+def test_localhost_only_sends_from_the_loopback_interface(chosen):
+    """So it cannot answer other machines, whatever other programs of this one forward."""
+    _, addresses = inspect('use_localhost_only', **chosen)
     assert addresses == {LOOPBACK, ANNOUNCEMENTS}
 
 
-@pytest.mark.parametrize(('way', 'offset'), [
+@pytest.mark.parametrize(('call', 'offset'), [
     ('use_udp_transport', 0), ('use_localhost_only', 0),
     # Where the 32nd participant of this machine listens, of those that ROS's range greets.
     ('use_localhost_only', 10 + 2 * 31)])
-def test_a_newcomer_is_announced_until_everybody_has_heard_it(way, offset):
+def test_a_participant_is_announced_for_seconds(call, offset):
     """By itself Fast DDS does so five times, and then every three seconds."""
     needs_fast_dds()
-    domain, patience = 99, 4.0
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
-        ear.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        ear.bind(('', 7400 + 250 * domain + offset))  # by the DDS specification
-        ear.setsockopt(
+    domain, duration = 99, 4.0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        receiver.bind(('', 7400 + 250 * domain + offset))  # by the DDS specification
+        receiver.setsockopt(
             socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP,
             socket.inet_aton('239.255.0.1') + socket.inet_aton('127.0.0.1'))
-        ear.settimeout(0.2)
+        receiver.settimeout(0.2)
         with subprocess.Popen(
-                [sys.executable, '-c', LOOK.format(way=way).replace('0.5', str(patience))],
+                [sys.executable, '-c', INSPECT.format(call=call).replace('0.5', str(duration))],
                 stdout=subprocess.PIPE,
                 env=environment(ROS_DOMAIN_ID=str(domain))) as program:
             announced = 0
             while program.poll() is None:
                 with contextlib.suppress(TimeoutError):
-                    announced += ear.recv(65536).startswith(b'RTPS')
+                    announced += receiver.recv(65536).startswith(b'RTPS')
     assert announced > 20
 
 
 @contextlib.contextmanager
-def elsewhere(code):
-    """Run somebody's program with ROS's own range LOCALHOST, until the end of the block."""
+def running(code):
+    """Run another program with ROS's own range LOCALHOST, until the end of the block."""
     with subprocess.Popen(
             [sys.executable, '-c', code], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             env=environment(**{dds_transport.RANGE: 'LOCALHOST'})) as program:
@@ -179,12 +178,12 @@ def elsewhere(code):
             program.kill()
 
 
-def meet(newcomers):
-    """Return how long [s] each of some newcomers took to meet the robot, in order."""
-    told = subprocess.run(
-        [sys.executable, '-c', NEWCOMERS, str(newcomers)], timeout=120, capture_output=True,
+def matching_times(count):
+    """Return how long [s] each of some publishers took to match the robot, in order."""
+    result = subprocess.run(
+        [sys.executable, '-c', PUBLISHERS, str(count)], timeout=120, capture_output=True,
         env=environment(**{dds_transport.RANGE: 'LOCALHOST'}), check=True, text=True)
-    return json.loads(told.stdout)
+    return json.loads(result.stdout)
 
 
 @pytest.mark.slow
@@ -196,17 +195,17 @@ def test_a_robot_with_the_range_localhost_need_not_be_waited_for():
     enough for its answer, even where it has nothing else to do; so two of eight must be.
     """
     needs_fast_dds()
-    with elsewhere(ROBOT):
+    with running(ROBOT):
         time.sleep(1.0)  # at first it announces itself more often
-        assert sorted(meet(8))[1] < 1.5
+        assert sorted(matching_times(8))[1] < 1.5
 
 
 @pytest.mark.slow
 def test_a_robot_with_the_range_localhost_is_met_among_many_nodes():
     """It announces itself to the first 32 participants alone, and the newcomer is none of them."""
     needs_fast_dds()
-    with elsewhere(ROBOT), elsewhere(CROWD):
-        assert max(meet(1)) < 10.0  # as long as the command waits for a robot
+    with running(ROBOT), running(CROWD):
+        assert max(matching_times(1)) < 10.0  # as long as the command waits for a robot
 
 
 @pytest.fixture
@@ -217,8 +216,8 @@ def cable():
         pytest.skip(reason)
     listen = (
         'import socket, sys; group, own = map(socket.inet_aton, sys.argv[1:]); '
-        'ear = socket.socket(socket.AF_INET, socket.SOCK_DGRAM); '
-        'ear.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group + own); '
+        'receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM); '
+        'receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group + own); '
         'print(flush=True); sys.stdin.read()')
     with network.Network() as made:
         command = [sys.executable, '-c', listen, '239.255.0.1', network.ADDRESSES[network.ROBOT]]
@@ -247,16 +246,16 @@ def test_a_simulated_drive_sends_no_packet_off_this_machine(cable, tmp_path):
 
 
 def test_what_people_chose_stands():
-    threads, _ = look('use_udp_transport', **{dds_transport.TRANSPORTS: 'DEFAULT'})
+    threads, _ = inspect('use_udp_transport', **{dds_transport.TRANSPORTS: 'DEFAULT'})
     assert 'shm' in threads
     for chosen in ({dds_transport.RANGE: 'SUBNET'}, {dds_transport.LOCALHOST_ONLY: '0'}):
         code = ('import os; from kachaka_simple_control.ros.dds_transport import *; '
                 'use_localhost_only(); '
                 f'print({{name: os.environ.get(name) for name in {dds_transport.CHOICES}}})')
-        told = subprocess.run(
+        result = subprocess.run(
             [sys.executable, '-c', code], env=environment(**chosen), timeout=60,
             capture_output=True, check=True, text=True)
-        assert told.stdout.count('None') == len(dds_transport.CHOICES) - 1
+        assert result.stdout.count('None') == len(dds_transport.CHOICES) - 1
 
 
 def test_tools_that_know_nothing_of_this_hear_who_stays_here():
@@ -276,10 +275,10 @@ def test_tools_that_know_nothing_of_this_hear_who_stays_here():
     with subprocess.Popen([sys.executable, '-c', talk], env=environment()) as talker:
         try:
             for chosen in ({}, {dds_transport.RANGE: 'LOCALHOST'}):
-                told = subprocess.run(
+                result = subprocess.run(
                     [sys.executable, '-c', hear], env=environment(**chosen), timeout=60,
                     capture_output=True, check=True, text=True)
-                assert int(told.stdout) >= 1
+                assert int(result.stdout) >= 1
         finally:
             talker.kill()
 

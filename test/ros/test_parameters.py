@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What can be set of a node and its topics, from outside, and what cannot."""
+"""The parameters of the node, the qualities of service of its topics, and its names."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_the_quality_of_service_can_be_changed(make, watcher):
     ] == [ReliabilityPolicy.RELIABLE])
 
 
-def test_odometry_may_be_heard_reliably(make, watcher):
+def test_odometry_may_be_subscribed_to_reliably(make, watcher):
     make(**{f'qos_overrides.{ODOMETRY}.subscription.reliability': 'reliable'})
     assert wait_until(lambda: [
         info.qos_profile.reliability
@@ -102,18 +102,19 @@ def test_parameters_are_described_with_their_ranges(watcher, make):
     executor.add_node(node)
     thread = threading.Thread(target=executor.spin, daemon=True)
     thread.start()
-    names = [setting.name for setting in fields(NodeParameters)]
+    names = [parameter.name for parameter in fields(NodeParameters)]
     answer = watcher.call(
         DescribeParameters, '/kachaka_simple_control/describe_parameters',
         DescribeParameters.Request(names=names))
     executor.shutdown()
     thread.join()
-    for setting, told in zip(fields(NodeParameters), answer.descriptors, strict=True):
-        assert told.description == setting.metadata['description']
-        assert told.read_only
-        spans = [(span.from_value, span.to_value) for span in told.floating_point_range]
-        wanted = setting.metadata['range']
-        assert spans == ([pytest.approx(wanted)] if wanted else [])
+    for parameter, descriptor in zip(fields(NodeParameters), answer.descriptors, strict=True):
+        assert descriptor.description == parameter.metadata['description']
+        assert descriptor.read_only
+        ranges = [(limits.from_value, limits.to_value)
+                  for limits in descriptor.floating_point_range]
+        expected = parameter.metadata['range']
+        assert ranges == ([pytest.approx(expected)] if expected else [])
 
 
 def test_a_name_that_cannot_be_is_an_error_and_no_node(make, watcher):
@@ -148,7 +149,7 @@ def test_every_call_of_a_storm_is_answered(make, watcher, clients):
 
 
 def test_a_node_that_was_refused_leaves_nothing_behind(make, watcher):
-    """Its publisher would be taken for somebody else who drives the robot."""
+    """Its publisher would be taken for that of another program."""
     for _ in range(3):
         with pytest.raises(UsageError):
             make('-r', f'{SHOWN[0]}:={VELOCITY}')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The one that drives keeps the robot: newcomers on this machine and on others."""
+"""A program that drives keeps the robot; newcomers on this machine and others are refused."""
 
 import os
 import signal
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.ros
 pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('nav_msgs', reason='needs nav_msgs')
 
-#: A movement of our own speed, so that it is known whose a velocity is.
+#: A movement whose speed tells which program sent it.
 DRIVE = """
 import rclpy
 from kachaka_simple_control import KachakaSimpleControl
@@ -40,7 +40,7 @@ from kachaka_simple_control.ros import robot_claim
 MachineClaim.take = lambda self, name, who: None
 robot_claim.is_localhost_only = lambda: False
 """
-#: One that discovery lets hear of others only when it is too late.
+#: A program that discovers others only when it is too late.
 UNAWARE = """
 from kachaka_simple_control.control.claims import Claims
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
@@ -51,7 +51,7 @@ ForeignMessages.detect = lambda self, *check: False
 
 
 def folders(tmp_path, *names):
-    """Return folders, one a program."""
+    """Return a folder for each program."""
     made = [tmp_path / name for name in names]
     for folder in made:
         folder.mkdir()
@@ -59,7 +59,7 @@ def folders(tmp_path, *names):
 
 
 def speeds(listener):
-    """Return which velocities moved the robot."""
+    """Return the forward velocities that were received, without zeros."""
     return {heard.linear_x for heard in listener.heard if heard.linear_x}
 
 
@@ -75,14 +75,15 @@ def test_a_newcomer_is_refused_and_the_one_that_drives_finishes(listener, tmp_pa
     assert f'/kachaka_simple_control (process {first.process.pid}, since ' in line
     assert 'drives the robot on /kachaka/manual_control/cmd_vel, so nothing was sent' in line
     assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 50)]
-    # Nothing between the velocities of the first, no zero either; and one taking, one giving back.
+    # No message of the second between those of the first, no zero either; manual control was
+    # switched on once, and released once.
     assert not [heard for heard in listener.heard
                 if not heard.moves and moved(listener)[0] < heard.time < moved(listener)[-1]]
     assert [enabled for _, enabled in listener.answered] == [True, False]
 
 
 def moved(listener):
-    """Return when velocities that move were sent."""
+    """Return when velocities other than zero were received."""
     return [heard.time for heard in listener.heard if heard.moves]
 
 
@@ -93,7 +94,7 @@ def test_of_two_that_start_in_the_same_moment_one_drives(listener, tmp_path):
         ends = sorted((first.end(), second.end()))
     assert len(speeds(listener)) == 1
     assert [move.count for move in listener.moves()] == [20]
-    # A script of one's own ends by the error as Python has it.
+    # A script without the command ends by the error as Python has it: with 1.
     assert ends == [0, 1]
 
 
@@ -177,7 +178,7 @@ def test_of_two_newcomers_on_two_machines_one_drives(listener, tmp_path):
 
 
 def test_a_driver_on_another_machine_that_was_killed_keeps_nothing(listener, tmp_path):
-    """DDS lists it for 20 s; it tells of no claim any more."""
+    """DDS lists it for 20 s, but it publishes its claim no more."""
     one, two = folders(tmp_path, 'one', 'two')
     with script(ELSEWHERE + DRIVE.format(speed=0.1, duration=20.0), one) as first:
         listener.wait_for(lambda heard: heard.moves)
