@@ -31,19 +31,19 @@ from program import COMMAND
 import pytest
 
 
-def test_nothing_said_is_the_lesson_on_a_real_robot():
+def test_without_arguments_it_is_the_lesson_on_a_real_robot():
     assert parse([]) == Options()
     assert not parse([]).is_preview
 
 
-def test_several_motions_can_be_looked_at_and_one_driven():
+def test_several_motions_can_be_shown_and_one_driven():
     assert parse(['square', 'circle', '--plan']).motions == ('square', 'circle')
     assert parse(['square', '--sim', '--rate', '50']) == Options(('square',), sim=True, rate=50.0)
 
 
 @pytest.mark.parametrize('arguments', [
     ['--list'], ['--plan'], ['--plot', 'square.png'], ['--plan', '--sim']])
-def test_who_only_looks_moves_nothing(arguments):
+def test_previews_move_nothing(arguments):
     assert parse(arguments).is_preview
 
 
@@ -79,7 +79,7 @@ def test_the_arguments_of_ros_are_left_to_ros(arguments, own, ros):
 @pytest.mark.parametrize('error, code', [
     (InvalidMotionError('linear_x is 3 m/s'), 2),
     (UsageError('rate is 0'), 2),
-    (RobotNotFoundError('nobody'), 3),
+    (RobotNotFoundError('no robot'), 3),
     (RunFaultError('late'), 1),
     (RunFaultError('the robot says \x1b[2J' + 'no' * 50_000), 1),
     (KeyError('oops'), 1),
@@ -98,7 +98,7 @@ def test_each_end_has_its_exit_code_and_no_traceback(error, code, capsys):
 
 
 @pytest.mark.parametrize('option', ['--list', '--plan'])
-def test_a_reader_who_has_seen_enough_is_no_error(option):
+def test_a_reader_that_closes_the_pipe_is_no_error(option):
     """As in ``--list | head -1``."""
     reader, writer = os.pipe()
     os.close(reader)
@@ -129,10 +129,10 @@ def test_a_body_that_ends_well_is_0():
 ])
 def test_a_signal_decides_the_exit_code_whatever_followed_from_it(
         monkeypatch, capsys, error, printed):
-    """A run that a signal stopped fails in one way or another; only the unexpected is told."""
-    watch = SignalDispatcher()
-    watch.signum = signal.SIGTERM
-    monkeypatch.setattr(cli, 'signal_dispatcher', watch)
+    """A run that a signal stopped fails in one way or another; only the unexpected is printed."""
+    dispatcher = SignalDispatcher()
+    dispatcher.signum = signal.SIGTERM
+    monkeypatch.setattr(cli, 'signal_dispatcher', dispatcher)
 
     def body():
         raise error

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Motions from files, driven by the command: on the simulated robot, and on request."""
+"""Motions from files, driven by the command: on the simulated robot, and by the service."""
 
 import re
 import signal
@@ -87,8 +87,8 @@ def test_a_simulated_kachaka_is_no_turtlebot(tmp_path):
     assert 'bring a kachaka along, not a turtlebot3' in line
 
 
-def test_on_request_it_drives_and_stops(listener, tmp_path):
-    """Twice, and a second request in between is refused; Ctrl+C ends it."""
+def test_by_the_service_it_drives_and_stops(listener, tmp_path):
+    """Twice; a second call in between is refused; Ctrl+C ends the program."""
     with program([*COMMAND, 'straight', '--wait'], tmp_path) as started:
         started.wait_for_text('Standing by')
         assert listener.heard == []
@@ -106,7 +106,7 @@ def test_on_request_it_drives_and_stops(listener, tmp_path):
 
 
 def test_standing_by_a_stop_is_confirmed_as_well(watcher, tmp_path):
-    """Even though the main thread, which served odometry, has other things to do by then."""
+    """Although the main thread, which served odometry, is busy with the signal."""
     from std_srvs.srv import Trigger
     with program([*COMMAND, 'straight', '--wait', '--sim'], tmp_path) as started:
         started.wait_for_text('Standing by')
@@ -120,7 +120,7 @@ def test_standing_by_a_stop_is_confirmed_as_well(watcher, tmp_path):
 
 @pytest.mark.parametrize('after', [0.0, 0.2])
 def test_a_request_that_is_stopped_at_once_moves_nothing(listener, tmp_path, after):
-    """Although the robot still has to be met: success means that nothing moves from now on."""
+    """Although the robot is not taken yet: success means that nothing moves from now on."""
     with program([*COMMAND, 'straight', '--wait'], tmp_path) as started:
         started.wait_for_text('Standing by')
         assert listener.call('run').success
@@ -129,7 +129,7 @@ def test_a_request_that_is_stopped_at_once_moves_nothing(listener, tmp_path, aft
         stopped = time.time()
         time.sleep(3.0)
         assert not [heard for heard in listener.heard if heard.moves and heard.time > stopped]
-        # Until somebody asks anew.
+        # Until the next call.
         assert listener.call('run').success
         listener.wait_for(lambda heard: heard.moves)
 
@@ -182,11 +182,11 @@ def test_standing_by_for_nothing_leaves_no_table(tmp_path):
     assert 'requested' not in started.text
 
 
-@pytest.mark.parametrize('said', ['by option', 'by file'])
-def test_a_rate_that_cannot_work_is_refused_before_anything_is_started(said, tmp_path):
+@pytest.mark.parametrize('source', ['by option', 'by file'])
+def test_a_rate_that_cannot_work_is_refused_before_anything_is_started(source, tmp_path):
     file = tmp_path / 'slow.yaml'
-    file.write_text(SHORT if said == 'by option' else SHORT.replace('20 Hz', '2 Hz'))
-    option = ['--rate', '2'] if said == 'by option' else []
+    file.write_text(SHORT if source == 'by option' else SHORT.replace('20 Hz', '2 Hz'))
+    option = ['--rate', '2'] if source == 'by option' else []
     with program([*COMMAND, str(file), '--sim', *option], tmp_path) as started:
         assert started.end() == 2
     assert started.text == ('kachaka_simple_control: rate is 2 Hz; for kachaka it must be from 5 '
@@ -194,7 +194,7 @@ def test_a_rate_that_cannot_work_is_refused_before_anything_is_started(said, tmp
 
 
 def test_a_robot_may_take_velocities_with_a_stamp(tmp_path):
-    """Node and guardian alike; whose robot it is, its own profile says."""
+    """From node and guardian alike; the robot's profile asks for it."""
     from geometry_msgs.msg import TwistStamped
     from listener import Listener
     file = tmp_path / 'stamped.yaml'

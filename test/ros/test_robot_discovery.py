@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The start: a robot that comes late, halfway, twice or never."""
+"""The start: a robot that is late, incomplete, there twice or missing; invalid parameters."""
 
 import time
 
@@ -30,12 +30,13 @@ ODOMETRY = '/kachaka/odometry/odometry'
 ENABLED = '/kachaka/manual_control/set_enabled'
 
 
-def with_parameters(*settings):
+def with_parameters(*parameters):
     """Return the command with some parameters set."""
-    return [*COMMAND, '--ros-args', *(part for setting in settings for part in ('-p', setting))]
+    return [*COMMAND, '--ros-args',
+            *(part for parameter in parameters for part in ('-p', parameter))]
 
 
-def test_with_nobody_there_it_says_so_and_ends_with_3(tmp_path):
+def test_without_a_robot_it_says_so_and_ends_with_3(tmp_path):
     with program(with_parameters('robot_timeout:=0.5'), tmp_path) as started:
         assert started.end() == 3
         last = started.text.splitlines()[-1]
@@ -57,7 +58,7 @@ def test_a_robot_that_comes_late_gets_the_first_movement_whole(tmp_path):
 
 
 def test_a_subscriber_is_not_a_robot(tmp_path):
-    """``ros2 topic echo`` subscribes too; nothing may be sent before a robot is there."""
+    """``ros2 topic echo`` subscribes too; nothing may be sent before there is a robot."""
     with Listener(serves=False) as listener:
         with program(with_parameters('robot_timeout:=3'), tmp_path) as started:
             assert started.end() == 3
@@ -65,7 +66,7 @@ def test_a_subscriber_is_not_a_robot(tmp_path):
         assert listener.heard == []
 
 
-def test_two_robots_under_one_name_are_too_many(tmp_path):
+def test_two_robots_under_one_name_are_refused(tmp_path):
     """Both would obey: the wrong one, perhaps a real one beside a simulated one, as well."""
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     from nav_msgs.msg import Odometry
@@ -79,7 +80,7 @@ def test_two_robots_under_one_name_are_too_many(tmp_path):
         assert not [heard for heard in one.heard + two.heard if heard.moves]
 
 
-def test_a_robot_that_is_there_is_left_alone_by_a_simulated_drive(tmp_path):
+def test_a_robot_under_the_same_name_is_left_alone_by_a_simulated_drive(tmp_path):
     """It may be a real one: then it would leave its dock, and drive beside the simulated one."""
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     from ros_support import bridge, wait_until
@@ -108,7 +109,7 @@ def test_a_robot_that_refuses_manual_control_is_not_driven(tmp_path):
         assert listener.heard == []
 
 
-def test_zeros_come_first_for_the_time_that_readers_need(tmp_path):
+def test_zeros_are_sent_for_the_prime_time_first(tmp_path):
     with Listener() as listener:
         with program(with_parameters('prime_time:=1.0'), tmp_path):
             moved = listener.wait_for(lambda heard: heard.moves)
@@ -116,25 +117,25 @@ def test_zeros_come_first_for_the_time_that_readers_need(tmp_path):
         assert moved.time - listener.heard[0].time == pytest.approx(2.0, abs=0.3)
 
 
-@pytest.mark.parametrize('setting, text', [
+@pytest.mark.parametrize('parameter, text', [
     ('rate:=4', 'parameter rate is 4; it must be from 5 to 1000'),
     ('rate:=fast', "parameter rate is 'fast'; it must be a number"),
     ('manual_control:=7', 'manual_control'),
     ('rte:=20', 'there is no parameter rte; did you mean rate?'),
     ('colour:=red', 'there is no parameter colour: robot, robot_namespace, rate, '),
 ])
-def test_a_parameter_that_cannot_work_is_refused_in_one_line(tmp_path, setting, text):
-    with program(with_parameters(setting), tmp_path) as started:
+def test_a_parameter_that_cannot_work_is_refused_in_one_line(tmp_path, parameter, text):
+    with program(with_parameters(parameter), tmp_path) as started:
         assert started.end() == 2
         assert text in started.text
         assert len(started.text.splitlines()) == 1
 
 
-@pytest.mark.parametrize('setting', [
+@pytest.mark.parametrize('parameter', [
     'use_sim_time:=false', 'another_node:colour:=red',
     'qos_overrides./kachaka/odometry/odometry.subscription.depth:=5'])
-def test_parameters_of_ros_and_of_others_are_none_of_our_business(tmp_path, setting):
-    with program(with_parameters('robot_timeout:=0.5', setting), tmp_path) as started:
+def test_parameters_of_ros_and_of_other_nodes_are_accepted(tmp_path, parameter):
+    with program(with_parameters('robot_timeout:=0.5', parameter), tmp_path) as started:
         assert started.end() == 3
 
 
@@ -197,7 +198,7 @@ def test_an_environment_that_ros_cannot_use_is_refused_in_one_line(
 @pytest.mark.parametrize('reason, shown', [
     ('no\x1b[2J\nnot today', r'refused manual control: no\x1b[2J\nnot today'),
     ('no' * 50_000, 'nonon...')])
-def test_what_a_robot_says_is_shown_in_one_line(tmp_path, reason, shown):
+def test_a_refusal_of_the_robot_is_printed_in_one_line(tmp_path, reason, shown):
     with Listener(grants=False, reason=reason), program(COMMAND, tmp_path) as started:
         assert started.end() == 3
         last = started.text.splitlines()[-1]
