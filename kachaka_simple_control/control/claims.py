@@ -39,6 +39,13 @@ from kachaka_simple_control.control.timing import (
 CREDENTIALS = struct.Struct('3i')
 #: Longest description of a holder that is read [bytes].
 MAX_DESCRIPTION_BYTES = 1000
+#: Most claims that are kept; the network may deliver anything.
+MAX_CLAIMS = 64
+#: Most of a text from the network that is kept [characters].
+MAX_TEXT_LENGTH = 200
+#: States of a claim: the robot is not claimed; it is wanted, and taken if no other claim blocks
+#: it; it is held until the program ends.
+RELEASED, WANTED, HELD = 'nothing', 'wanted', 'held'
 
 
 class ClaimedError(Exception):
@@ -138,16 +145,6 @@ def _serve(server: socket.socket, who: str) -> None:
             return
         with client, contextlib.suppress(OSError):
             client.sendall(who.encode())
-
-
-#: Most claims that are kept; the network may deliver anything.
-MAX_CLAIMS = 64
-#: Most of a text from the network that is kept [characters].
-MAX_TEXT_LENGTH = 200
-
-#: States of a claim: the robot is not claimed; it is wanted, and taken if no other claim blocks
-#: it; it is held until the program ends.
-RELEASED, WANTED, HELD = 'nothing', 'wanted', 'held'
 
 
 @dataclass(frozen=True)
