@@ -61,7 +61,7 @@ def use_localhost_only() -> None:
 
     As ROS's own range does, the profile announces itself to the first 32 participants of this
     machine by unicast too: nodes with that range receive no multicast, and announce themselves to
-    nobody else.  More than 32 would reach further, but Fast DDS receives nothing until it has
+    no others.  More than 32 would reach further, but Fast DDS receives nothing until it has
     announced itself to all of them, and the answer of a quick robot is lost: with 120, every
     answer was.  The announcements are 320 small packets a second for five seconds, then 32, all
     on this machine.

@@ -44,7 +44,7 @@ class ForeignMessages:
     :param node: the node that publishes
     :param publisher: its publisher of velocities
     :param other_publishers: returns the node names of the publishers of others
-    :param is_latched: tells whether the guardian stops the robot: then zeros are its own
+    :param is_latched: returns whether the guardian stops the robot: then zeros are its own
     :param on_message: called in the executor's thread with who may have sent it, for each message
         of others, unless ``detect`` waits for one
     """
@@ -117,7 +117,7 @@ class ForeignMessages:
                 'allow_other_publishers to true')
 
     def describe_sender(self) -> str:
-        """Return who may have sent the messages of others, as far as the graph tells."""
+        """Return who may have sent the messages of others, as far as the graph knows."""
         if UNKNOWN_NODE in self._names:
             self._names = self._other_publishers() or self._names  # discovery delivers names last
         names = sorted({

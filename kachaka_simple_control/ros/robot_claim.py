@@ -61,7 +61,7 @@ class RobotClaim:
 
     On one machine the kernel decides.  Between machines, programs publish their claims on a topic
     next to that of the velocities.  Discovery takes time, so for a moment two programs may hold
-    the claim: as soon as they receive each other's, both are told.
+    the claim: each reports the conflict as soon as it receives the other's.
 
     :param node: the node that claims; its claim topic is served by the node's executor
     :param topic: where the robot takes velocities, resolved

@@ -112,7 +112,7 @@ class RobotDiscovery:
         """
         Check that the robot still subscribes.
 
-        :raises RunFaultError: if nobody does
+        :raises RunFaultError: if no subscription is left
         """
         if not self.is_subscribed:
             raise self._subscriber_left()

@@ -53,7 +53,7 @@ class VelocityPublisher:
     def __init__(self, node: Node, topic: str, message_type: str, frame: str) -> None:
         self._publisher = node.create_publisher(TYPES[message_type], topic, DEPTH)
         self._messages = _MessageCache(node, message_type, frame)
-        #: what was sent, to tell it from the messages of other publishers
+        #: what was sent, to distinguish it from the messages of other publishers
         self.sent = SentMessages()
 
     def transmit(self, velocity: Velocity) -> None:
