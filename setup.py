@@ -29,7 +29,7 @@ setup(
     python_requires='>=3.10',
     packages=find_packages(include=[package_name, package_name + '.*']),
     package_data={package_name: [
-        'py.typed', 'motions/*', 'report/*.css', 'robots/*', 'ros/*.xml']},
+        'py.typed', 'motions/*', 'report/*.css', 'report/templates/*', 'robots/*', 'ros/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -42,6 +42,8 @@ setup(
         # Motions and robots in files; the lesson needs none.
         'motions': ['PyYAML>=5.4', 'jsonschema>=3.2'],
         'plot': ['matplotlib>=3.5'],
+        # The page of a report, with its pictures; without it, the figures and the recording.
+        'report': ['Jinja2>=3.0', 'matplotlib>=3.5'],
         # A drive shown in a terminal; without it, in plain lines.
         'live': ['rich>=11.2'],
         # The recording beside a report; without it, the report alone.

@@ -27,8 +27,7 @@ from kachaka_simple_control.errors import ControlError, UsageError
 from kachaka_simple_control.files.robot_profile import KACHAKA, profile_of
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.preview_command import check_rate
-from kachaka_simple_control.report.recording import lacking
-from kachaka_simple_control.report.report_directory import prepare_report_dir
+from kachaka_simple_control.report.report_directory import missing_libraries, prepare_report_dir
 from kachaka_simple_control.report.text_tables import table
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
@@ -96,7 +95,7 @@ def _start_subscribers(
     if not options.quiet and should_display(is_lesson):
         subscribers.add(DisplayProcess())
     if options.report is not None:
-        if (missing := lacking()) is not None:
+        for missing in missing_libraries():
             print(f'report: {missing}', file=sys.stderr)
         subscribers.start(REPORTER, options.report)
 

@@ -32,8 +32,8 @@ sys.meta_path.insert(0, Block())
 ROS = ('rclpy', 'geometry_msgs', 'std_srvs', 'nav_msgs', 'rcl_interfaces')
 #: What a person may have installed, and rclpy does without (it uses yaml and numpy itself).
 OTHERS = (
-    'nav_msgs', 'diagnostic_msgs', 'sensor_msgs', 'jsonschema', 'rich', 'matplotlib', 'scipy',
-    'mcap', 'kachaka_api', 'grpc', 'hypothesis', 'ruckig', 'rosbags', 'pytest')
+    'nav_msgs', 'diagnostic_msgs', 'sensor_msgs', 'jsonschema', 'jinja2', 'rich', 'matplotlib',
+    'scipy', 'mcap', 'kachaka_api', 'grpc', 'hypothesis', 'ruckig', 'rosbags', 'pytest')
 
 
 def test_importing_the_package_and_planning_need_no_ros():

@@ -21,22 +21,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.report.report_directory import NEEDS_MCAP
 from kachaka_simple_control.telemetry.events import Event, SessionStarted
 
 if TYPE_CHECKING:
     from kachaka_simple_control.report.mcap_recorder import McapRecorder
 
 NAME = 'run.mcap'
-NEEDS = "it needs mcap 1.5 or newer: pip install 'mcap>=1.5'"
-
-
-def lacking() -> str | None:
-    """
-    Tell whether what writes recordings is missing; quick, for a drive is about to begin.
-
-    :returns: why there will be no recording, as a sentence; None if nothing is missing
-    """
-    return f'{NAME} is left out: {NEEDS}' if importlib.util.find_spec('mcap') is None else None
 
 
 class FaultTolerantRecorder:
@@ -53,7 +44,8 @@ class FaultTolerantRecorder:
         self._record = record
         self._recording: McapRecorder | None = None
         #: why there is no recording or not all of it; None as long as there is
-        self.failure = lacking()
+        self.failure: str | None = None if importlib.util.find_spec('mcap') else (
+            f'{NAME} is left out: {NEEDS_MCAP}')
 
     def on_event(self, event: Event) -> None:
         """
@@ -97,7 +89,7 @@ class FaultTolerantRecorder:
         # Here, for a report can be made without it.
         from mcap.writer import Writer
         if not hasattr(Writer, 'flush'):
-            raise ImportError(NEEDS)
+            raise ImportError(NEEDS_MCAP)
         from kachaka_simple_control.report.mcap_recorder import McapRecorder
         self._recording = McapRecorder(self._path, opened, self._record)
 

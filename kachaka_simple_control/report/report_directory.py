@@ -11,16 +11,27 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The folder that a report goes to: made and looked at before anything else begins."""
+"""What a report needs before a drive begins: a directory to write to, and libraries."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 import contextlib
+import importlib.util
 from pathlib import Path
 import tempfile
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
+
+NEEDS_JINJA2 = 'it needs Jinja2: pip install jinja2, or sudo apt install python3-jinja2'
+NEEDS_MCAP = "it needs mcap 1.5 or newer: pip install 'mcap>=1.5'"
+
+
+def missing_libraries() -> list[str]:
+    """Return a sentence for each file that is left out because its library is missing."""
+    needs = {'jinja2': f'report.html is left out: {NEEDS_JINJA2}',
+             'mcap': f'run.mcap is left out: {NEEDS_MCAP}'}
+    return [text for name, text in needs.items() if importlib.util.find_spec(name) is None]
 
 
 @contextlib.contextmanager

@@ -47,12 +47,14 @@ def write_report(record: DriveLog, folder: Path, recording: str | None) -> None:
     Write ``report.html``, ``path.png`` and ``run.json``, each whole or not at all.
 
     Without matplotlib, or if nothing was planned, there is no picture, and the page says so.
+    Without Jinja2 there is no page.
 
     :param record: what happened
     :param folder: where to; it is there
     :param recording: why ``run.mcap`` beside them is missing or not whole, in a sentence; None if
         it is whole
     :raises OSError: if the folder cannot be written to
+    :raises UsageError: if Jinja2 is missing, once the other files are written
     """
     with _nothing_to_collect():
         _write_all(Summary(record), folder, recording)
@@ -177,6 +179,8 @@ def report(record: DriveLog, folder: Path, recording: str | None) -> str | None:
         return 'there is none: the program ended before anything began'
     try:
         write_report(record, folder, recording)
+    except UsageError as error:
+        return f'{PAGE} is left out: {error}'
     except Exception as error:  # the recording is there, and there is nobody else to tell
         reason = error.strerror if isinstance(error, OSError) else repr(error)
         return f'there is none: {reason}'

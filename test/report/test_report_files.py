@@ -28,7 +28,8 @@ from kachaka_simple_control.motion.steps import Motion, Move, Turn
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.html_page import page
 from kachaka_simple_control.report.json_export import fields, run_json
-from kachaka_simple_control.report.report_process import write_report
+from kachaka_simple_control.report.report_directory import missing_libraries
+from kachaka_simple_control.report.report_process import report, write_report
 from kachaka_simple_control.report.summary import outcome, Summary
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
@@ -139,6 +140,16 @@ def test_without_matplotlib_the_page_says_so(tmp_path, monkeypatch):
     assert '<figure' not in text
     assert 'forward 0.5 m' in text
     assert sorted(path.name for path in tmp_path.iterdir()) == ['report.html', 'run.json']
+
+
+def test_without_jinja2_one_line_says_how_to_get_it_and_the_rest_is_there(tmp_path, monkeypatch):
+    drawn()
+    monkeypatch.setitem(sys.modules, 'jinja2', None)
+    line = ('report.html is left out: it needs Jinja2: pip install jinja2, or sudo apt install '
+            'python3-jinja2')
+    assert report(done(), tmp_path, None) == line
+    assert missing_libraries()[0] == line
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['path.png', 'run.json']
 
 
 def test_a_picture_that_fails_does_not_cost_the_page(tmp_path, monkeypatch):
