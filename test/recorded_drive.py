@@ -20,7 +20,7 @@ from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.recording import FaultTolerantRecorder
+from kachaka_simple_control.report.mcap_recorder import McapRecorder
 from kachaka_simple_control.telemetry.events import MotionPlanned, SessionStarted, VelocitySent
 from recordings import sent_velocities, stamp_of
 
@@ -41,7 +41,7 @@ class RecordedDrive:
         self.folder, self.opened = Path(folder), opened
         self.file = self.folder / 'run.mcap'
         self.record = DriveLog()
-        self.bag = FaultTolerantRecorder(self.folder, self.record)
+        self.bag = McapRecorder(self.folder, self.record)
         self.tell(opened, PLANNED)
 
     def tell(self, *events):

@@ -11,21 +11,29 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Record a drive as an MCAP file that is whole after each flush."""
+"""Record a drive as an MCAP file that is readable after each flush."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import contextlib
-from dataclasses import dataclass
-import math
+import importlib.util
 import os
 from pathlib import Path
-import struct
-from typing import Any, cast
+from typing import Any, cast, NamedTuple, TYPE_CHECKING
 
-from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity
+from kachaka_simple_control.motion.geometry import ORIGIN
+from kachaka_simple_control.report.cdr import (
+    NANO,
+    ODOM,
+    odometry,
+    PathSerializer,
+    twist,
+    twist_stamped,
+)
 from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.paths import PathSerializer, sample_path
+from kachaka_simple_control.report.paths import sample_path
+from kachaka_simple_control.report.report_directory import NEEDS_MCAP
 from kachaka_simple_control.report.rosbag2_metadata import (
     bag_information,
     BEST_EFFORT,
@@ -44,121 +52,42 @@ from kachaka_simple_control.telemetry.events import (
     SessionStarted,
     VelocitySent,
 )
-from mcap.data_stream import RecordBuilder
-from mcap.records import DataEnd, Footer
-from mcap.writer import MCAP0_MAGIC, Writer
 
-#: Little endian, and no options.
-HEAD = b'\x00\x01\x00\x00'
-#: The frames that poses and velocities are told in, by REP-105.
-ODOM, BASE = 'odom', 'base_link'
-NANO = 1_000_000_000
-#: All zeros: nobody knows.
-COVARIANCE = (0.0,) * 36
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+NAME = 'run.mcap'
+PATH_TOPIC = '/kachaka_simple_control/planned_path'
+#: Messages are compressed and indexed in chunks of this size at most [bytes].
+CHUNK_SIZE = 1 << 20
 
 
 def stamp(epoch: float, time: float) -> int:
     """
-    Return a time of the steady clock as recordings have it.
+    Return a time of the steady clock as nanoseconds since 1970.
 
-    Rounded apart, the two keep what a sum of floats would lose: the difference between two
+    Both are rounded on their own: a sum of floats would lose digits.  So the difference of two
     stamps is that of their times, to the nanosecond.
 
-    :param epoch: what to add to a time of the steady clock for the time since 1970 [s]
+    :param epoch: the steady clock's zero [s since 1970]
     :param time: when [s on the steady clock]
-    :returns: the time since 1970 [ns]
     """
     return round(epoch * NANO) + round(time * NANO)
 
 
-def twist(velocity: Velocity) -> bytes:
-    """
-    Return a velocity as ``geometry_msgs/msg/Twist``.
-
-    :param velocity: the velocity
-    :returns: the message
-    """
-    return _Cdr().velocity(velocity).message()
-
-
-def twist_stamped(velocity: Velocity, when: int, frame: str) -> bytes:
-    """
-    Return a velocity as ``geometry_msgs/msg/TwistStamped``.
-
-    :param velocity: the velocity
-    :param when: when it was sent [ns since 1970]
-    :param frame: the frame it is told in
-    :returns: the message
-    """
-    return _Cdr().header(when, frame).velocity(velocity).message()
-
-
-def odometry(pose: Pose, velocity: Velocity, when: int) -> bytes:
-    """
-    Return what odometry told as ``nav_msgs/msg/Odometry``.
-
-    :param pose: where the robot was
-    :param velocity: how fast it was
-    :param when: when that arrived [ns since 1970]
-    :returns: the message
-    """
-    return (_Cdr().header(when, ODOM).text(BASE)
-            .pose(pose).doubles(*COVARIANCE)
-            .velocity(velocity).doubles(*COVARIANCE).message())
-
-
-class _Cdr:
-    """A message being put together: each number stands at a multiple of its own size."""
-
-    def __init__(self) -> None:
-        self._data = bytearray()
-
-    def message(self) -> bytes:
-        return HEAD + bytes(self._data)
-
-    def number(self, value: int) -> _Cdr:
-        return self._put(4, '<I', value)
-
-    def doubles(self, *values: float) -> _Cdr:
-        return self._put(8, f'<{len(values)}d', *values)
-
-    def text(self, value: str) -> _Cdr:
-        data = value.encode() + b'\0'
-        self.number(len(data))
-        self._data += data
-        return self
-
-    def header(self, when: int, frame: str) -> _Cdr:
-        return self._put(4, '<iI', *divmod(when, NANO)).text(frame)
-
-    def velocity(self, velocity: Velocity) -> _Cdr:
-        return self.doubles(velocity.linear_x, 0.0, 0.0, 0.0, 0.0, velocity.angular_z)
-
-    def pose(self, pose: Pose) -> _Cdr:
-        half = pose.theta / 2.0
-        return self.doubles(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
-
-    def _put(self, size: int, form: str, *values: float) -> _Cdr:
-        self._data += bytes(-len(self._data) % size) + struct.pack(form, *values)
-        return self
-
-
 class CrashSafeFile:
     """
-    Takes what a writer of MCAP writes, and hands it to the disk with an end behind it.
+    A file for an MCAP writer that is complete on the disk after each flush.
 
-    The next part is written over that end.  So whatever ends the program, the file can be read
-    up to the part before.
+    Each flush writes an end behind the data, and the next one overwrites it.  Whatever ends the
+    program, the file can be read up to the last flush.
+
+    :param path: the file; it must not exist
+    :param end: what makes the data so far a complete file
+    :raises OSError: if it cannot be created
     """
 
     def __init__(self, path: Path, end: bytes) -> None:
-        """
-        Make the file.
-
-        :param path: where; nothing may be there yet
-        :param end: what makes what was written so far a whole file
-        :raises OSError: if it cannot be made
-        """
         self._descriptor = os.open(
             path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         self._end = end
@@ -166,26 +95,17 @@ class CrashSafeFile:
         self._size = 0
 
     def write(self, data: bytes) -> int:
-        """
-        Take a part; the disk gets it with ``flush``.
-
-        :param data: the part
-        :returns: its length
-        """
+        """Buffer data until ``flush``, and return its length."""
         self._pending += data
         return len(data)
 
     def tell(self) -> int:
-        """
-        Return where the next part will stand.
-
-        :returns: its offset in the file
-        """
+        """Return the offset of the next data in the file."""
         return self._size + len(self._pending)
 
     def flush(self) -> None:
         """
-        Hand what was taken to the disk.
+        Write the buffered data and the end to the disk.
 
         :raises OSError: if that fails; the file is then as it was before
         """
@@ -193,7 +113,7 @@ class CrashSafeFile:
 
     def close(self) -> None:
         """
-        Hand the rest to the disk, which ends the file by itself.
+        Write the buffered data, which contains its own end, and close the file.
 
         :raises OSError: if that fails; the file is then as it was before
         """
@@ -203,140 +123,191 @@ class CrashSafeFile:
             self.abandon()
 
     def abandon(self) -> None:
-        """Let the file be as it is on the disk."""
+        """Close the file without another write."""
         with contextlib.suppress(OSError):
             os.close(self._descriptor)
 
     def _store(self, end: bytes) -> None:
         try:
-            self._put(bytes(self._pending) + end, self._size)
+            self._pwrite(bytes(self._pending) + end, self._size)
         except OSError:
-            # The disk has this much: it was there before.
+            # There is room for the old end: it was there before.
             with contextlib.suppress(OSError):
                 if self._size:
-                    self._put(self._end, self._size)
+                    self._pwrite(self._end, self._size)
                     os.ftruncate(self._descriptor, self._size + len(self._end))
             raise
         self._size += len(self._pending)
         self._pending.clear()
 
-    def _put(self, data: bytes, offset: int) -> None:
+    def _pwrite(self, data: bytes, offset: int) -> None:
         view = memoryview(data)
         while view:
             count = os.pwrite(self._descriptor, view, offset)
             view, offset = view[count:], offset + count
 
 
-PATH_TOPIC = '/kachaka_simple_control/planned_path'
-#: Messages are compressed and indexed in parts of this size at most [bytes].
-CHUNK_SIZE = 1 << 20
+class _Message(NamedTuple):
+    """A serialized message with its stamp [ns since 1970]."""
 
-
-@dataclass(frozen=True)
-class Message:
-    """
-    A message on its way into the file.
-
-    :param when: its stamp [ns since 1970]
-    :param channel: the number of its topic in the file
-    :param data: the message
-    """
-
-    when: int
-    channel: int
+    stamp: int
+    topic: Topic
     data: bytes
 
 
 class McapRecorder:
     """
-    Puts events into a file, in the order of their stamps, whatever order they come in.
+    Records events in ``run.mcap``, sorted by their stamps, and describes it for rosbag2.
 
-    Each flush leaves a whole file, though one without an index; that comes at the end.
+    The file is created when the session starts.  After each flush it is readable, though without
+    an index, which is written at the end.  An error ends the recording and nothing else: it is
+    kept as ``failure``.
+
+    :param directory: where the file goes, and ``metadata.yaml`` beside it
+    :param log: the drive so far; it must receive each event before this recorder does
     """
 
-    def __init__(self, path: Path, opened: SessionStarted, record: DriveLog) -> None:
-        """
-        Begin it.
-
-        :param path: the file; nothing may be there yet
-        :param opened: what began
-        :param record: what happened so far; told of every event before this is
-        :raises OSError: if the file cannot be made
-        """
-        self._path = path
-        self._opened = opened
-        self._record = record
+    def __init__(self, directory: Path, log: DriveLog) -> None:
+        self._path = directory / NAME
+        self._log = log
         self._paths = PathSerializer(ODOM)
-        self._pending: list[Message] = []
+        self._topics: dict[str, Topic] = {}
+        self._pending: list[_Message] = []
         self._span: list[int] = []
         self._is_finished = False
-        self._file = CrashSafeFile(path, _end())
-        # Of a file, the writer wants no more than this one has.
-        self._writer = Writer(cast('Any', self._file), chunk_size=CHUNK_SIZE)
-        self._writer.start('ros2', 'kachaka_simple_control')
-        try:
-            self._file.flush()
-        except OSError:
-            self._file.abandon()
-            path.unlink()
-            raise
-        self._channels: dict[str, int] = {}
-        self._topics: dict[int, Topic] = {}
-        self._add_topic('velocity', Topic(
-            opened.velocity_topic, VELOCITY_TYPES[opened.message_type]))
-        if opened.odometry_topic is not None:
-            self._add_topic('odometry', Topic(
-                opened.odometry_topic, ODOMETRY_TYPE, reliability=BEST_EFFORT))
-        self._add_topic('path', Topic(
-            PATH_TOPIC, PATH_TYPE, depth=1, durability=TRANSIENT_LOCAL))
+        self._file: CrashSafeFile | None = None
+        self._session: SessionStarted
+        self._writer: Writer
+        #: why there is no recording, or not all of it; None if there is no failure
+        self.failure: str | None = None if importlib.util.find_spec('mcap') else (
+            f'{NAME} is left out: {NEEDS_MCAP}')
 
     def on_event(self, event: Event) -> None:
-        """
-        Take an event; the disk gets it with ``flush``.
-
-        :param event: what happened
-        """
-        match event:
-            case VelocitySent():
-                self._take('velocity', event.time, self._velocity(event))
-            case OdometryReceived() if 'odometry' in self._channels:
-                self._take('odometry', event.time, odometry(
-                    event.pose, event.velocity, self._stamp(event.time)))
-            case MotionStarted():
-                self._take('path', event.time, self._path_of(event))
+        """Record an event; ``flush`` writes it to the disk."""
+        if isinstance(event, SessionStarted):
+            self._attempt(lambda: self._start(event))
+        elif self._file is not None:
+            self._attempt(lambda: self._record(event))
 
     def flush(self, until: float) -> None:
         """
-        Hand what happened so far to the disk.
+        Write what happened up to a time to the disk.
 
-        :param until: what happened later stays for the next time [s on the steady clock]
-        :raises OSError: if that fails
+        :param until: what happened later may not have arrived in order, and stays for the next
+            flush [s on the steady clock]
         """
-        self._store(self._stamp(until))
+        if self._file is not None:
+            self._attempt(lambda: self._store(self._stamp(until)))
 
-    def finish(self) -> None:
+    def finish(self) -> str | None:
         """
-        Hand all the rest to the disk, and end the file with its index.
+        Write the rest, the index and ``metadata.yaml``.
 
-        :raises OSError: if that fails
+        :returns: why there is no recording or it ended early, as a sentence; None if it is
+            complete
         """
+        if self._file is None:
+            return self.failure or f'{NAME} is left out: nothing was told'
+        self._attempt(self._finish)
+        try:
+            self._write_metadata()
+        except OSError as error:
+            self.failure = self.failure or f'metadata.yaml is left out: {_reason(error)}'
+        return self.failure
+
+    def _attempt(self, action: Callable[[], None]) -> None:
+        if self.failure is not None:
+            return
+        try:
+            action()
+        except Exception as error:  # the rest of the report is to be written, whatever it is
+            if self._file is None:
+                self.failure = f'{NAME} is left out: {_reason(error)}'
+            else:
+                self.failure = f'{NAME} ends early: {_reason(error)}'
+                self._file.abandon()
+
+    def _start(self, session: SessionStarted) -> None:
+        # Imported here: without mcap there is still a report.
+        from mcap.writer import Writer
+        if not hasattr(Writer, 'flush'):
+            raise ImportError(NEEDS_MCAP)
+        self._session = session
+        file = CrashSafeFile(self._path, _end_without_index())
+        # Writer needs only write, tell and flush of a file.
+        self._writer = Writer(cast('Any', file), chunk_size=CHUNK_SIZE)
+        self._writer.start('ros2', 'kachaka_simple_control')
+        try:
+            file.flush()
+        except OSError:
+            file.abandon()
+            self._path.unlink()
+            raise
+        self._file = file
+        self._add_topic('velocity', Topic(
+            session.velocity_topic, VELOCITY_TYPES[session.message_type]))
+        if session.odometry_topic is not None:
+            self._add_topic('odometry', Topic(
+                session.odometry_topic, ODOMETRY_TYPE, reliability=BEST_EFFORT))
+        self._add_topic('path', Topic(
+            PATH_TOPIC, PATH_TYPE, depth=1, durability=TRANSIENT_LOCAL))
+
+    def _add_topic(self, kind: str, topic: Topic) -> None:
+        schema = self._writer.register_schema(
+            topic.message_type, 'ros2msg', definition(topic.message_type).encode())
+        topic.channel = self._writer.register_channel(
+            topic.name, 'cdr', schema, {'offered_qos_profiles': topic.qualities})
+        self._topics[kind] = topic
+
+    def _record(self, event: Event) -> None:
+        match event:
+            case VelocitySent():
+                time = self._stamp(event.time)
+                self._add('velocity', time, twist(event.velocity)
+                          if self._session.message_type == 'Twist' else
+                          twist_stamped(event.velocity, time, self._session.frame))
+            case OdometryReceived() if 'odometry' in self._topics:
+                time = self._stamp(event.time)
+                self._add('odometry', time, odometry(event.pose, event.velocity, time))
+            case MotionStarted():
+                time = self._stamp(event.time)
+                self._add('path', time, self._planned_path(time))
+
+    def _add(self, kind: str, time: int, data: bytes) -> None:
+        self._pending.append(_Message(time, self._topics[kind], data))
+
+    def _planned_path(self, time: int) -> bytes:
+        log = self._log
+        start = log.odometry[-1].pose if log.odometry else ORIGIN
+        poses = sample_path(log.motions[-1].plan, start)
+        return self._paths.path([self._paths.pose(pose) for pose in poses], time)
+
+    def _store(self, until: int) -> None:
+        self._pending.sort(key=lambda message: message.stamp)
+        due = [message for message in self._pending if message.stamp <= until]
+        if not due:
+            return
+        del self._pending[:len(due)]
+        for message in due:
+            self._writer.add_message(
+                message.topic.channel, message.stamp, message.data, message.stamp)
+        self._writer.flush()
+        for message in due:
+            message.topic.count += 1
+        stamps = [*self._span, due[0].stamp, due[-1].stamp]
+        self._span = [min(stamps), max(stamps)]
+
+    def _finish(self) -> None:
         if self._pending:
-            self._store(max(message.when for message in self._pending))
+            self._store(max(message.stamp for message in self._pending))
         self._writer.add_metadata('rosbag2', {'serialized_metadata': self._information()})
         self._writer.finish()
-        self._file.close()
+        if self._file is not None:
+            self._file.close()
         self._is_finished = True
 
-    def abandon(self) -> None:
-        """Let the file be as it is on the disk."""
-        self._file.abandon()
-
-    def describe(self) -> None:
-        """
-        Make the folder a bag, if there is more in the file than its beginning.
-
-        :raises OSError: if that fails
-        """
+    def _write_metadata(self) -> None:
+        """Make the directory a bag, unless its file holds no message and is not finished."""
         if not self._span and not self._is_finished:
             return
         file = self._path.with_name('metadata.yaml')
@@ -346,56 +317,25 @@ class McapRecorder:
             file.unlink(missing_ok=True)
             raise
 
-    def _add_topic(self, kind: str, topic: Topic) -> None:
-        schema = self._writer.register_schema(
-            topic.message_type, 'ros2msg', definition(topic.message_type).encode())
-        channel = self._writer.register_channel(
-            topic.name, 'cdr', schema, {'offered_qos_profiles': topic.qualities})
-        self._channels[kind], self._topics[channel] = channel, topic
-
-    def _take(self, kind: str, time: float, data: bytes) -> None:
-        self._pending.append(Message(self._stamp(time), self._channels[kind], data))
-
-    def _store(self, until: int) -> None:
-        self._pending.sort(key=lambda message: message.when)
-        due = [message for message in self._pending if message.when <= until]
-        if not due:
-            return
-        del self._pending[:len(due)]
-        for message in due:
-            self._writer.add_message(
-                message.channel, message.when, message.data, message.when)
-        self._writer.flush()
-        for message in due:
-            self._topics[message.channel].count += 1
-        stamps = [*self._span, due[0].when, due[-1].when]
-        self._span = [min(stamps), max(stamps)]
-
     def _information(self) -> str:
         first, last = self._span or (0, 0)
         return bag_information([*self._topics.values()], first, last, self._path.name)
 
-    def _velocity(self, sent: VelocitySent) -> bytes:
-        if self._opened.message_type == 'Twist':
-            return twist(sent.velocity)
-        return twist_stamped(
-            sent.velocity, self._stamp(sent.time), self._opened.frame)
-
-    def _path_of(self, began: MotionStarted) -> bytes:
-        record = self._record
-        start = record.odometry[-1].pose if record.odometry else ORIGIN
-        when = self._stamp(began.time)
-        return self._paths.path(
-            [self._paths.pose(pose) for pose in sample_path(record.motions[-1].plan, start)],
-            when)
-
     def _stamp(self, time: float) -> int:
-        return stamp(self._opened.epoch, time)
+        return stamp(self._session.epoch, time)
 
 
-def _end() -> bytes:
-    """Return what ends a file without an index."""
+def _end_without_index() -> bytes:
+    from mcap.data_stream import RecordBuilder
+    from mcap.records import DataEnd, Footer
+    from mcap.writer import MCAP0_MAGIC
     builder = RecordBuilder()
     DataEnd(0).write(builder)
     Footer(0, 0, 0).write(builder)
     return bytes(builder.end()) + MCAP0_MAGIC
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    return str(error) if isinstance(error, ImportError) else repr(error)

@@ -34,7 +34,7 @@ from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.drive_plots import draw_pictures, Pictures
 from kachaka_simple_control.report.html_page import page
 from kachaka_simple_control.report.json_export import run_json
-from kachaka_simple_control.report.recording import FaultTolerantRecorder
+from kachaka_simple_control.report.mcap_recorder import McapRecorder
 from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.telemetry.events import Event, EventBus
 from kachaka_simple_control.telemetry.subscriber_process import decode
@@ -148,7 +148,7 @@ def read_events(stream: BinaryIO) -> Iterator[Event | None]:
         yield told
 
 
-def record_events(stream: BinaryIO, audience: EventBus, bag: FaultTolerantRecorder) -> None:
+def record_events(stream: BinaryIO, audience: EventBus, bag: McapRecorder) -> None:
     """
     Hear all, and hand it to the disk as it comes.
 
@@ -208,7 +208,7 @@ def main() -> int:
     ignore_signals()
     folder = Path(sys.argv[1])
     record, audience = DriveLog(), EventBus()
-    bag = FaultTolerantRecorder(folder, record)
+    bag = McapRecorder(folder, record)
     audience.subscribe(record.on_event)
     audience.subscribe(bag.on_event)
     record_events(sys.stdin.buffer, audience, bag)

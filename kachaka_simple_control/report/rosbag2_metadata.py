@@ -86,6 +86,7 @@ class Topic:
     :param depth: how many messages its publisher keeps
     :param reliability: of its publisher
     :param durability: of its publisher
+    :param channel: its number in the file
     :param count: how many of its messages are in the file
     """
 
@@ -94,6 +95,7 @@ class Topic:
     depth: int = 10
     reliability: int = RELIABLE
     durability: int = VOLATILE
+    channel: int = 0
     count: int = 0
 
     @property

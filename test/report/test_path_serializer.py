@@ -20,7 +20,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.geometry import Pose
-from kachaka_simple_control.report.paths import PathSerializer
+from kachaka_simple_control.report.cdr import PathSerializer
 import pytest
 
 pytest.importorskip('nav_msgs', reason='needs nav_msgs')

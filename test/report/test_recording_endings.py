@@ -20,7 +20,7 @@ import os
 from pathlib import Path
 
 from kachaka_simple_control.motion.geometry import Pose
-from kachaka_simple_control.report import recording
+from kachaka_simple_control.report import mcap_recorder
 from kachaka_simple_control.report.mcap_recorder import CrashSafeFile
 from kachaka_simple_control.telemetry.events import OdometryReceived
 import pytest
@@ -154,7 +154,7 @@ def test_a_failure_of_another_kind_ends_the_recording_too(monkeypatch, tmp_path)
 
 
 def test_without_the_library_the_recording_is_left_out_in_a_sentence(monkeypatch, tmp_path):
-    monkeypatch.setattr(recording.importlib.util, 'find_spec', lambda name: None)
+    monkeypatch.setattr(mcap_recorder.importlib.util, 'find_spec', lambda name: None)
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 3)
     drive.bag.flush(20.0)

@@ -1,0 +1,127 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""ROS 2 messages as CDR, written without ROS: velocities, odometry and paths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+import struct
+
+from kachaka_simple_control.motion.geometry import Pose, Velocity
+
+#: The encapsulation of plain little-endian CDR (CDR_LE in DDSI-RTPS); alignment starts after it.
+ENCAPSULATION = b'\x00\x01\x00\x00'
+#: The frames of poses and of velocities, by REP-105.
+ODOM, BASE = 'odom', 'base_link'
+#: Size of a stamp, and of the position and orientation of a pose [bytes].
+STAMP_SIZE, POSE_SIZE = 8, 56
+NANO = 1_000_000_000
+#: A covariance of zeros means that it is unknown.
+COVARIANCE = (0.0,) * 36
+
+
+class CdrWriter:
+    """Writes plain little-endian CDR: each number is aligned to a multiple of its own size."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+
+    def message(self) -> bytes:
+        """Return what was written as a message, with its encapsulation."""
+        return ENCAPSULATION + bytes(self.data)
+
+    def append(self, data: bytes, alignment: int = 1) -> CdrWriter:
+        """Append bytes at the next multiple of the alignment."""
+        self.data += bytes(-len(self.data) % alignment) + data
+        return self
+
+    def uint32(self, value: int) -> CdrWriter:
+        """Append a uint32."""
+        return self.append(struct.pack('<I', value), 4)
+
+    def doubles(self, *values: float) -> CdrWriter:
+        """Append float64 values."""
+        return self.append(struct.pack(f'<{len(values)}d', *values), 8)
+
+    def string(self, value: str) -> CdrWriter:
+        """Append a string."""
+        data = value.encode() + b'\0'
+        return self.uint32(len(data)).append(data)
+
+    def header(self, time: int, frame: str) -> CdrWriter:
+        """Append a std_msgs/Header with a time [ns]."""
+        return self.append(struct.pack('<iI', *divmod(time, NANO)), 4).string(frame)
+
+    def velocity(self, velocity: Velocity) -> CdrWriter:
+        """Append a geometry_msgs/Twist."""
+        return self.doubles(velocity.linear_x, 0.0, 0.0, 0.0, 0.0, velocity.angular_z)
+
+    def pose(self, pose: Pose) -> CdrWriter:
+        """Append a geometry_msgs/Pose; the quaternion is that of a turn about z."""
+        half = pose.theta / 2.0
+        return self.doubles(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
+
+
+def twist(velocity: Velocity) -> bytes:
+    """Return a velocity as ``geometry_msgs/msg/Twist``."""
+    return CdrWriter().velocity(velocity).message()
+
+
+def twist_stamped(velocity: Velocity, time: int, frame: str) -> bytes:
+    """Return a velocity sent at a time [ns] as ``geometry_msgs/msg/TwistStamped``."""
+    return CdrWriter().header(time, frame).velocity(velocity).message()
+
+
+def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:
+    """Return odometry that arrived at a time [ns] as ``nav_msgs/msg/Odometry``."""
+    return (CdrWriter().header(time, ODOM).string(BASE)
+            .pose(pose).doubles(*COVARIANCE)
+            .velocity(velocity).doubles(*COVARIANCE).message())
+
+
+class PathSerializer:
+    """
+    Serializes poses once, and paths of serialized poses as ``nav_msgs/msg/Path``.
+
+    A path that grows by a pose is then no new serialization of all poses.
+
+    :param frame: the frame of all poses
+    """
+
+    def __init__(self, frame: str) -> None:
+        self._frame = frame
+
+    def pose(self, pose: Pose, time: int = 0) -> bytes:
+        """
+        Return a pose as ``path`` takes it.
+
+        :param time: when the robot is there [ns of ROS time]; 0 if that is not known
+        """
+        return bytes(CdrWriter().header(time, self._frame).pose(pose).data)
+
+    def path(self, poses: Sequence[bytes], time: int) -> bytes:
+        """
+        Return a path as a message.
+
+        :param poses: its serialized poses
+        :param time: when this was the path [ns of ROS time]
+        """
+        writer = CdrWriter().header(time, self._frame).uint32(len(poses))
+        if not poses:
+            return writer.message()
+        # The first may start at any multiple of 4; each one after it starts at a multiple of 8.
+        writer.append(poses[0][:STAMP_SIZE], 4).string(self._frame)
+        writer.append(poses[0][-POSE_SIZE:], 8)
+        return b''.join((writer.message(), *poses[1:]))
