@@ -49,10 +49,10 @@ from kachaka_simple_control.report.plot_style import (
     framed,
     GREEN,
     GREY,
-    nice,
     ODOMETRY,
     ORANGE,
     PLANNED,
+    round_step,
     SENT,
     style,
 )
@@ -183,7 +183,7 @@ def _frame_path(axes: Axes, left: float, bottom: float, width: float, height: fl
     axes.set(xlim=(left, left + width), ylim=(bottom, bottom + height), xlabel='x [m]',
              ylabel='y [m]')
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MultipleLocator(nice(max(width, height) / MARKS)))
+        axis.set_major_locator(MultipleLocator(round_step(max(width, height) / MARKS)))
     axes.grid(visible=True, color=FAINT, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[['top', 'right']].set_visible(False)
@@ -413,7 +413,7 @@ def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
     known = [value for value in values if math.isfinite(value)]
     largest = max((abs(value) for value in known), default=0.0)
     bars = 2 * BARS + 1
-    width = nice(max(largest, LEAST) / (BARS + 0.5))
+    width = round_step(max(largest, LEAST) / (BARS + 0.5))
     counts = [0] * bars
     for value in known:
         counts[min(bars - 1, max(0, math.floor(value / width + BARS + 0.5)))] += 1
@@ -423,7 +423,7 @@ def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
 
 
 #: Letters stay letters: they can be found, copied and read aloud.
-SVG: Any = {'svg.fonttype': 'none', 'path.simplify': True}
+SVG: Any = {'svg.fonttype': 'none'}
 #: What a file says of itself is left out: the same drive gives the same bytes.
 NOTHING = {'Date': None, 'Creator': None, 'Format': None, 'Type': None}
 #: Pixels an inch of the PNG.

@@ -40,7 +40,15 @@ from kachaka_simple_control.report.plan_view import (
     PlanView,
     pluralize,
 )
-from kachaka_simple_control.report.plot_style import BLUE, framed, GREEN, GREY, nice, ORANGE, style
+from kachaka_simple_control.report.plot_style import (
+    BLUE,
+    framed,
+    GREEN,
+    GREY,
+    ORANGE,
+    round_step,
+    style,
+)
 from kachaka_simple_control.report.text_tables import one_line
 from kachaka_simple_control.report.velocity_plot import ANGULAR, draw_velocity, LINEAR, scale
 
@@ -136,7 +144,7 @@ def draw_path(axes: Axes, preview: PlanView, area: Area) -> None:
     axes.set(xlim=(area.left, area.left + area.width), xlabel='x [m]',
              ylim=(area.bottom, area.bottom + area.height), ylabel='y [m]')
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MultipleLocator(nice(area.height / 8.0)))
+        axis.set_major_locator(MultipleLocator(round_step(area.height / 8.0)))
     grain = area.height * GRAIN
     paths = arc_segments(preview.plan)
     points = polyline(paths, grain)

@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 import math
-from operator import attrgetter, itemgetter
+from operator import attrgetter
 from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.motion.limits import Limits
@@ -29,11 +29,6 @@ from kachaka_simple_control.report.plot_style import BLUE, GREY, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-#: More corners than these are thinned out.
-MAX_CORNERS = 3000
-#: Columns in each of which the first, lowest, highest and last corner stay.
-COLUMNS = 600
 
 StepPoint = tuple[float, float]
 
@@ -50,20 +45,7 @@ def velocity_steps(plan: Plan, component: str) -> list[StepPoint]:
     changes = groupby(plan.segments, key=lambda segment: value_of(segment.velocity))
     corners = [(next(segments).start, value + 0.0) for value, segments in changes]
     corners.append((plan.duration, 0.0))
-    return corners if len(corners) <= MAX_CORNERS else _thinned(corners)
-
-
-def _thinned(corners: list[StepPoint]) -> list[StepPoint]:
-    # What is drawn in a column of the picture reaches from its lowest value to its highest, and
-    # joins its neighbours with the first and the last: the picture stays the same.
-    width = corners[-1][0] / COLUMNS
-    thinned: list[StepPoint] = []
-    for _, column in groupby(corners, key=lambda corner: int(corner[0] / width)):
-        found = list(column)
-        height = itemgetter(1)
-        thinned += sorted({
-            found[0], min(found, key=height), max(found, key=height), found[-1]})
-    return thinned
+    return corners
 
 
 #: More boundaries between steps than these would be a grey wall.

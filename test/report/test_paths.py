@@ -13,7 +13,6 @@
 # limitations under the License.
 """What is drawn of a plan, before there is a picture: lines, outlines, stairs."""
 
-from itertools import groupby
 import math
 
 from hypothesis import given
@@ -26,8 +25,8 @@ from kachaka_simple_control.report.paths import (
     MAX_POINTS,
     polyline,
 )
-from kachaka_simple_control.report.plot_style import nice
-from kachaka_simple_control.report.velocity_plot import COLUMNS, MAX_CORNERS, velocity_steps
+from kachaka_simple_control.report.plot_style import round_step
+from kachaka_simple_control.report.velocity_plot import velocity_steps
 from plans import BACK, BOX, DISC, HOUR, preview, QUARTER, SQUARE
 import pytest
 from strategies import LIMITS, MOTIONS, RATES
@@ -137,31 +136,11 @@ def test_stairs_hold_each_velocity_until_the_next(motion, limits, rate):
                 assert held[-1] == getattr(segment.velocity, component)
 
 
-def test_thinned_stairs_look_the_same(monkeypatch):
-    """In each column of the picture they reach as low, as high, and end as the others."""
-    plan = preview(HOUR).plan
-    thinned = velocity_steps(plan, 'linear_x')
-    monkeypatch.setattr('kachaka_simple_control.report.velocity_plot.MAX_CORNERS', math.inf)
-    whole = velocity_steps(plan, 'linear_x')
-    assert len(thinned) <= MAX_CORNERS < len(whole)
-    for few, all_ in zip(by_column(thinned), by_column(whole), strict=True):
-        assert few == sorted(few)
-        assert set(few) <= set(all_)
-        values = [value for _, value in all_]
-        assert {min(values), max(values)} <= {value for _, value in few}
-        assert (few[0], few[-1]) == (all_[0], all_[-1])
-
-
-def by_column(corners):
-    """Return what is drawn in each column."""
-    width = corners[-1][0] / COLUMNS
-    return [list(column) for _, column in groupby(corners, lambda corner: corner[0] // width)]
-
-
 @pytest.mark.parametrize('step, expected', [
     (0.1, 0.1), (0.11, 0.2), (0.3, 0.5), (0.9, 1.0), (70.0, 100.0), (2.0, 2.0)])
 def test_steps_of_scales_are_round(step, expected):
-    assert nice(step) == pytest.approx(expected)
+    pytest.importorskip('matplotlib', reason='needs matplotlib')
+    assert round_step(step) == pytest.approx(expected)
 
 
 def test_a_square_is_four_lines():

@@ -17,11 +17,13 @@ from itertools import combinations
 import math
 import os
 from pathlib import Path
+import re
 import sys
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
+from kachaka_simple_control.report import plot_style
 from kachaka_simple_control.report.plan_plot import check_plot_file, draw, save_plot
 from plans import (
     ABRUPT,
@@ -238,6 +240,25 @@ def test_an_hour_is_a_small_file(tmp_path, matplotlib):
     file = tmp_path / 'hour.svg'
     save_plot(file, [preview(HOUR, rate=50.0)])
     assert file.stat().st_size < 500_000
+
+
+def test_a_simplified_line_reaches_as_high_and_as_low(tmp_path, matplotlib, monkeypatch):
+    """As one with all its corners, to half a pixel."""
+    heights = []
+    for simplified in (True, False):
+        monkeypatch.setitem(plot_style.SETTINGS, 'path.simplify', simplified)
+        file = tmp_path / f'{simplified}.svg'
+        save_plot(file, [preview(HOUR, rate=50.0)])
+        lines = re.findall(r'<g id="sent">\s*<path d="([^"]*)"', file.read_text())
+        heights.append([(min(ys), max(ys)) for ys in map(ordinates, lines)])
+    assert len(heights[0]) == 2
+    for few, all_ in zip(*heights):
+        assert few == pytest.approx(all_, abs=0.5)
+
+
+def ordinates(line):
+    """Return the heights of the points of a line in an SVG file."""
+    return [float(y) for y in re.findall(r'[ML] \S+ (\S+)', line)]
 
 
 def test_settings_and_state_of_others_stay_as_they_are(tmp_path, matplotlib):
