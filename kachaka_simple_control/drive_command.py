@@ -28,7 +28,7 @@ from kachaka_simple_control.files.robot_profile import KACHAKA, profile_of
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.preview_command import check_rate
 from kachaka_simple_control.report.report_directory import missing_libraries, prepare_report_dir
-from kachaka_simple_control.report.text_tables import table
+from kachaka_simple_control.report.text_tables import drive_table
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.parameters import check_parameter_names, session_started
@@ -87,7 +87,7 @@ def drive(options: Options) -> None:
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
     if options.starts_bridge and robot_control.drive_log.steps:
-        print(table(robot_control.drive_log, still_after))
+        print(drive_table(robot_control.drive_log, still_after))
 
 
 def _start_subscribers(

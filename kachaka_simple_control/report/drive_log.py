@@ -43,13 +43,13 @@ class StepLog:
     """
     One step and the messages that belong to it.
 
-    :param stage: what was planned
+    :param planned: what was planned
     :param began: when it began by the plan [s on the steady clock]
     :param sent: its messages, from its first to the one after its last, which ends it
     :param is_complete: whether it was driven to its end
     """
 
-    stage: PlannedStep
+    planned: PlannedStep
     began: float
     sent: tuple[VelocitySent, ...]
     is_complete: bool = True
@@ -57,7 +57,7 @@ class StepLog:
     @property
     def step(self) -> Step:
         """Return what was asked for."""
-        return self.stage.step
+        return self.planned.step
 
 
 @dataclass
@@ -145,16 +145,16 @@ class DriveLog:
     """
     What happened, as far as this program can tell.
 
-    :param opened: what began; None before anything did
+    :param session_started: what began; None before anything did
     :param motions: what was to be driven, in order
     :param odometry: every pose that arrived, in order
-    :param closed: how it ended; None if nobody told: it goes on, or was killed
+    :param session_ended: how it ended; None if nobody told: it goes on, or was killed
     """
 
-    opened: SessionStarted | None = None
+    session_started: SessionStarted | None = None
     motions: list[MotionLog] = field(default_factory=list)
     odometry: list[OdometryReceived] = field(default_factory=list)
-    closed: SessionEnded | None = None
+    session_ended: SessionEnded | None = None
 
     @property
     def steps(self) -> list[StepLog]:
@@ -186,9 +186,9 @@ class DriveLog:
                 motion.ended, motion.reason = event.time, event.reason
                 motion.is_fault = event.is_fault
             case SessionStarted():
-                self.opened = event
+                self.session_started = event
             case SessionEnded():
-                self.closed = event
+                self.session_ended = event
 
 
 def _time(sent: VelocitySent) -> float:

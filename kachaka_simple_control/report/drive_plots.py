@@ -45,8 +45,8 @@ from kachaka_simple_control.report.paths import arc_segments, ArcSegment
 from kachaka_simple_control.report.plan_plot import GRAIN, MARGIN, SMALLEST, TICK
 from kachaka_simple_control.report.plot_style import (
     BLUE,
+    default_style,
     FAINT,
-    framed,
     GREEN,
     GREY,
     ODOMETRY,
@@ -54,21 +54,21 @@ from kachaka_simple_control.report.plot_style import (
     PLANNED,
     round_step,
     SENT,
-    style,
+    style_axes,
 )
 from kachaka_simple_control.report.simplification import min_max_decimate, simplify
 from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.report.velocity_plot import (
     ANGULAR,
     draw_limits,
-    Kind,
     LINEAR,
     LONG,
     MAX_BOUNDARIES,
-    room,
     Scale,
+    scale_for,
     StepPoint,
     velocity_steps,
+    VelocityComponent,
 )
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def draw_drive_path(figure: Figure, path: AlignedDrive, footprint: Footprint | N
     """
     lines = _lines(path)
     end = path.odometry[-1].pose if path.odometry else (
-        path.reckoning.end if path.sent else path.planned_end)
+        path.dead_reckoning.end if path.sent else path.planned_end)
     left, bottom, width, height = _extent(
         [*(point for points in lines.values() for point in points),
          *_corners(footprint, (ORIGIN, end))])
@@ -131,13 +131,13 @@ def draw_drive_path(figure: Figure, path: AlignedDrive, footprint: Footprint | N
 
 def _lines(path: AlignedDrive) -> dict[str, list[Point]]:
     planned = [(ORIGIN.x, ORIGIN.y)]
-    for start in path.starts:
+    for start in path.motion_starts:
         planned.append((start.pose.x, start.pose.y))
         for part in _moved(start):
             planned += part.points()
     lines = {'planned': planned}
     if path.sent:
-        lines['sent'] = [(pose.x, pose.y) for pose in (*_flat(path), path.reckoning.end)]
+        lines['sent'] = [(pose.x, pose.y) for pose in (*_flat(path), path.dead_reckoning.end)]
     if path.odometry:
         lines['odometry'] = [(seen.pose.x, seen.pose.y) for seen in path.odometry]
     return lines
@@ -145,7 +145,7 @@ def _lines(path: AlignedDrive) -> dict[str, list[Point]]:
 
 def _flat(path: AlignedDrive) -> Iterator[Pose]:
     """Return the poses along what was sent, close enough to each other to show arcs."""
-    reckoning = path.reckoning
+    reckoning = path.dead_reckoning
     for (begin, end), (one, two) in zip(pairwise(reckoning.times), pairwise(reckoning.poses)):
         yield one
         count = math.ceil(abs(two.theta - one.theta) / 0.1)
@@ -228,11 +228,11 @@ def draw_drive_velocities(figure: Figure, path: AlignedDrive, limits: Sequence[L
     :param limits: what it was to keep to; the first is shown
     """
     above, below = _rows(figure, KEY)
-    end = end_of(path)
+    end = time_span(path)
     for axes, kind in ((above, LINEAR), (below, ANGULAR)):
         lines = _velocities(path, kind)
         values = [value for corners in lines.values() for _, value in corners]
-        scale = room(kind, values or [0.0], limits, end)
+        scale = scale_for(kind, values or [0.0], limits, end)
         _frame_time(axes, path, scale)
         for (name, corners), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
             draw = _draw_band if is_dense(path) else _draw_line
@@ -254,7 +254,7 @@ def draw_drive_errors(figure: Figure, path: AlignedDrive) -> None:
     :param path: the drive, with odometry
     """
     above, below = _rows(figure, 0.0)
-    end = end_of(path)
+    end = time_span(path)
     parts: tuple[tuple[Axes, str, str, Callable[[OdometrySample], float], dict[str, Any]], ...] = (
         (above, 'distance [mm]', 'distance', lambda seen: 1e3 * seen.distance, {'color': BLUE}),
         (below, 'heading [°]', 'heading', lambda seen: math.degrees(seen.angle),
@@ -272,19 +272,20 @@ def draw_drive_errors(figure: Figure, path: AlignedDrive) -> None:
     _finish(above, below, end)
 
 
-def _velocities(path: AlignedDrive, kind: Kind) -> dict[str, list[StepPoint]]:
-    value_of = attrgetter(kind.component)
+def _velocities(path: AlignedDrive, kind: VelocityComponent) -> dict[str, list[StepPoint]]:
+    value_of = attrgetter(kind.attribute)
     planned: list[StepPoint] = []
-    for start in path.starts:
+    for start in path.motion_starts:
         if start.time is not None or not path.sent:
             offset = start.time or (planned[-1][0] if planned else 0.0)
             planned += [(offset + time, value)
-                        for time, value in velocity_steps(start.motion.plan, kind.component)]
+                        for time, value in velocity_steps(start.motion.plan, kind.attribute)]
     lines = {'planned': planned}
     if path.sent:
-        lines['sent'] = [(sent.time - path.began, value_of(sent.velocity)) for sent in path.sent]
+        lines['sent'] = [
+            (sent.time - path.start_time, value_of(sent.velocity)) for sent in path.sent]
     if path.odometry:
-        lines['odometry'] = [(seen.time, value_of(seen.answer.velocity))
+        lines['odometry'] = [(seen.time, value_of(seen.received.velocity))
                              for seen in path.odometry]
     return lines
 
@@ -302,11 +303,11 @@ def _rows(figure: Figure, key: float) -> tuple[Axes, Axes]:
 def _frame_time(axes: Axes, path: AlignedDrive, scale: Scale) -> None:
     unit = _unit(scale.duration)[1]
     right = scale.duration / unit
-    framed(axes, TIME_WIDTH - TIME_LEFT - TIME_RIGHT)
+    style_axes(axes, TIME_WIDTH - TIME_LEFT - TIME_RIGHT)
     axes.set(xlim=(-0.01 * right, 1.01 * right), ylim=(scale.lowest, scale.highest),
-             ylabel=scale.kind.label)
+             ylabel=scale.component.label)
     axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=1.0)
-    ends = [((start.time or 0.0) + stage.end) / unit for start in path.starts
+    ends = [((start.time or 0.0) + stage.end) / unit for start in path.motion_starts
             if start.time is not None for stage in start.motion.plan.steps]
     if len(ends) <= MAX_BOUNDARIES:
         axes.vlines(ends, 0.0, 1.0, transform=axes.get_xaxis_transform(), color=GREY,
@@ -357,7 +358,7 @@ def _unit(end: float) -> tuple[str, float]:
     return ('min', 60.0) if end > LONG else ('s', 1.0)
 
 
-def end_of(path: AlignedDrive) -> float:
+def time_span(path: AlignedDrive) -> float:
     """
     Return how long the axis of time is.
 
@@ -388,7 +389,7 @@ def draw_periods(figure: Figure, uneven: Sequence[float]) -> None:
     axes = figure.add_axes((
         PERIOD_LEFT / PERIOD_WIDTH, PERIOD_BOTTOM / PERIOD_HEIGHT, inner / PERIOD_WIDTH,
         (PERIOD_HEIGHT - PERIOD_TOP - PERIOD_BOTTOM) / PERIOD_HEIGHT))
-    framed(axes, inner)
+    style_axes(axes, inner)
     reach, counts = histogram([1e3 * one for one in uneven])
     width = 2.0 * reach / len(counts)
     lefts = [-reach + number * width for number in range(len(counts))]
@@ -433,7 +434,7 @@ PATH, VELOCITIES, ERRORS, PERIODS = 'path', 'velocities', 'errors', 'periods'
 
 
 @dataclass(frozen=True)
-class Pictures:
+class DrivePlots:
     """
     The pictures that could be drawn.
 
@@ -445,7 +446,7 @@ class Pictures:
     png: bytes
 
 
-def draw_pictures(summary: Summary) -> Pictures:
+def draw_drive_plots(summary: Summary) -> DrivePlots:
     """
     Draw what there is to see of a drive.
 
@@ -453,7 +454,7 @@ def draw_pictures(summary: Summary) -> Pictures:
     :returns: its pictures; what nobody sent or saw is not drawn
     :raises UsageError: if matplotlib is absent
     """
-    with style(), warnings.catch_warnings():
+    with default_style(), warnings.catch_warnings():
         from matplotlib import rc_context
         # A letter that the font lacks becomes a box.
         warnings.filterwarnings('ignore', message='Glyph')
@@ -462,15 +463,15 @@ def draw_pictures(summary: Summary) -> Pictures:
         if PATH in drawn:
             drawn[PATH].savefig(png, format='png', dpi=RESOLUTION, metadata={'Software': None})
         with rc_context(SVG):
-            return Pictures(
+            return DrivePlots(
                 {name: _svg(figure, name) for name, figure in drawn.items()}, png.getvalue())
 
 
 def _wanted(summary: Summary) -> dict[str, Callable[[Figure], None]]:
-    record, path = summary.record, summary.path
+    record, path = summary.log, summary.path
     if not record.motions:
         return {}
-    opened = record.opened
+    opened = record.session_started
     limits = [motion.planned.limits for motion in record.motions] if opened is None else [
         opened.limits]
     footprint = None if opened is None else opened.footprint
@@ -479,8 +480,8 @@ def _wanted(summary: Summary) -> dict[str, Callable[[Figure], None]]:
         VELOCITIES: lambda figure: draw_drive_velocities(figure, path, limits[:1])}
     if path.odometry:
         wanted[ERRORS] = lambda figure: draw_drive_errors(figure, path)
-    if summary.timing.uneven:
-        wanted[PERIODS] = lambda figure: draw_periods(figure, summary.timing.uneven)
+    if summary.timing.interval_errors:
+        wanted[PERIODS] = lambda figure: draw_periods(figure, summary.timing.interval_errors)
     return wanted
 
 
@@ -497,10 +498,10 @@ def _figure(draw: Callable[[Figure], None]) -> Figure:
 def _svg(figure: Figure, name: str) -> str:
     data = io.BytesIO()
     figure.savefig(data, format='svg', metadata=NOTHING)
-    return in_page(data.getvalue().decode(), name)
+    return embed_svg(data.getvalue().decode(), name)
 
 
-def in_page(svg: str, name: str) -> str:
+def embed_svg(svg: str, name: str) -> str:
     """
     Make an SVG file a part of a page.
 

@@ -22,9 +22,9 @@ import math
 from typing import Any, TypeVar
 
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.report.drive_plots import end_of, is_dense, STRETCHES
-from kachaka_simple_control.report.json_export import moment
-from kachaka_simple_control.report.metrics import EXTRA, step_in_words
+from kachaka_simple_control.report.drive_plots import is_dense, STRETCHES, time_span
+from kachaka_simple_control.report.json_export import start_datetime
+from kachaka_simple_control.report.metrics import describe_with_duration, EXTRA
 from kachaka_simple_control.report.plan_view import format_fixed, format_number, pluralize
 from kachaka_simple_control.report.report_directory import NEEDS_JINJA2
 from kachaka_simple_control.report.summary import OutcomeKind, Summary
@@ -45,7 +45,7 @@ SIGNS = {
 }
 
 
-def page(summary: Summary, pictures: Mapping[str, str], no_pictures: str | None,
+def render_page(summary: Summary, pictures: Mapping[str, str], no_pictures: str | None,
          recording: str | None) -> str:
     """
     Return a report as an HTML page.
@@ -66,16 +66,16 @@ def page(summary: Summary, pictures: Mapping[str, str], no_pictures: str | None,
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True)
     environment.filters.update(
-        number=_number, degrees=_degrees, short=format_number, step=step_in_words)
+        number=_number, degrees=_degrees, short=format_number, describe=describe_with_duration)
     template = environment.from_string(_resource('templates/report.html.j2'))
     return template.render(
-        style=_resource('report.css'), summary=summary, record=summary.record,
-        opened=summary.record.opened, path=summary.path, timing=summary.timing,
-        naive=summary.naive, outcome=summary.outcome, sign=SIGNS[summary.outcome.ending],
+        style=_resource('report.css'), summary=summary, log=summary.log,
+        session=summary.log.session_started, path=summary.path, timing=summary.timing,
+        sleep_loop=summary.sleep_loop, outcome=summary.outcome, sign=SIGNS[summary.outcome.kind],
         pictures=pictures, no_pictures=no_pictures, recording=recording, began=_began(summary),
         ended=_ended(summary), poses=list(_poses(summary)), silence=_silence(summary),
         band=_band(summary), is_dense=is_dense(summary.path), steps=_ends(summary.steps),
-        motions=_ends(summary.record.motions), shows_motions=_shows_motions(summary),
+        motions=_ends(summary.log.motions), shows_motions=_shows_motions(summary),
         has_motions=len({step.motion for step in summary.steps}) > 1,
         robot=_robot(summary), extra=1e3 * EXTRA, pluralize=pluralize, unknown=UNKNOWN)
 
@@ -93,7 +93,7 @@ def _degrees(angle: float, digits: int = 2) -> str:
 
 
 def _began(summary: Summary) -> str | None:
-    began = moment(summary)
+    began = start_datetime(summary)
     return None if began is None else began.astimezone().isoformat(' ', 'seconds')
 
 
@@ -113,8 +113,8 @@ def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
     path = summary.path
     heading = 0.0
     for name, pose in (('planned', path.planned_end),
-                       ('sent', path.reckoning.end if path.sent else None),
-                       ('odometry', summary.end)):
+                       ('sent', path.dead_reckoning.end if path.sent else None),
+                       ('odometry', summary.final_pose)):
         if pose is None:
             yield name, (UNKNOWN, UNKNOWN, UNKNOWN)
             continue
@@ -128,13 +128,13 @@ def _silence(summary: Summary) -> tuple[float, float] | None:
     path, seen = summary.path, summary.last_seen
     if not path.sent or seen is None:
         return None
-    last = path.sent[-1].time - path.began
+    last = path.sent[-1].time - path.start_time
     return (seen.time, last) if seen.time < last - 0.5 else None
 
 
 def _band(summary: Summary) -> float:
     """Return how long the parts are that a dense drive's lowest and highest values are of [s]."""
-    return round(end_of(summary.path) / STRETCHES, 1)
+    return round(time_span(summary.path) / STRETCHES, 1)
 
 
 def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
@@ -147,14 +147,14 @@ def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
 
 
 def _shows_motions(summary: Summary) -> bool:
-    motions = summary.record.motions
+    motions = summary.log.motions
     names = {motion.planned.motion.name for motion in motions}
     return len(motions) > 1 and (
         len(names) > 1 or not all(motion.is_complete for motion in motions))
 
 
 def _robot(summary: Summary) -> dict[str, Any]:
-    opened = summary.record.opened
+    opened = summary.log.session_started
     if opened is None:
         return {}
     limits = {name: format_number(value) for name, value in asdict(opened.limits).items()

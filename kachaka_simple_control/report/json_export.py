@@ -25,9 +25,9 @@ from typing import Any
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.report.drive_log import DriveLog, MotionLog
 from kachaka_simple_control.report.metrics import (
+    describe_with_duration,
     Displacement,
     Quantiles,
-    step_in_words,
     StepResult,
 )
 from kachaka_simple_control.report.summary import PoseError, signal_name, Summary
@@ -59,8 +59,8 @@ def fields(summary: Summary, recording: str | None) -> Fields:
     :param recording: why ``run.mcap`` is missing or not whole; None if it is whole
     :returns: the figures by name; what is not known is None or not finite
     """
-    record = summary.record
-    opened = record.opened
+    record = summary.log
+    opened = record.session_started
     return {
         'format': FORMAT,
         'title': None if opened is None else opened.title,
@@ -72,10 +72,12 @@ def fields(summary: Summary, recording: str | None) -> Fields:
         'stop': {'confirmed_after_s': _still_after(record)},
         'timing': _timing(summary),
         'lesson_loop': {
-            'longer_s': summary.naive.longer, 'missing_messages': summary.naive.missing,
-            'end_distance_m': summary.naive.distance, 'end_angle_rad': summary.naive.angle},
-        'motions': [_motion(motion, summary.path.began) for motion in record.motions],
-        'steps': [_step(number, step, summary.path.began)
+            'longer_s': summary.sleep_loop.extra_time,
+            'missing_messages': summary.sleep_loop.missing_messages,
+            'end_distance_m': summary.sleep_loop.distance,
+            'end_angle_rad': summary.sleep_loop.angle},
+        'motions': [_motion(motion, summary.path.start_time) for motion in record.motions],
+        'steps': [_step(number, step, summary.path.start_time)
                   for number, step in enumerate(summary.steps, 1)],
         'recording': {'is_whole': recording is None, 'why_not': recording},
         'limits': None if opened is None else asdict(opened.limits),
@@ -88,14 +90,14 @@ def fields(summary: Summary, recording: str | None) -> Fields:
     }
 
 
-def moment(summary: Summary) -> datetime | None:
+def start_datetime(summary: Summary) -> datetime | None:
     """
     Return when a drive began by the clock on the wall.
 
     :param summary: the drive
     :returns: the time of t = 0; None if nothing began
     """
-    opened, began = summary.record.opened, summary.path.began
+    opened, began = summary.log.session_started, summary.path.start_time
     if opened is None or not math.isfinite(opened.epoch + began):
         return None
     try:
@@ -105,28 +107,28 @@ def moment(summary: Summary) -> datetime | None:
 
 
 def _moment(summary: Summary) -> str | None:
-    began = moment(summary)
+    began = start_datetime(summary)
     return None if began is None else began.isoformat(timespec='milliseconds')
 
 
 def _verdict(summary: Summary) -> Fields:
-    closed, found = summary.record.closed, summary.outcome
+    closed, found = summary.log.session_ended, summary.outcome
     signum = None if closed is None else closed.signal
     return {
-        'ending': found.ending.value.replace(' ', '_'), 'headline': found.headline,
-        'why': found.why, 'signal': None if signum is None else signal_name(signum)}
+        'ending': found.kind.value.replace(' ', '_'), 'headline': found.headline,
+        'why': found.reason, 'signal': None if signum is None else signal_name(signum)}
 
 
 def _still_after(record: DriveLog) -> float | None:
-    return None if record.closed is None else record.closed.still_after
+    return None if record.session_ended is None else record.session_ended.still_after
 
 
 def _end(summary: Summary) -> Fields:
     seen = summary.last_seen
     return {
         'planned': _pose(summary.path.planned_end),
-        'sent': _pose(summary.path.reckoning.end),
-        'odometry': _pose(summary.end),
+        'sent': _pose(summary.path.dead_reckoning.end),
+        'odometry': _pose(summary.final_pose),
         'odometry_time_s': None if seen is None else seen.time,
         'odometry_from_planned': _miss(summary.error_from_plan),
         'odometry_from_sent': _miss(summary.error_from_sent)}
@@ -153,11 +155,12 @@ def _motion(motion: MotionLog, origin: float) -> Fields:
 
 
 def _step(number: int, step: StepResult, origin: float) -> Fields:
-    movement = step.movement
+    movement = step.log
     return {
-        'number': number, 'motion': step.motion, 'path': movement.stage.path,
-        'step': step_in_words(movement.step), 'start_s': movement.began - origin,
-        'duration_s': movement.stage.end - movement.stage.start, 'is_whole': movement.is_complete,
+        'number': number, 'motion': step.motion, 'path': movement.planned.path,
+        'step': describe_with_duration(movement.step), 'start_s': movement.began - origin,
+        'duration_s': movement.planned.end - movement.planned.start,
+        'is_whole': movement.is_complete,
         'messages': max(0, len(movement.sent) - 1),
         'requested': _displacement(step.requested), 'sent': _displacement(step.sent),
         'odometry': _displacement(step.odometry), 'error': _displacement(step.error)}

@@ -106,7 +106,8 @@ class Timing:
     :param due: how many ticks there were: times at which the plans wanted a message
     :param late: how many came, but a quarter of a period or more from their time
     :param lost: for how many nothing came within half a period of their time
-    :param uneven: by how much each interval between two messages was longer than it was due [s]
+    :param interval_errors: by how much each interval between two messages was longer than it was
+        due [s]
     :param lateness: how far each message was from its time [s]; None if there was none
     :param jitter: how far each interval was from what was due [s]; None if there was none
     :param periods: the periods that were sent with, without repetition [s]
@@ -115,7 +116,7 @@ class Timing:
     due: int
     late: int
     lost: int
-    uneven: tuple[float, ...]
+    interval_errors: tuple[float, ...]
     lateness: Quantiles | None
     jitter: Quantiles | None
     periods: tuple[float, ...]
@@ -322,14 +323,14 @@ class StepResult:
     """
     One step that was begun, and what became of it.
 
-    :param movement: the step and its messages
+    :param log: the step and its messages
     :param motion: the name of its motion
     :param requested: what it asks for
     :param sent: what was sent
     :param odometry: what odometry saw; None if it does not cover the step
     """
 
-    movement: StepLog
+    log: StepLog
     motion: str
     requested: Displacement
     sent: Displacement
@@ -344,7 +345,7 @@ class StepResult:
         """
         if self.odometry is None:
             return None
-        wanted = self.requested if self.movement.is_complete else self.sent
+        wanted = self.requested if self.log.is_complete else self.sent
         return Displacement(
             self.odometry.distance - wanted.distance, self.odometry.angle - wanted.angle)
 
@@ -370,7 +371,7 @@ def step_results(
         for movement, name, (begin, end) in zip(movements, names, cuts)]
 
 
-def step_in_words(step: Step) -> str:
+def describe_with_duration(step: Step) -> str:
     """
     Return a step in a person's words, with the time that a velocity is held.
 
@@ -392,14 +393,14 @@ class SleepLoopEstimate:
     """
     What a loop would have made of some plans that publishes, waits, and begins again.
 
-    :param longer: by how much it would have taken longer [s]
-    :param missing: how many messages fewer it would have sent
+    :param extra_time: by how much it would have taken longer [s]
+    :param missing_messages: how many messages fewer it would have sent
     :param distance: how far from the planned end the robot would have ended [m]
     :param angle: by how much it would have turned too far [rad], positive to the left
     """
 
-    longer: float
-    missing: int
+    extra_time: float
+    missing_messages: int
     distance: float
     angle: float
 

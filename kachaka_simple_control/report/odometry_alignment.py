@@ -130,14 +130,14 @@ class OdometrySample(NamedTuple):
 
     :param time: when [s after t = 0 of the drive]
     :param pose: where
-    :param answer: what it told
+    :param received: what it told
     :param distance: how far the robot was from where the messages should have brought it [m]
     :param angle: how far it looked to the left of how it should have [rad]
     """
 
     time: float
     pose: Pose
-    answer: OdometryReceived
+    received: OdometryReceived
     distance: float
     angle: float
 
@@ -156,29 +156,30 @@ class AlignedDrive:
 
         :param record: what happened
         """
-        hold = math.inf if record.opened is None else record.opened.command_timeout
+        session = record.session_started
+        hold = math.inf if session is None else session.command_timeout
         began = [motion.began for motion in record.motions if motion.has_begun]
         #: t = 0 [s on the steady clock]; nan if nothing began
-        self.began = began[0] if began else math.nan
+        self.start_time = began[0] if began else math.nan
         #: every message from t = 0 on
-        self.sent = _from(record.sent, self.began)
-        self.reckoning = DeadReckoning(self.sent, hold)
+        self.sent = _from(record.sent, self.start_time)
+        self.dead_reckoning = DeadReckoning(self.sent, hold)
         #: all motions, one after the other
-        self.starts = self._starts(record.motions)
+        self.motion_starts = self._starts(record.motions)
         #: odometry from t = 0 on
         self.odometry = self._seen([answer for answer in record.odometry if _is_plausible(answer)])
 
     @property
     def planned_end(self) -> Pose:
         """Return where the last motion was to end."""
-        return _end_of(self.starts)
+        return _end_of(self.motion_starts)
 
     @property
     def duration(self) -> float:
         """Return how long there is something to see [s after t = 0]."""
-        planned = [(start.time or 0.0) + start.motion.plan.duration for start in self.starts
+        planned = [(start.time or 0.0) + start.motion.plan.duration for start in self.motion_starts
                    if start.time is not None or not self.sent]
-        last = self.sent[-1].time - self.began if self.sent else 0.0
+        last = self.sent[-1].time - self.start_time if self.sent else 0.0
         return max([last, *planned])
 
     def _starts(self, motions: Sequence[MotionLog]) -> list[MotionStart]:
@@ -186,15 +187,15 @@ class AlignedDrive:
         for motion in motions:
             pose = _end_of(starts)
             if starts and motion.has_begun and not starts[-1].motion.is_complete:
-                pose = self.reckoning.at(motion.began)
+                pose = self.dead_reckoning.at(motion.began)
             starts.append(MotionStart(
-                motion, pose, motion.began - self.began if motion.has_begun else None))
+                motion, pose, motion.began - self.start_time if motion.has_begun else None))
         return starts
 
     def _seen(self, answers: Sequence[OdometryReceived]) -> list[OdometrySample]:
         if not self.sent:
             return []
-        first = bisect_left(answers, self.began, key=_time)
+        first = bisect_left(answers, self.start_time, key=_time)
         last = bisect_right(answers, self.sent[-1].time + AFTER, key=_time)
         if first >= last:
             return []
@@ -202,18 +203,19 @@ class AlignedDrive:
         frame = self._frame(answers)
         seen = []
         for answer in answers:
-            should = self.reckoning.at(answer.time)
+            should = self.dead_reckoning.at(answer.time)
             pose = compose(frame, answer.pose)
             distance, angle = distance_between(should, pose)
             # Odometry tells headings within a turn; the robot may have made more of them.
             pose = Pose(pose.x, pose.y, should.theta + angle)
-            seen.append(OdometrySample(answer.time - self.began, pose, answer, distance, angle))
+            seen.append(
+                OdometrySample(answer.time - self.start_time, pose, answer, distance, angle))
         return seen
 
     def _frame(self, answers: Sequence[OdometryReceived]) -> Pose:
         # The last one that came before t = 0, or the first of all.
         return compose(
-            self.reckoning.at(answers[0].time), relative_to(answers[0].pose, ORIGIN))
+            self.dead_reckoning.at(answers[0].time), relative_to(answers[0].pose, ORIGIN))
 
 
 def _end_of(starts: Sequence[MotionStart]) -> Pose:

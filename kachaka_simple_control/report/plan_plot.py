@@ -42,15 +42,20 @@ from kachaka_simple_control.report.plan_view import (
 )
 from kachaka_simple_control.report.plot_style import (
     BLUE,
-    framed,
+    default_style,
     GREEN,
     GREY,
     ORANGE,
     round_step,
-    style,
+    style_axes,
 )
 from kachaka_simple_control.report.text_tables import one_line
-from kachaka_simple_control.report.velocity_plot import ANGULAR, draw_velocity, LINEAR, scale
+from kachaka_simple_control.report.velocity_plot import (
+    ANGULAR,
+    draw_velocity,
+    LINEAR,
+    shared_scale,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -222,7 +227,7 @@ def _draw_arrows(axes: Axes, poses: Sequence[Pose], colour: str) -> None:
                   markeredgewidth=0.0, zorder=4.0, gid='arrow')
 
 
-def draw_key(figure: Figure, place_: Point) -> None:
+def draw_legend(figure: Figure, place_: Point) -> None:
     """
     Draw what the marks on the paths mean.
 
@@ -275,10 +280,10 @@ def save_plot(file: str | os.PathLike[str], previews: Sequence[PlanView]) -> Non
     :raises UsageError: if there is no such place, matplotlib is absent, or there are too many
     """
     path = check_plot_file(file)
-    figure = draw(previews)
+    figure = draw_plans(previews)
     data = io.BytesIO()
     suffix = path.suffix.lower()
-    with style(), warnings.catch_warnings():
+    with default_style(), warnings.catch_warnings():
         # A letter that the font lacks becomes a box; the name is still in the table.
         warnings.filterwarnings('ignore', message='Glyph')
         figure.savefig(data, format=suffix[1:], metadata=METADATA[suffix])
@@ -309,7 +314,7 @@ def check_plot_file(file: str | os.PathLike[str]) -> Path:
     return path
 
 
-def draw(previews: Sequence[PlanView]) -> Figure:
+def draw_plans(previews: Sequence[PlanView]) -> Figure:
     """
     Draw plans, one below the other and to the same scales.
 
@@ -320,14 +325,14 @@ def draw(previews: Sequence[PlanView]) -> Figure:
     if not 1 <= len(previews) <= MAX_MOTIONS:
         raise UsageError(
             f'a plot shows 1 to {MAX_MOTIONS} motions, not {len(previews)}; name fewer')
-    with style():
+    with default_style():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(WIDTH, len(previews) * ROW + KEY), dpi=RESOLUTION)
         FigureCanvasAgg(figure)
         area = extent(previews, PATH_WIDTH / HEIGHT)
-        scales = [scale(previews, kind) for kind in (LINEAR, ANGULAR)]
+        scales = [shared_scale(previews, kind) for kind in (LINEAR, ANGULAR)]
         for number, preview in enumerate(previews):
             row = _Row(figure, len(previews), number)
             row.title(preview)
@@ -337,7 +342,7 @@ def draw(previews: Sequence[PlanView]) -> Figure:
             below = row.axes(VELOCITY_LEFT, 0.0, VELOCITY_WIDTH, part)
             draw_velocity(above, preview, scales[0], with_time=False)
             draw_velocity(below, preview, scales[1], with_time=True)
-        draw_key(figure, (PATH_LEFT / WIDTH, 0.1 / figure.get_figheight()))
+        draw_legend(figure, (PATH_LEFT / WIDTH, 0.1 / figure.get_figheight()))
     return figure
 
 
@@ -353,7 +358,7 @@ class _Row:
         bottom += self._base + BOTTOM
         axes = self._figure.add_axes((
             left / WIDTH, bottom / self._height, width / WIDTH, height / self._height))
-        framed(axes, width)
+        style_axes(axes, width)
         return axes
 
     def title(self, preview: PlanView) -> None:

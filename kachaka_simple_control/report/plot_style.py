@@ -45,7 +45,7 @@ SETTINGS: Any = {
 LABEL = 0.56
 
 
-def framed(axes: Axes, width: float) -> None:
+def style_axes(axes: Axes, width: float) -> None:
     """
     Give a picture its grid, and leave away the frame where there are no numbers.
 
@@ -73,7 +73,7 @@ def round_step(size: float) -> float:
 
 
 @contextmanager
-def style() -> Iterator[None]:
+def default_style() -> Iterator[None]:
     """
     Draw in the style that comes with matplotlib, whatever the user's own settings are.
 

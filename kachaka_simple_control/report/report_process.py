@@ -31,8 +31,8 @@ from kachaka_simple_control.control.output import make_nonblocking, STDERR
 from kachaka_simple_control.control.processes import lower_priority
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.drive_plots import draw_pictures, Pictures
-from kachaka_simple_control.report.html_page import page
+from kachaka_simple_control.report.drive_plots import draw_drive_plots, DrivePlots
+from kachaka_simple_control.report.html_page import render_page
 from kachaka_simple_control.report.json_export import run_json
 from kachaka_simple_control.report.mcap_recorder import McapRecorder
 from kachaka_simple_control.report.summary import Summary
@@ -67,7 +67,7 @@ def _write_all(summary: Summary, folder: Path, recording: str | None) -> None:
         _write(folder / PICTURE, pictures.png)
     else:
         (folder / PICTURE).unlink(missing_ok=True)
-    text = page(summary, pictures.svg, why_not, recording)
+    text = render_page(summary, pictures.svg, why_not, recording)
     _write(folder / PAGE, text.encode(errors='replace'))
 
 
@@ -84,10 +84,10 @@ def _nothing_to_collect() -> Iterator[None]:
             gc.enable()
 
 
-def _pictures(summary: Summary) -> tuple[Pictures, str | None]:
-    nothing = Pictures({}, b'')
+def _pictures(summary: Summary) -> tuple[DrivePlots, str | None]:
+    nothing = DrivePlots({}, b'')
     try:
-        return draw_pictures(summary), None
+        return draw_drive_plots(summary), None
     except UsageError as error:
         return nothing, f'There are no pictures: {error}.'
     except Exception as error:  # the figures are worth having without the pictures
@@ -166,7 +166,7 @@ def record_events(stream: BinaryIO, audience: EventBus, bag: McapRecorder) -> No
             due = now + PERIOD
 
 
-def report(record: DriveLog, folder: Path, recording: str | None) -> str | None:
+def try_write_report(record: DriveLog, folder: Path, recording: str | None) -> str | None:
     """
     Write the report.
 
@@ -175,7 +175,7 @@ def report(record: DriveLog, folder: Path, recording: str | None) -> str | None:
     :param recording: why there is no recording or it ended early; None if it is whole
     :returns: why there is no report; None if there is
     """
-    if record.opened is None:
+    if record.session_started is None:
         return 'there is none: the program ended before anything began'
     try:
         write_report(record, folder, recording)
@@ -187,7 +187,7 @@ def report(record: DriveLog, folder: Path, recording: str | None) -> str | None:
     return None
 
 
-def say(text: str) -> None:
+def print_line(text: str) -> None:
     """
     Say something, if anybody is left to hear it.
 
@@ -214,7 +214,7 @@ def main() -> int:
     record_events(sys.stdin.buffer, audience, bag)
     recording = bag.finish()
     for text in filter(None, (recording, *map(repr, audience.failures))):
-        say(text)
-    failure = report(record, folder, recording)
-    say(failure or str(folder / 'report.html'))
+        print_line(text)
+    failure = try_write_report(record, folder, recording)
+    print_line(failure or str(folder / 'report.html'))
     return int(any((recording, failure, audience.failures)))

@@ -60,9 +60,9 @@ class Outcome:
     :param why: sentences that say why, and how far it came
     """
 
-    ending: OutcomeKind
+    kind: OutcomeKind
     headline: str
-    why: str
+    reason: str
 
 
 def outcome(record: DriveLog) -> Outcome:
@@ -72,7 +72,7 @@ def outcome(record: DriveLog) -> Outcome:
     :param record: what happened
     :returns: the verdict
     """
-    closed = record.closed
+    closed = record.session_ended
     if closed is None:
         return Outcome(OutcomeKind.KILLED, 'Killed', f'{UNHEARD}. {_progress(record)}')
     if closed.signal is not None:
@@ -180,58 +180,58 @@ class Summary:
     """
     What a report says, each part worked out when it is asked for first.
 
-    :param record: what happened
+    :param log: what happened
     """
 
     def __init__(self, record: DriveLog) -> None:
         """
         Take a record; it changes no more.
 
-        :param record: what happened
+        :param log: what happened
         """
-        self.record = record
+        self.log = record
 
     @cached_property
     def outcome(self) -> Outcome:
         """How it came out."""
-        return outcome(self.record)
+        return outcome(self.log)
 
     @cached_property
     def path(self) -> AlignedDrive:
         """Where it was planned, sent and seen to go."""
-        return AlignedDrive(self.record)
+        return AlignedDrive(self.log)
 
     @cached_property
     def steps(self) -> list[StepResult]:
         """The steps that were begun."""
-        pairs = [(movement, motion.planned.motion.name) for motion in self.record.motions
+        pairs = [(movement, motion.planned.motion.name) for motion in self.log.motions
                  for movement in motion.steps if movement.sent]
-        opened = self.record.opened
-        odometry = [seen.answer for seen in self.path.odometry]
+        opened = self.log.session_started
+        odometry = [seen.received for seen in self.path.odometry]
         return step_results([one for one, _ in pairs], [name for _, name in pairs], odometry,
                             math.inf if opened is None else opened.command_timeout)
 
     @cached_property
     def timing(self) -> Timing:
         """How exactly it was timed."""
-        return timing(self.record.motions)
+        return timing(self.log.motions)
 
     @cached_property
-    def naive(self) -> SleepLoopEstimate:
+    def sleep_loop(self) -> SleepLoopEstimate:
         """What the lesson's loop would have made of all that was planned."""
-        return estimate_sleep_loop([motion.plan for motion in self.record.motions])
+        return estimate_sleep_loop([motion.plan for motion in self.log.motions])
 
     @property
     def planned_duration(self) -> float:
         """How long all motions that began were to take [s]."""
-        return math.fsum(motion.plan.duration for motion in self.record.motions
+        return math.fsum(motion.plan.duration for motion in self.log.motions
                          if motion.has_begun)
 
     @property
     def driven_duration(self) -> float:
         """How long they took, from t = 0 of each to the zero that ended it [s]."""
         return math.fsum(
-            motion.own_messages[-1].time - motion.began for motion in self.record.motions
+            motion.own_messages[-1].time - motion.began for motion in self.log.motions
             if motion.own_messages)
 
     @property
@@ -240,16 +240,16 @@ class Summary:
         return self.path.odometry[-1] if self.path.odometry else None
 
     @property
-    def end(self) -> Pose | None:
+    def final_pose(self) -> Pose | None:
         """Where odometry saw the robot in the end."""
         return None if self.last_seen is None else self.last_seen.pose
 
     @property
     def error_from_plan(self) -> PoseError | None:
         """How far from the planned end that is; None if it was not to be reached or not seen."""
-        if self.end is None or not all(motion.is_complete for motion in self.record.motions):
+        if self.final_pose is None or not all(motion.is_complete for motion in self.log.motions):
             return None
-        return PoseError(*distance_between(self.path.planned_end, self.end))
+        return PoseError(*distance_between(self.path.planned_end, self.final_pose))
 
     @property
     def error_from_sent(self) -> PoseError | None:

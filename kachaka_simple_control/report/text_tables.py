@@ -26,12 +26,12 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
 from kachaka_simple_control.report.drive_log import DriveLog, StepLog
 from kachaka_simple_control.report.metrics import (
+    describe_with_duration,
     Displacement,
     driven,
     requested,
     segment_odometry,
     sent,
-    step_in_words,
 )
 from kachaka_simple_control.report.plan_view import (
     describe_step,
@@ -286,7 +286,7 @@ def _time(value: float) -> str:
 HEAD = ('movement', 'requested', 'sent', 'odometry')
 
 
-def table(record: DriveLog, still_after: float | None) -> str:
+def drive_table(record: DriveLog, still_after: float | None) -> str:
     """
     Put a record as a table: each movement's displacement as asked, as sent and as driven.
 
@@ -308,7 +308,7 @@ def table(record: DriveLog, still_after: float | None) -> str:
 
 def _drive_row(movement: StepLog, seen: Displacement | None) -> tuple[str, ...]:
     return (
-        step_in_words(movement.step),
+        describe_with_duration(movement.step),
         _amount(requested(movement.step)),
         _amount(sent(movement.sent)),
         'none' if seen is None else _amount(seen))

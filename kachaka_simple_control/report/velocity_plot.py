@@ -65,27 +65,27 @@ LONG = 600.0
 
 
 @dataclass(frozen=True)
-class Kind:
+class VelocityComponent:
     """
     One of the two components of a velocity.
 
-    :param component: its name in a velocity
+    :param attribute: its name in a velocity
     :param label: what stands at its axis
     :param unit: its unit
     :param colour: its line's colour
     :param limits: its lowest and its highest value under limits
     """
 
-    component: str
+    attribute: str
     label: str
     unit: str
     colour: str
     limits: Callable[[Limits], tuple[float, float]]
 
 
-LINEAR = Kind('linear_x', 'linear [m/s]', 'm/s', BLUE, lambda limits: (
+LINEAR = VelocityComponent('linear_x', 'linear [m/s]', 'm/s', BLUE, lambda limits: (
     -limits.backward_velocity, limits.max_linear_velocity))
-ANGULAR = Kind('angular_z', 'angular [rad/s]', 'rad/s', ORANGE, lambda limits: (
+ANGULAR = VelocityComponent('angular_z', 'angular [rad/s]', 'rad/s', ORANGE, lambda limits: (
     -limits.max_angular_velocity, limits.max_angular_velocity))
 
 
@@ -94,38 +94,39 @@ class Scale:
     """
     What all pictures of a kind of velocity show.
 
-    :param kind: which
+    :param component: which
     :param lowest: the lowest velocity [its unit]
     :param highest: the highest velocity [its unit]
     :param duration: the longest time [s]
     """
 
-    kind: Kind
+    component: VelocityComponent
     lowest: float
     highest: float
     duration: float
 
 
-def scale(previews: Sequence[PlanView], kind: Kind) -> Scale:
+def shared_scale(previews: Sequence[PlanView], kind: VelocityComponent) -> Scale:
     """
     Return a scale with room for what all plans send, and for the limits that are near.
 
     :param previews: the plans
-    :param kind: which velocity
+    :param component: which velocity
     :returns: the scale
     """
     values = [value for preview in previews
-              for _, value in velocity_steps(preview.plan, kind.component)]
+              for _, value in velocity_steps(preview.plan, kind.attribute)]
     duration = max(preview.plan.duration for preview in previews)
-    return room(kind, values, [preview.limits for preview in previews], duration)
+    return scale_for(kind, values, [preview.limits for preview in previews], duration)
 
 
-def room(
-        kind: Kind, values: Sequence[float], limits: Sequence[Limits], duration: float) -> Scale:
+def scale_for(
+        kind: VelocityComponent, values: Sequence[float], limits: Sequence[Limits],
+        duration: float) -> Scale:
     """
     Return a scale with room for some values, and for the limits that are near.
 
-    :param kind: which velocity
+    :param component: which velocity
     :param values: what is shown [its unit]
     :param limits: all limits
     :param duration: the longest time [s]
@@ -142,7 +143,7 @@ def room(
     return _free(kind, lowest, highest, duration)
 
 
-def _free(kind: Kind, lowest: float, highest: float, duration: float) -> Scale:
+def _free(kind: VelocityComponent, lowest: float, highest: float, duration: float) -> Scale:
     # Without a limit and a velocity there is no size; any will do.
     span = highest - lowest if 0.0 < highest - lowest < math.inf else 1.0
     highest = highest if math.isfinite(highest) else 1.0
@@ -159,7 +160,7 @@ def draw_velocity(axes: Axes, preview: PlanView, scale_: Scale, with_time: bool)
     :param scale_: what to show
     :param with_time: whether numbers stand at the time's axis
     """
-    kind = scale_.kind
+    kind = scale_.component
     unit, seconds = ('min', 60.0) if scale_.duration > LONG else ('s', 1.0)
     right = scale_.duration / seconds
     axes.set(xlim=(-0.01 * right, 1.01 * right), ylim=(scale_.lowest, scale_.highest),
@@ -169,7 +170,7 @@ def draw_velocity(axes: Axes, preview: PlanView, scale_: Scale, with_time: bool)
     if len(ends) <= MAX_BOUNDARIES:
         axes.vlines(ends, 0.0, 1.0, transform=axes.get_xaxis_transform(), color=GREY,
                     linewidth=0.5, alpha=0.5, zorder=1.0, gid='boundaries')
-    corners = velocity_steps(preview.plan, kind.component)
+    corners = velocity_steps(preview.plan, kind.attribute)
     axes.step([0.0, *(time / seconds for time, _ in corners)],
               [0.0, *(value for _, value in corners)], where='post', color=kind.colour,
               linewidth=1.2, alpha=1.0 if len(corners) <= DENSE else 0.5, zorder=1.5, gid='sent')
@@ -179,12 +180,12 @@ def draw_velocity(axes: Axes, preview: PlanView, scale_: Scale, with_time: bool)
         axes.set_xlabel(f'time [{unit}]')
 
 
-def draw_limits(axes: Axes, kind: Kind, limits: Limits) -> None:
+def draw_limits(axes: Axes, kind: VelocityComponent, limits: Limits) -> None:
     """
     Draw limits as dashed lines, and say how large they are.
 
     :param axes: where; what it shows from bottom to top is set
-    :param kind: which velocity
+    :param component: which velocity
     :param limits: the limits
     """
     bottom, top = axes.get_ylim()

@@ -17,7 +17,7 @@ from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.text_tables import table
+from kachaka_simple_control.report.text_tables import drive_table
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
     MotionPlanned,
@@ -73,11 +73,11 @@ def test_a_motion_that_never_began_has_no_steps():
     record.on_event(MotionEnded(3.0, 'no robot listens'))
     assert record.steps == []
     assert not record.motions[0].own_messages
-    assert table(record, None).splitlines()[-1] == 'Final pose: unknown, no odometry arrived'
+    assert drive_table(record, None).splitlines()[-1] == 'Final pose: unknown, no odometry arrived'
 
 
 def test_the_end_of_the_program_is_noted():
     record = stopped(1.5)
     record.on_event(SessionEnded(103.0, 0.2, 2))
-    assert record.closed == SessionEnded(103.0, 0.2, 2)
+    assert record.session_ended == SessionEnded(103.0, 0.2, 2)
     assert len(record.sent) == len(record.motions[0].sent)

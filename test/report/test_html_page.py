@@ -149,7 +149,7 @@ def test_the_verdict_comes_first(browser, reports, name):
     (headline,) = browser.find_elements('css selector', 'h1')
     assert headline.text == summary.outcome.headline
     assert headline.rect['y'] + headline.rect['height'] < 200
-    assert texts(browser, '.why') == [' '.join(summary.outcome.why.split())]
+    assert texts(browser, '.why') == [' '.join(summary.outcome.reason.split())]
     # Told by a sign and a word as well as by colour.
     assert headline.find_elements('css selector', 'svg path')
 

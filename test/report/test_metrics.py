@@ -29,7 +29,7 @@ from kachaka_simple_control.report.metrics import (
     segment_odometry,
     sent,
 )
-from kachaka_simple_control.report.text_tables import table
+from kachaka_simple_control.report.text_tables import drive_table
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
     MotionPlanned,
@@ -147,7 +147,7 @@ def test_turning_past_half_a_circle_is_no_jump():
 
 
 def test_the_table_shows_each_movement_and_where_it_ended():
-    lines = table(record_of(STEPS), 0.034).splitlines()
+    lines = drive_table(record_of(STEPS), 0.034).splitlines()
     assert lines[0].split() == ['movement', 'requested', 'sent', 'odometry']
     assert lines[3].startswith('0.1 m/s, 0 rad/s for 1 s')
     assert lines[3].count('0.1000 m') == 3
@@ -159,6 +159,6 @@ def test_the_table_shows_each_movement_and_where_it_ended():
 def test_without_odometry_the_table_says_so():
     record = record_of(STEPS)
     record.odometry.clear()
-    for told in (table(record, None), table(DriveLog(), None)):
+    for told in (drive_table(record, None), drive_table(DriveLog(), None)):
         assert told.splitlines()[-2:] == [
             'Stop: sent, not confirmed by odometry', 'Final pose: unknown, no odometry arrived']

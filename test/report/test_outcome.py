@@ -50,8 +50,8 @@ SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
 ])
 def test_the_verdict_says_how_it_ended_and_why(drive, ending, headline, says):
     found = outcome(drive())
-    assert (found.ending, found.headline) == (ending, headline)
-    assert says in found.why
+    assert (found.kind, found.headline) == (ending, headline)
+    assert says in found.reason
 
 
 @pytest.mark.parametrize(('signum', 'name'), [
@@ -68,14 +68,14 @@ def test_a_fault_before_the_signal_is_told_too():
     rehearsal.drive(SQUARE, 6.4, HELD_UP)
     rehearsal.drive(SECOND)
     found = outcome(rehearsal.close(signal=2))
-    assert found.ending is OutcomeKind.STOPPED
-    assert HELD_UP[1:] in found.why
-    assert 'of 2 motions 1 were driven to their end' in found.why
+    assert found.kind is OutcomeKind.STOPPED
+    assert HELD_UP[1:] in found.reason
+    assert 'of 2 motions 1 were driven to their end' in found.reason
 
 
 def test_an_error_after_the_last_motion_is_a_fault():
     rehearsal = Rehearsal()
     rehearsal.drive(SECOND)
     found = outcome(rehearsal.close(error='the disk is full'))
-    assert found.ending is OutcomeKind.FAULTED
-    assert found.why == 'The disk is full. Its motion was driven to its end, 1 step.'
+    assert found.kind is OutcomeKind.FAULTED
+    assert found.reason == 'The disk is full. Its motion was driven to its end, 1 step.'

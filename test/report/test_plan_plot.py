@@ -24,7 +24,7 @@ from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
 from kachaka_simple_control.report import plot_style
-from kachaka_simple_control.report.plan_plot import check_plot_file, draw, save_plot
+from kachaka_simple_control.report.plan_plot import check_plot_file, draw_plans, save_plot
 from plans import (
     ABRUPT,
     BACK,
@@ -100,7 +100,7 @@ def test_without_matplotlib_one_sentence_says_how_to_get_it(tmp_path, monkeypatc
 @pytest.mark.parametrize('count', [0, 13])
 def test_nobody_looks_at_too_many_plans(count):
     with pytest.raises(UsageError, match=rf'^a plot shows 1 to 12 motions, not {count}; name'):
-        draw([preview(SPIN)] * count)
+        draw_plans([preview(SPIN)] * count)
 
 
 def test_a_disk_that_is_full_is_one_sentence(tmp_path, monkeypatch, matplotlib):
@@ -116,7 +116,7 @@ def test_a_disk_that_is_full_is_one_sentence(tmp_path, monkeypatch, matplotlib):
 @pytest.mark.parametrize('motion', [SQUARE, LESSON, EIGHT, BACK, SPIN], ids=lambda m: m.name)
 def test_every_step_is_drawn(matplotlib, motion):
     one = preview(motion)
-    figure = draw([one])
+    figure = draw_plans([one])
     [path], [headings], [robots] = (
         data_of(figure, 'path'), marked(figure, 'headings'), marked(figure, 'robots'))
     ticks = [segment.tolist() for segment in headings.get_segments()]
@@ -134,14 +134,14 @@ def test_every_step_is_drawn(matplotlib, motion):
 
 def test_boundaries_stand_where_steps_end(matplotlib):
     one = preview(LESSON)
-    for lines in marked(draw([one]), 'boundaries'):
+    for lines in marked(draw_plans([one]), 'boundaries'):
         times = [segment[0][0] for segment in lines.get_segments()]
         assert times == pytest.approx([1.0, 2.0, 3.0, 5.0, 6.0, 8.0, 9.0])
 
 
 def test_velocities_are_drawn_as_they_are_held(matplotlib):
     """Half a metre at 0.25 m/s, then a quarter turn at 1 rad/s, four times."""
-    figure = draw([preview(SQUARE, ABRUPT)])
+    figure = draw_plans([preview(SQUARE, ABRUPT)])
     linear, angular = marked(figure, 'sent')
     assert linear.get_drawstyle() == angular.get_drawstyle() == 'steps-post'
     side, turn = 2.0, math.pi / 2.0
@@ -162,7 +162,7 @@ def test_velocities_are_drawn_as_they_are_held(matplotlib):
     (Motion('', [Forward(1.0, 0.1)]), Limits(2.0, math.inf), [], ['far above: limit 2 m/s']),
 ])
 def test_limits_are_dashed_where_they_matter(matplotlib, motion, limits, expected, far):
-    figure = draw([preview(motion, limits)])
+    figure = draw_plans([preview(motion, limits)])
     lines = marked(figure, 'limit')
     assert all(line.get_linestyle() == '--' for line in lines)
     assert [line.get_ydata()[0] for line in lines] == expected
@@ -172,7 +172,7 @@ def test_limits_are_dashed_where_they_matter(matplotlib, motion, limits, expecte
 
 
 def test_all_rows_have_the_same_scales(matplotlib):
-    figure = draw([preview(SQUARE), preview(SQUARE_CW), preview(SPIN)])
+    figure = draw_plans([preview(SQUARE), preview(SQUARE_CW), preview(SPIN)])
     assert len(figure.axes) == 9
     for column in range(3):
         limits = {(axes.get_xlim(), axes.get_ylim()) for axes in figure.axes[column::3]}
@@ -197,7 +197,7 @@ SHOWN = {
 
 @pytest.mark.parametrize('previews', SHOWN.values(), ids=SHOWN)
 def test_no_words_are_clipped_or_on_top_of_others(matplotlib, previews):
-    figure = draw(previews)
+    figure = draw_plans(previews)
     figure.canvas.draw()
     renderer = figure.canvas.get_renderer()
     texts = words(figure)

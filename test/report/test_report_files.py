@@ -26,10 +26,10 @@ from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, 
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move, Turn
 from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.html_page import page
+from kachaka_simple_control.report.html_page import render_page
 from kachaka_simple_control.report.json_export import fields, run_json
 from kachaka_simple_control.report.report_directory import missing_libraries
-from kachaka_simple_control.report.report_process import report, write_report
+from kachaka_simple_control.report.report_process import try_write_report, write_report
 from kachaka_simple_control.report.summary import outcome, Summary
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
@@ -147,7 +147,7 @@ def test_without_jinja2_one_line_says_how_to_get_it_and_the_rest_is_there(tmp_pa
     monkeypatch.setitem(sys.modules, 'jinja2', None)
     line = ('report.html is left out: it needs Jinja2: pip install jinja2, or sudo apt install '
             'python3-jinja2')
-    assert report(done(), tmp_path, None) == line
+    assert try_write_report(done(), tmp_path, None) == line
     assert missing_libraries()[0] == line
     assert sorted(path.name for path in tmp_path.iterdir()) == ['path.png', 'run.json']
 
@@ -168,16 +168,16 @@ def test_a_folder_that_cannot_be_written_to_is_an_os_error(tmp_path):
 
 def test_why_there_is_no_recording_is_told():
     summary = Summary(done())
-    assert 'run.mcap</code>, the recording.' in page(summary, {}, None, None)
+    assert 'run.mcap</code>, the recording.' in render_page(summary, {}, None, None)
     why = 'It needs mcap-ros2-support: pip install <it>.'
-    assert 'pip install &lt;it&gt;.' in page(summary, {}, None, why)
+    assert 'pip install &lt;it&gt;.' in render_page(summary, {}, None, why)
     assert json.loads(run_json(summary, why))['recording'] == {'is_whole': False, 'why_not': why}
 
 
 def test_what_comes_from_outside_is_escaped(tmp_path):
     rehearsal = Rehearsal(title=EVIL)
     rehearsal.tell(replace(
-        rehearsal.record.opened, robot=EVIL, settings={EVIL: EVIL}, versions={EVIL: EVIL},
+        rehearsal.record.session_started, robot=EVIL, settings={EVIL: EVIL}, versions={EVIL: EVIL},
         velocity_topic=EVIL, odometry_topic=EVIL))
     rehearsal.drive(replace(SECOND, name=EVIL))
     rehearsal.drive(replace(SECOND, name='other'), 0.5, EVIL)
@@ -190,7 +190,7 @@ def test_what_comes_from_outside_is_escaped(tmp_path):
 
 def headings(record):
     """Return the headings in the table of where a drive ended [degrees]."""
-    text = page(Summary(record), {}, None, None)
+    text = render_page(Summary(record), {}, None, None)
     rows = re.findall(r'"row">(?:planned|sent|odometry)</th>(?:<td class="n">([^<]*)</td>)'
                       r'(?:<td class="n">([^<]*)</td>)(?:<td class="n">([^<]*)</td>)', text)
     return [float(heading) for _, _, heading in rows]
@@ -211,7 +211,7 @@ def test_of_very_many_steps_the_first_and_the_last_are_shown(tmp_path):
     rehearsal = Rehearsal(10.0, odometry_period=0.2)
     rehearsal.drive(Motion('many', [Move(0.1, 0.0, 0.1), Turn(0.0)] * 200))
     record = rehearsal.close()
-    text = page(Summary(record), {}, None, None)
+    text = render_page(Summary(record), {}, None, None)
     assert '<td class="n">150</td>' in text
     assert '<td class="n">151</td>' not in text
     assert '100 steps left out here' in text
@@ -258,16 +258,16 @@ def test_whatever_happened_there_is_a_report(events):
             record.on_event(event)
     summary = Summary(record)
     assert json.loads(run_json(summary, None))['verdict']['headline'] == summary.outcome.headline
-    assert '</html>' in page(summary, {}, 'not now', None)
+    assert '</html>' in render_page(summary, {}, 'not now', None)
 
 
 @given(st.lists(EVENTS, max_size=30))
 @settings(deadline=None, max_examples=20)
 def test_whatever_happened_there_are_pictures(events):
     drawn()
-    from kachaka_simple_control.report.drive_plots import draw_pictures
+    from kachaka_simple_control.report.drive_plots import draw_drive_plots
     record = DriveLog()
     record.on_event(MotionPlanned(SECOND, LIMITS, 10.0))
     for event in events:
         record.on_event(event)
-    assert 'velocities' in draw_pictures(Summary(record)).svg
+    assert 'velocities' in draw_drive_plots(Summary(record)).svg

@@ -246,7 +246,7 @@ def test_a_report_that_fails_is_said_in_a_line(error, text, monkeypatch, tmp_pat
     monkeypatch.setattr(report_process, 'write_report', write_report)
     record = DriveLog()
     record.on_event(OPENED)
-    assert report_process.report(record, tmp_path, None) == text
+    assert report_process.try_write_report(record, tmp_path, None) == text
 
 
 def test_the_report_is_told_what_became_of_the_recording(monkeypatch, tmp_path):
@@ -254,7 +254,7 @@ def test_the_report_is_told_what_became_of_the_recording(monkeypatch, tmp_path):
     monkeypatch.setattr(report_process, 'write_report', lambda *arguments: calls.append(arguments))
     record = DriveLog()
     record.on_event(OPENED)
-    assert report_process.report(record, tmp_path, 'run.mcap ends early') is None
+    assert report_process.try_write_report(record, tmp_path, 'run.mcap ends early') is None
     assert calls == [(record, tmp_path, 'run.mcap ends early')]
 
 

@@ -66,7 +66,7 @@ def test_after_a_motion_cut_short_the_next_plan_begins_where_the_messages_led():
     rehearsal = Rehearsal(20.0)
     rehearsal.drive(SQUARE, 2.6, HELD_UP)
     rehearsal.drive(SECOND)
-    first, second = Summary(rehearsal.close()).path.starts
+    first, second = Summary(rehearsal.close()).path.motion_starts
     assert first.pose == ORIGIN
     assert second.pose.x == pytest.approx(0.5, abs=0.001)
     assert second.pose.y == pytest.approx(0.0, abs=0.001)

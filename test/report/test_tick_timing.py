@@ -69,7 +69,7 @@ def test_late_and_lost_are_counted_as_the_benchmarks_do():
     found = timing(sent_at(0.0, 0.1, 0.224, 0.326, 0.445, 0.6, 0.7, 0.8, 0.9))
     assert (found.due, found.late, found.lost) == (10, 2, 1)
     assert found.lateness.worst == pytest.approx(0.045)
-    assert max(found.uneven) == pytest.approx(0.055)
+    assert max(found.interval_errors) == pytest.approx(0.055)
 
 
 def test_what_the_stop_came_before_was_not_lost():
@@ -94,15 +94,16 @@ def test_the_loop_of_the_lesson_holds_a_second_too_long():
     """At 10 Hz ten turns take 1.008 s; at 100 Hz 93 turns fill the second."""
     for rate, turns in ((10.0, 10), (100.0, 93)):
         found = estimate_sleep_loop([plan(SECOND, LIMITS, rate)])
-        assert found.longer == pytest.approx(turns * (1.0 / rate + EXTRA) - 1.0)
-        assert found.missing == rate - turns
-        assert found.distance == pytest.approx(0.1 * found.longer)
+        assert found.extra_time == pytest.approx(turns * (1.0 / rate + EXTRA) - 1.0)
+        assert found.missing_messages == rate - turns
+        assert found.distance == pytest.approx(0.1 * found.extra_time)
 
 
 def test_the_loop_of_the_lesson_turns_too_far():
     found = estimate_sleep_loop([plan(Motion('turn', [Move(0.0, 0.5, 2.0)]), LIMITS, 10.0)])
     assert found.angle == pytest.approx(0.5 * 20 * EXTRA)
-    assert estimate_sleep_loop([plan(LESSON, LIMITS, 10.0)]).longer == pytest.approx(90 * EXTRA)
+    assert estimate_sleep_loop([plan(LESSON, LIMITS, 10.0)]).extra_time == pytest.approx(
+        90 * EXTRA)
 
 
 @given(st.lists(st.floats(-50, 50), max_size=50))
