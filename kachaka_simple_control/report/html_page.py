@@ -22,7 +22,7 @@ import math
 from typing import Any, TypeVar
 
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.report.drive_plots import is_dense, STRETCHES, time_span
+from kachaka_simple_control.report.drive_plots import BANDS, is_dense, time_span
 from kachaka_simple_control.report.json_export import start_datetime
 from kachaka_simple_control.report.metrics import describe_with_duration, EXTRA
 from kachaka_simple_control.report.plan_view import format_fixed, format_number, pluralize
@@ -134,7 +134,7 @@ def _silence(summary: Summary) -> tuple[float, float] | None:
 
 def _band(summary: Summary) -> float:
     """Return how long the parts are that a dense drive's lowest and highest values are of [s]."""
-    return round(time_span(summary.path) / STRETCHES, 1)
+    return round(time_span(summary.path) / BANDS, 1)
 
 
 def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:

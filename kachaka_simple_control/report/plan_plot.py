@@ -41,12 +41,13 @@ from kachaka_simple_control.report.plan_view import (
     pluralize,
 )
 from kachaka_simple_control.report.plot_style import (
+    add_axes,
     BLUE,
     default_style,
     GREEN,
     GREY,
     ORANGE,
-    round_step,
+    set_map_limits,
     style_axes,
 )
 from kachaka_simple_control.report.text_tables import one_line
@@ -55,17 +56,18 @@ from kachaka_simple_control.report.velocity_plot import (
     draw_velocity,
     LINEAR,
     shared_scale,
+    time_unit,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: So many robots and arrows at most stand on a path.
+#: At most so many robots and arrows are drawn on a path.
 MAX_MARKS = 16
 #: More turns in place than these are not drawn: the robots show where they end.
-MOST_TURNS = 12
-#: Drawn where a plan begins and ends; both can be seen where it ends at its start.
+MAX_TURNS = 12
+#: The start and the end of a plan; both can be seen if they coincide.
 START: dict[str, Any] = {
     'linestyle': '', 'marker': 'o', 'markersize': 9.5, 'markerfacecolor': 'white',
     'markeredgecolor': GREEN, 'markeredgewidth': 1.8, 'zorder': 5.0}
@@ -74,27 +76,20 @@ END: dict[str, Any] = {
 #: A robot at the end of a step, with a line from its axle to its front.
 ROBOT: dict[str, Any] = {
     'facecolor': (0.34, 0.71, 0.91, 0.10), 'edgecolor': GREY, 'linewidth': 0.8}
-#: How much of the picture can hardly be seen.
+#: This part of a map's size can hardly be seen.
 GRAIN = 1.0 / 1500.0
-#: Part of the picture that stays free around.
+#: This part of a map's size stays free on each side.
 MARGIN = 0.07
-#: The smallest picture [m].
+#: The smallest map [m].
 SMALLEST = 0.2
-#: A heading without a footprint is this part of the picture long.
+#: The length of a heading without a footprint, as a part of the map's size.
 TICK = 0.06
-#: A turn in place is drawn at this part of the way from the axle to the front.
+#: A turn in place is drawn at this part of the distance from the axle to the front.
 TURN = 0.7
 
 
 class Area(NamedTuple):
-    """
-    What a picture of a path shows.
-
-    :param left: the smallest x [m]
-    :param bottom: the smallest y [m]
-    :param width: from left to right [m]
-    :param height: from bottom to top [m]
-    """
+    """The area that a map shows: its left and lower edge, its width and its height [m]."""
 
     left: float
     bottom: float
@@ -102,15 +97,13 @@ class Area(NamedTuple):
     height: float
 
 
-def extent(previews: Sequence[PlanView], proportion: float) -> Area:
+def extent(views: Sequence[PlanView], proportion: float) -> Area:
     """
     Return an area with room for all paths and the robots on them.
 
-    :param previews: the plans
-    :param proportion: its width as a part of its height
-    :returns: the area
+    :param proportion: its width divided by its height
     """
-    points = [point for preview in previews for point in _reached(preview)]
+    points = [point for view in views for point in _occupied(view)]
     xs, ys = [x for x, _ in points], [y for _, y in points]
     width, height = max(xs) - min(xs), max(ys) - min(ys)
     free = 1.0 + 2.0 * MARGIN
@@ -120,81 +113,69 @@ def extent(previews: Sequence[PlanView], proportion: float) -> Area:
                 width, height)
 
 
-def _reached(preview: PlanView) -> list[Point]:
-    points = polyline(arc_segments(preview.plan), 0.001)
-    if preview.footprint is not None:
-        for pose in distinct(_stops(preview), 0.001, len(points) + len(preview.plan.steps)):
-            points += outline(preview.footprint, pose)
-        radius = front_point(preview.footprint, ORIGIN)[0] * TURN
-        for turn in _turns(preview):
+def _occupied(view: PlanView) -> list[Point]:
+    points = polyline(arc_segments(view.plan), 0.001)
+    if view.footprint is not None:
+        for pose in distinct(_stops(view), 0.001, len(points) + len(view.plan.steps)):
+            points += outline(view.footprint, pose)
+        radius = front_point(view.footprint, ORIGIN)[0] * TURN
+        for turn in _turns(view):
             points += turn.sweep(radius)
     return [point for point in points if not math.isnan(point[0])]
 
 
-def _stops(preview: PlanView) -> list[Pose]:
-    return [ORIGIN, *(stage.pose for stage in preview.plan.steps)]
+def _stops(view: PlanView) -> list[Pose]:
+    return [ORIGIN, *(step.pose for step in view.plan.steps)]
 
 
-def draw_path(axes: Axes, preview: PlanView, area: Area) -> None:
+def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     """
     Draw the path of a plan, with the robot at its start and at the end of each step.
 
     :param axes: where, in the proportion of the area
-    :param preview: the plan
-    :param area: what to show
     """
-    from matplotlib.ticker import MultipleLocator
-
     axes.set_aspect('equal')
-    axes.set(xlim=(area.left, area.left + area.width), xlabel='x [m]',
-             ylim=(area.bottom, area.bottom + area.height), ylabel='y [m]')
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MultipleLocator(round_step(area.height / 8.0)))
+    set_map_limits(axes, *area, tick_distance=area.height / 8.0)
     grain = area.height * GRAIN
-    paths = arc_segments(preview.plan)
-    points = polyline(paths, grain)
+    segments = arc_segments(view.plan)
+    points = polyline(segments, grain)
     axes.plot([x for x, _ in points], [y for _, y in points], color=BLUE, linewidth=1.6,
               solid_joinstyle='round', zorder=3.0, gid='path')
-    _draw_robots(axes, preview, grain, _reach(preview, area))
-    _draw_turns(axes, _turns(preview),
-                _reach(preview, area) * TURN)
-    middles = distinct((path.middle for path in paths if path.distance), grain, MAX_MARKS)
+    reach = area.height * TICK if view.footprint is None else (
+        front_point(view.footprint, ORIGIN)[0])
+    _draw_robots(axes, view, grain, reach)
+    _draw_turns(axes, _turns(view), reach * TURN)
+    middles = distinct(
+        (segment.middle for segment in segments if segment.distance), grain, MAX_MARKS)
     _draw_arrows(axes, middles, BLUE)
-    end = preview.plan.pose
+    end = view.plan.pose
     axes.plot(0.0, 0.0, **START, gid='start')
     axes.plot(end.x, end.y, **END, gid='end')
 
 
-
-
-def _reach(preview: PlanView, area: Area) -> float:
-    shape = preview.footprint
-    return area.height * TICK if shape is None else front_point(shape, ORIGIN)[0]
-
-
-def _turns(preview: PlanView) -> list[ArcSegment]:
-    # One of each kind, however often it is repeated.
+def _turns(view: PlanView) -> list[ArcSegment]:
+    """Return the turns in place, each once however often it is repeated."""
     kinds: dict[tuple[float, ...], ArcSegment] = {}
-    for path in arc_segments(preview.plan):
-        start = path.start
+    for segment in arc_segments(view.plan):
+        start = segment.start
         kind = (round(start.x, 3), round(start.y, 3), round(start.theta % math.tau, 2),
-                round(path.angle, 2))
-        if path.angle and not path.distance:
-            kinds.setdefault(kind, path)
-    return list(kinds.values()) if len(kinds) <= MOST_TURNS else []
+                round(segment.angle, 2))
+        if segment.angle and not segment.distance:
+            kinds.setdefault(kind, segment)
+    return list(kinds.values()) if len(kinds) <= MAX_TURNS else []
 
 
-def _draw_robots(axes: Axes, preview: PlanView, grain: float, reach: float) -> None:
+def _draw_robots(axes: Axes, view: PlanView, grain: float, reach: float) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
-    poses = distinct(_stops(preview), grain, MAX_MARKS)
-    shape = preview.footprint
-    if shape is not None:
+    poses = distinct(_stops(view), grain, MAX_MARKS)
+    footprint = view.footprint
+    if footprint is not None:
         axes.add_collection(
-            PolyCollection([outline(shape, pose) for pose in poses], **ROBOT, gid='robots'))
-        for pose, colour, width in ((ORIGIN, GREEN, 2.2), (preview.plan.pose, ORANGE, 1.1)):
+            PolyCollection([outline(footprint, pose) for pose in poses], **ROBOT, gid='robots'))
+        for pose, colour, width in ((ORIGIN, GREEN, 2.2), (view.plan.pose, ORANGE, 1.1)):
             axes.add_collection(PolyCollection(
-                [outline(shape, pose)], facecolor='none', edgecolor=colour, linewidth=width,
+                [outline(footprint, pose)], facecolor='none', edgecolor=colour, linewidth=width,
                 zorder=2.0))
     axes.add_collection(LineCollection(
         [[(pose.x, pose.y), transform_point((reach, 0.0), pose)] for pose in poses], colors=GREY,
@@ -212,7 +193,7 @@ def _draw_turns(axes: Axes, turns: Sequence[ArcSegment], radius: float) -> None:
     ends = [advance(turn.start, 0.0, turn.angle) for turn in turns]
     _draw_arrows(axes, [
         Pose(*transform_point((radius, 0.0), end),
-        end.theta + math.copysign(math.pi / 2.0, turn.angle))
+             end.theta + math.copysign(math.pi / 2.0, turn.angle))
         for turn, end in zip(turns, ends)], ORANGE)
 
 
@@ -227,12 +208,11 @@ def _draw_arrows(axes: Axes, poses: Sequence[Pose], colour: str) -> None:
                   markeredgewidth=0.0, zorder=4.0, gid='arrow')
 
 
-def draw_legend(figure: Figure, place_: Point) -> None:
+def draw_legend(figure: Figure, corner: Point) -> None:
     """
     Draw what the marks on the paths mean.
 
-    :param figure: the picture
-    :param place_: its lower left corner, as parts of the picture
+    :param corner: its lower left corner, as parts of the figure
     """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -243,20 +223,20 @@ def draw_legend(figure: Figure, place_: Point) -> None:
     if figure.findobj(lambda artist: artist.get_gid() == 'turns'):
         marks.append(Line2D([], [], color=ORANGE, linewidth=1.2))
         names.append('turn in place')
-    figure.legend(marks, names, loc='lower left', bbox_to_anchor=place_, ncol=len(marks),
+    figure.legend(marks, names, loc='lower left', bbox_to_anchor=corner, ncol=len(marks),
                   frameon=False, borderpad=0.0, borderaxespad=0.0, handlelength=1.6,
                   columnspacing=1.6)
 
 
-#: What each kind of file says of itself is left out: two runs give the same bytes.
+#: Metadata that are left out of each kind of file: two runs give the same bytes.
 METADATA: dict[str, dict[str, None]] = {
     '.png': {'Software': None},
     '.svg': {'Date': None, 'Creator': None},
     '.pdf': {'CreationDate': None, 'Creator': None, 'Producer': None},
 }
-#: Pixels an inch, where there are pixels.
+#: Pixels an inch, for files of pixels.
 RESOLUTION = 110
-#: A taller picture is more than people look at, and png has its limits.
+#: A higher plot is more than people read, and PNG has its limits.
 MAX_MOTIONS = 12
 
 # Sizes and places [inch].
@@ -268,19 +248,19 @@ BOTTOM, HEIGHT, BETWEEN = 0.5, 3.2, 0.3
 NAME_TOP, FIGURES_TOP = 0.17, 0.42
 
 
-def save_plot(file: str | os.PathLike[str], previews: Sequence[PlanView]) -> None:
+def save_plot(file: str | os.PathLike[str], views: Sequence[PlanView]) -> None:
     """
-    Draw plans, one below the other and to the same scales, and save the picture.
+    Plot plans, one below the other and to the same scales, and save the plot.
 
     On the left each path with the robot at the start and at the end of each step; on the right the
     velocities as they are sent, with the limits dashed.
 
-    :param file: where to; its ending says what it becomes: .png, .svg or .pdf
-    :param previews: the plans, 1 to 12
-    :raises UsageError: if there is no such place, matplotlib is absent, or there are too many
+    :param file: where to; its suffix selects the format: .png, .svg or .pdf
+    :param views: the plans, 1 to 12
+    :raises UsageError: if there is no such place, matplotlib is missing, or there are too many
     """
     path = check_plot_file(file)
-    figure = draw_plans(previews)
+    figure = draw_plans(views)
     data = io.BytesIO()
     suffix = path.suffix.lower()
     with default_style(), warnings.catch_warnings():
@@ -295,11 +275,9 @@ def save_plot(file: str | os.PathLike[str], previews: Sequence[PlanView]) -> Non
 
 def check_plot_file(file: str | os.PathLike[str]) -> Path:
     """
-    Refuse a file that no picture can be saved to; nothing is drawn or imported for it.
+    Return the path of a file if a plot can be saved to it; nothing is drawn or imported.
 
-    :param file: where to save it
-    :returns: its path
-    :raises UsageError: if it has no ending that we can draw, or no folder to be in
+    :raises UsageError: if its suffix is no format of ours, or it cannot be written
     """
     path = Path(file)
     if path.suffix.lower() not in METADATA:
@@ -314,75 +292,57 @@ def check_plot_file(file: str | os.PathLike[str]) -> Path:
     return path
 
 
-def draw_plans(previews: Sequence[PlanView]) -> Figure:
+def draw_plans(views: Sequence[PlanView]) -> Figure:
     """
-    Draw plans, one below the other and to the same scales.
+    Return a plot of plans, one below the other and to the same scales.
 
-    :param previews: the plans, 1 to 12
-    :returns: the picture
-    :raises UsageError: if matplotlib is absent, or there are too many plans
+    :param views: the plans, 1 to 12
+    :raises UsageError: if matplotlib is missing, or there are too many plans
     """
-    if not 1 <= len(previews) <= MAX_MOTIONS:
+    if not 1 <= len(views) <= MAX_MOTIONS:
         raise UsageError(
-            f'a plot shows 1 to {MAX_MOTIONS} motions, not {len(previews)}; name fewer')
+            f'a plot shows 1 to {MAX_MOTIONS} motions, not {len(views)}; name fewer')
     with default_style():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(WIDTH, len(previews) * ROW + KEY), dpi=RESOLUTION)
+        figure = Figure(figsize=(WIDTH, len(views) * ROW + KEY), dpi=RESOLUTION)
         FigureCanvasAgg(figure)
-        area = extent(previews, PATH_WIDTH / HEIGHT)
-        scales = [shared_scale(previews, kind) for kind in (LINEAR, ANGULAR)]
-        for number, preview in enumerate(previews):
-            row = _Row(figure, len(previews), number)
-            row.title(preview)
-            draw_path(row.axes(PATH_LEFT, 0.0, PATH_WIDTH, HEIGHT), preview, area)
-            part = (HEIGHT - BETWEEN) / 2.0
-            above = row.axes(VELOCITY_LEFT, part + BETWEEN, VELOCITY_WIDTH, part)
-            below = row.axes(VELOCITY_LEFT, 0.0, VELOCITY_WIDTH, part)
-            draw_velocity(above, preview, scales[0], with_time=False)
-            draw_velocity(below, preview, scales[1], with_time=True)
+        area = extent(views, PATH_WIDTH / HEIGHT)
+        scales = [shared_scale(views, component) for component in (LINEAR, ANGULAR)]
+        part = (HEIGHT - BETWEEN) / 2.0
+        for row, view in zip(reversed(range(len(views))), views):
+            base = KEY + row * ROW
+            _draw_title(figure, view, base + ROW)
+            draw_path(_axes(figure, PATH_LEFT, base + BOTTOM, PATH_WIDTH, HEIGHT), view, area)
+            above, below = (
+                _axes(figure, VELOCITY_LEFT, base + bottom, VELOCITY_WIDTH, part)
+                for bottom in (BOTTOM + part + BETWEEN, BOTTOM))
+            draw_velocity(above, view, LINEAR, scales[0])
+            draw_velocity(below, view, ANGULAR, scales[1])
+            above.tick_params(labelbottom=False)
+            below.set_xlabel(f'time [{time_unit(scales[1].duration)[0]}]')
         draw_legend(figure, (PATH_LEFT / WIDTH, 0.1 / figure.get_figheight()))
     return figure
 
 
-class _Row:
-    """The place of one plan in the picture."""
-
-    def __init__(self, figure: Figure, count: int, number: int) -> None:
-        self._figure = figure
-        self._height = count * ROW + KEY
-        self._base = KEY + (count - 1 - number) * ROW
-
-    def axes(self, left: float, bottom: float, width: float, height: float) -> Axes:
-        bottom += self._base + BOTTOM
-        axes = self._figure.add_axes((
-            left / WIDTH, bottom / self._height, width / WIDTH, height / self._height))
-        style_axes(axes, width)
-        return axes
-
-    def title(self, preview: PlanView) -> None:
-        for text, top, look in (
-                (_name(preview), NAME_TOP, {'fontsize': 12.0, 'fontweight': 'bold'}),
-                (_figures(preview), FIGURES_TOP, {'color': '#444444'})):
-            self._figure.text(
-                PATH_LEFT / WIDTH, (self._base + ROW - top) / self._height, text, va='top', **look)
+def _axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    axes = add_axes(figure, left, bottom, width, height)
+    style_axes(axes, width)
+    return axes
 
 
-def _name(preview: PlanView) -> str:
-    return _plain(f'{one_line(preview.name, 50)} on {one_line(preview.robot, 30)}')
-
-
-def _figures(preview: PlanView) -> str:
-    plan = preview.plan
-    end = plan.pose
-    return (f'{plan.duration:.3f} s, {plan.length:.3f} m, {pluralize(len(plan.steps), "step")}; '
-            f'ends at x {format_fixed(end.x, 3)} m, y {format_fixed(end.y, 3)} m, heading '
-            f'{format_fixed(math.degrees(end.theta), 1)}°; '
-            f'{pluralize(preview.messages, "velocity", "velocities")} at '
-            f'{format_number(preview.rate)} Hz')
-
-
-def _plain(text: str) -> str:
+def _draw_title(figure: Figure, view: PlanView, top: float) -> None:
+    plan, end = view.plan, view.plan.pose
+    name = f'{one_line(view.name, 50)} on {one_line(view.robot, 30)}'
+    figures = (
+        f'{plan.duration:.3f} s, {plan.length:.3f} m, {pluralize(len(plan.steps), "step")}; '
+        f'ends at x {format_fixed(end.x, 3)} m, y {format_fixed(end.y, 3)} m, heading '
+        f'{format_fixed(math.degrees(end.theta), 1)}°; '
+        f'{pluralize(view.messages, "velocity", "velocities")} at {format_number(view.rate)} Hz')
     # Between two dollars matplotlib reads a formula.
-    return text.replace('$', r'\$')
+    for text, offset, look in (
+            (name.replace('$', r'\$'), NAME_TOP, {'fontsize': 12.0, 'fontweight': 'bold'}),
+            (figures, FIGURES_TOP, {'color': '#444444'})):
+        figure.text(
+            PATH_LEFT / WIDTH, (top - offset) / figure.get_figheight(), text, va='top', **look)

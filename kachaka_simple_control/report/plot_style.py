@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What pictures have in common: colours, frames, round numbers."""
+"""What all plots share: colours, axes, round scales."""
 
 from __future__ import annotations
 
@@ -23,46 +23,71 @@ from kachaka_simple_control.errors import UsageError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # Colours of Okabe and Ito, which the colour-blind can tell apart.
 BLUE, ORANGE, GREEN = '#0072B2', '#D55E00', '#009E73'
 SKY = '#56B4E9'
 GREY, FAINT = '#666666', '#dddddd'
 
-# Three lines that often lie on each other: told apart by width, colour and dashes alike.
+# Three lines that often coincide: told apart by width, colour and dashes alike.
 PLANNED: dict[str, Any] = {
     'color': SKY, 'linewidth': 5.0, 'alpha': 0.6, 'zorder': 3.0, 'solid_capstyle': 'round'}
 SENT: dict[str, Any] = {'color': '#003f63', 'linewidth': 1.5, 'zorder': 3.5}
 ODOMETRY: dict[str, Any] = {
     'color': ORANGE, 'linewidth': 1.5, 'linestyle': (0, (3, 1.6)), 'zorder': 4.0}
 
-#: Stands on the style that comes with matplotlib, whatever the user's own settings are.
+#: Settings on top of matplotlib's default style, whatever the user's own settings are.
 #: Lines lose points that lie less than 0.3 pixels beside them.
 SETTINGS: Any = {
     'font.size': 9.0, 'svg.hashsalt': 'kachaka_simple_control', 'path.simplify': True,
     'path.simplify_threshold': 0.3}
-#: How far beside the axis its label stands [inch]: there is room for six characters between.
+#: Distance of an axis's label from the axis [inch]: six characters fit between.
 LABEL = 0.56
 
 
-def style_axes(axes: Axes, width: float) -> None:
-    """
-    Give a picture its grid, and leave away the frame where there are no numbers.
+def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Add axes at a place of a figure [inch], whose size is set."""
+    total_width, total_height = figure.get_size_inches()
+    return figure.add_axes((
+        left / total_width, bottom / total_height, width / total_width, height / total_height))
 
-    :param axes: the picture
-    :param width: how wide it is [inch]
+
+def style_axes(axes: Axes, width: float | None = None) -> None:
     """
-    axes.yaxis.set_label_coords(-LABEL / width, 0.5)
+    Add a grid to axes and hide the sides of their frame that have no numbers.
+
+    :param axes: the axes
+    :param width: their width [inch], to align the y labels of all axes; None: as matplotlib does
+    """
+    if width is not None:
+        axes.yaxis.set_label_coords(-LABEL / width, 0.5)
     axes.grid(visible=True, color=FAINT, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[['top', 'right']].set_visible(False)
+
+
+def set_map_limits(
+        axes: Axes, left: float, bottom: float, width: float, height: float,
+        tick_distance: float) -> None:
+    """
+    Make axes a map in metres with a square grid.
+
+    :param tick_distance: at least this far apart are the lines of the grid [m]
+    """
+    from matplotlib.ticker import MultipleLocator
+
+    axes.set(xlim=(left, left + width), ylim=(bottom, bottom + height), xlabel='x [m]',
+             ylabel='y [m]')
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MultipleLocator(round_step(tick_distance)))
 
 
 def round_step(size: float) -> float:
     """
     Return the step of a scale: 1, 2 or 5 times a power of ten, not below a size above 0.
 
-    Axes that are to scale share one step, so matplotlib's locator is asked once for both.
+    Both axes of a map share one step, so matplotlib's locator is asked once for both.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -75,10 +100,9 @@ def round_step(size: float) -> float:
 @contextmanager
 def default_style() -> Iterator[None]:
     """
-    Draw in the style that comes with matplotlib, whatever the user's own settings are.
+    Draw in matplotlib's default style, whatever the user's own settings are.
 
-    :returns: a context manager
-    :raises UsageError: if matplotlib is absent
+    :raises UsageError: if matplotlib is missing
     """
     try:
         from matplotlib import rc_context

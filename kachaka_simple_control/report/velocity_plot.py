@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Draw velocities over time."""
+"""Plot velocities over time."""
 
 from __future__ import annotations
 
@@ -30,38 +30,38 @@ from kachaka_simple_control.report.plot_style import BLUE, GREY, ORANGE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+#: A time [s] and a value that is held from then on.
 StepPoint = tuple[float, float]
-
-
-def velocity_steps(plan: Plan, component: str) -> list[StepPoint]:
-    """
-    Return when a component of the velocity changes, and to what.
-
-    :param plan: what is sent
-    :param component: ``linear_x`` or ``angular_z``
-    :returns: times [s] and values [m/s or rad/s], in order; the last is the zero at the end
-    """
-    value_of = attrgetter(component)
-    changes = groupby(plan.segments, key=lambda segment: value_of(segment.velocity))
-    corners = [(next(segments).start, value + 0.0) for value, segments in changes]
-    corners.append((plan.duration, 0.0))
-    return corners
-
 
 #: More boundaries between steps than these would be a grey wall.
 MAX_BOUNDARIES = 60
 #: Limits more than so many times above what is sent would press it flat: they are only named.
 FAR = 5.0
-#: Free part above the highest and below the lowest line, for the words on limits.
+#: Free part of the span above the highest and below the lowest line, for the labels of limits.
 FREE = 0.25
-#: The words on limits; no line goes through them.
+#: The labels of limits; no line goes through them.
 WORDS: dict[str, Any] = {
-    'color': '#444444', 'fontsize': 8.0, 'zorder': 4.0,
+    'color': '#444444', 'fontsize': 8.0, 'zorder': 4.0, 'ha': 'right',
+    'textcoords': 'offset points',
     'bbox': {'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.5}}
-#: A line with more corners than these is an area; the limits shine through.
+#: A line with more points than these is an area; the limits shine through.
 DENSE = 2000
-#: From so long on [s], time is in minutes.
+#: Above this [s], time is in minutes.
 LONG = 600.0
+
+
+def velocity_steps(plan: Plan, attribute: str) -> list[StepPoint]:
+    """
+    Return when a component of the velocity changes, and to what.
+
+    :param plan: what is sent
+    :param attribute: ``linear_x`` or ``angular_z``
+    :returns: times [s] and values [m/s or rad/s], in order; the last is the zero at the end
+    """
+    value_of = attrgetter(attribute)
+    changes = groupby(plan.segments, key=lambda segment: value_of(segment.velocity))
+    points = [(next(segments).start, value + 0.0) for value, segments in changes]
+    return [*points, (plan.duration, 0.0)]
 
 
 @dataclass(frozen=True)
@@ -70,10 +70,10 @@ class VelocityComponent:
     One of the two components of a velocity.
 
     :param attribute: its name in a velocity
-    :param label: what stands at its axis
+    :param label: the label of its axis
     :param unit: its unit
-    :param colour: its line's colour
-    :param limits: its lowest and its highest value under limits
+    :param colour: the colour of its line
+    :param limits: returns its lowest and its highest value under limits
     """
 
     attribute: str
@@ -92,114 +92,87 @@ ANGULAR = VelocityComponent('angular_z', 'angular [rad/s]', 'rad/s', ORANGE, lam
 @dataclass(frozen=True)
 class Scale:
     """
-    What all pictures of a kind of velocity show.
+    The range of a plot of a value over time.
 
-    :param component: which
-    :param lowest: the lowest velocity [its unit]
-    :param highest: the highest velocity [its unit]
+    :param lowest: the lowest value [its unit]
+    :param highest: the highest value [its unit]
     :param duration: the longest time [s]
     """
 
-    component: VelocityComponent
     lowest: float
     highest: float
     duration: float
 
 
-def shared_scale(previews: Sequence[PlanView], kind: VelocityComponent) -> Scale:
-    """
-    Return a scale with room for what all plans send, and for the limits that are near.
-
-    :param previews: the plans
-    :param component: which velocity
-    :returns: the scale
-    """
-    values = [value for preview in previews
-              for _, value in velocity_steps(preview.plan, kind.attribute)]
-    duration = max(preview.plan.duration for preview in previews)
-    return scale_for(kind, values, [preview.limits for preview in previews], duration)
+def shared_scale(views: Sequence[PlanView], component: VelocityComponent) -> Scale:
+    """Return a scale for what all plans send, and for the limits that are near."""
+    values = [value for view in views
+              for _, value in velocity_steps(view.plan, component.attribute)]
+    duration = max(view.plan.duration for view in views)
+    return scale_for(component, values, [view.limits for view in views], duration)
 
 
-def scale_for(
-        kind: VelocityComponent, values: Sequence[float], limits: Sequence[Limits],
-        duration: float) -> Scale:
-    """
-    Return a scale with room for some values, and for the limits that are near.
-
-    :param component: which velocity
-    :param values: what is shown [its unit]
-    :param limits: all limits
-    :param duration: the longest time [s]
-    :returns: the scale
-    """
+def scale_for(component: VelocityComponent, values: Sequence[float], limits: Sequence[Limits],
+              duration: float) -> Scale:
+    """Return a scale for some values and a time [s], and for the limits that are near."""
     lowest, highest = min(values), max(values)
     largest = max(highest, -lowest)
-    for below, above in map(kind.limits, limits):
+    for below, above in map(component.limits, limits):
         far = FAR * largest if largest else math.inf
         if lowest < 0.0 and -below <= far:
             lowest = min(lowest, below)
         if above <= far and (highest > 0.0 or not largest):
             highest = max(highest, above)
-    return _free(kind, lowest, highest, duration)
-
-
-def _free(kind: VelocityComponent, lowest: float, highest: float, duration: float) -> Scale:
-    # Without a limit and a velocity there is no size; any will do.
+    # Without a limit and a velocity any span is as good.
     span = highest - lowest if 0.0 < highest - lowest < math.inf else 1.0
     highest = highest if math.isfinite(highest) else 1.0
-    return Scale(kind, lowest - span * (FREE if lowest < 0.0 else 0.06), highest + FREE * span,
+    return Scale(lowest - span * (FREE if lowest < 0.0 else 0.06), highest + FREE * span,
                  duration or 1.0)
 
 
-def draw_velocity(axes: Axes, preview: PlanView, scale_: Scale, with_time: bool) -> None:
-    """
-    Draw a velocity over time, with its limits dashed and a faint line where a step ends.
+def time_unit(duration: float) -> tuple[str, float]:
+    """Return the unit of a time axis by its length [s]: its name, and how long it is [s]."""
+    return ('min', 60.0) if duration > LONG else ('s', 1.0)
 
-    :param axes: where
-    :param preview: the plan
-    :param scale_: what to show
-    :param with_time: whether numbers stand at the time's axis
+
+def draw_velocity(axes: Axes, view: PlanView, component: VelocityComponent, scale: Scale) -> None:
+    """Draw a plan's velocity over time, with its limits and the ends of its steps."""
+    seconds = time_unit(scale.duration)[1]
+    set_time_limits(axes, scale, component.label, [step.end for step in view.plan.steps])
+    points = velocity_steps(view.plan, component.attribute)
+    axes.step([0.0, *(time / seconds for time, _ in points)],
+              [0.0, *(value for _, value in points)], where='post', color=component.colour,
+              linewidth=1.2, alpha=1.0 if len(points) <= DENSE else 0.5, zorder=1.5, gid='sent')
+    draw_limits(axes, component, view.limits)
+
+
+def set_time_limits(axes: Axes, scale: Scale, label: str, ends: Sequence[float]) -> None:
     """
-    kind = scale_.component
-    unit, seconds = ('min', 60.0) if scale_.duration > LONG else ('s', 1.0)
-    right = scale_.duration / seconds
-    axes.set(xlim=(-0.01 * right, 1.01 * right), ylim=(scale_.lowest, scale_.highest),
-             ylabel=kind.label)
+    Set the range of a plot over time, and draw its zero and faint lines where steps end.
+
+    :param ends: when steps end [s]; too many are not drawn
+    """
+    unit = time_unit(scale.duration)[1]
+    right = scale.duration / unit
+    axes.set(xlim=(-0.01 * right, 1.01 * right), ylim=(scale.lowest, scale.highest), ylabel=label)
     axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=1.0)
-    ends = [stage.end / seconds for stage in preview.plan.steps]
     if len(ends) <= MAX_BOUNDARIES:
-        axes.vlines(ends, 0.0, 1.0, transform=axes.get_xaxis_transform(), color=GREY,
-                    linewidth=0.5, alpha=0.5, zorder=1.0, gid='boundaries')
-    corners = velocity_steps(preview.plan, kind.attribute)
-    axes.step([0.0, *(time / seconds for time, _ in corners)],
-              [0.0, *(value for _, value in corners)], where='post', color=kind.colour,
-              linewidth=1.2, alpha=1.0 if len(corners) <= DENSE else 0.5, zorder=1.5, gid='sent')
-    draw_limits(axes, kind, preview.limits)
-    axes.tick_params(labelbottom=with_time)
-    if with_time:
-        axes.set_xlabel(f'time [{unit}]')
+        axes.vlines([end / unit for end in ends], 0.0, 1.0, color=GREY, linewidth=0.5, alpha=0.5,
+                    transform=axes.get_xaxis_transform(), zorder=1.0, gid='boundaries')
 
 
-def draw_limits(axes: Axes, kind: VelocityComponent, limits: Limits) -> None:
-    """
-    Draw limits as dashed lines, and say how large they are.
-
-    :param axes: where; what it shows from bottom to top is set
-    :param component: which velocity
-    :param limits: the limits
-    """
+def draw_limits(axes: Axes, component: VelocityComponent, limits: Limits) -> None:
+    """Draw limits as dashed lines with their values; the range of the axes is set."""
     bottom, top = axes.get_ylim()
-    below, above = kind.limits(limits)
-    near = [(limit, side, lift) for limit, side, lift in (
+    below, above = component.limits(limits)
+    near = [(limit, side, offset) for limit, side, offset in (
         (above, 'bottom', 2.0), (below, 'top', -2.0)) if bottom < limit < top]
-    for limit, side, lift in near:
+    for limit, side, offset in near:
         axes.axhline(limit, color=GREY, linewidth=1.0, linestyle='--', zorder=2.0, gid='limit')
         axes.annotate(
-            f'limit {format_number(limit)} {kind.unit}', (1.0, limit), (-4.0, lift), ha='right',
-            va=side,
-            xycoords=axes.get_yaxis_transform(), textcoords='offset points', **WORDS)
+            f'limit {format_number(limit)} {component.unit}', (1.0, limit), (-4.0, offset),
+            va=side, xycoords=axes.get_yaxis_transform(), **WORDS)
     if not near and math.isfinite(above):
         axes.annotate(
-            f'far above: limit {format_number(above)} {kind.unit}', (1.0, 1.0), (-4.0, 0.0),
-            ha='right',
-            va='top', xycoords='axes fraction', textcoords='offset points', **WORDS)
+            f'far above: limit {format_number(above)} {component.unit}', (1.0, 1.0), (-4.0, 0.0),
+            va='top', xycoords='axes fraction', **WORDS)
