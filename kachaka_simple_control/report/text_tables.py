@@ -19,6 +19,7 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 import math
+import sys
 import unicodedata
 
 from kachaka_simple_control.motion.geometry import Pose
@@ -50,48 +51,40 @@ Row = tuple[str, ...]
 
 
 def columns(
-        head: Sequence[tuple[str, str]], rows: Sequence[Row],
-        rule_above_last: bool = False) -> list[str]:
+        head: Sequence[tuple[str, str]], rows: Sequence[Row], rule_above_last: bool = False,
+        widest: int = WIDEST) -> list[str]:
     """
-    Lay out a table; columns that are empty throughout are left away.
+    Lay out a table; columns that are empty throughout are left out.
 
-    Words stand on the left of their column, and figures, whose head has a unit, on the right.  If
-    the table is too wide, its longest words are cut.
+    Text is aligned to the left, and numbers, whose column has a unit, to the right.  If the table
+    is too wide, its longest texts are cut.
 
     :param head: the name and the unit of each column
     :param rows: the cells, as many in each row as there are columns
-    :param rule_above_last: whether a line parts the last row from the others
-    :returns: lines of text: two of the head, a rule, the rows
+    :param rule_above_last: whether a line separates the last row from the others
+    :param widest: how many columns of text the table may have
+    :returns: lines of text: names, units if there are any, a rule, the rows
     """
-    cells = [tuple(name for name, _ in head), tuple(unit for _, unit in head), *rows]
+    units = tuple(unit for _, unit in head)
+    cells = [tuple(name for name, _ in head), *([units] if any(units) else []), *rows]
     used = [place for place in range(len(head)) if any(row[place] for row in cells)]
     widths = [max(_width(row[place]) for row in cells) for place in used]
-    for _ in range(sum(widths) + len(SPACE) * (len(widths) - 1) - WIDEST):
+    for _ in range(sum(widths) + len(SPACE) * (len(widths) - 1) - widest):
         widths[widths.index(max(widths))] -= 1
     lines = [SPACE.join(
-        _aligned(row[place], width, bool(head[place][1]) or _is_number(row[place]))
+        _aligned(row[place], width, bool(units[place]) or row[place].isdecimal())
         for place, width in zip(used, widths)).rstrip() for row in cells]
     rule = SPACE.join('-' * width for width in widths)
-    lines.insert(2, rule)
+    lines.insert(len(cells) - len(rows), rule)
     if rule_above_last and len(rows) > 1:
         lines.insert(-1, rule)
     return lines
 
 
-def _is_number(text: str) -> bool:
-    return text.isdecimal()
-
-
 def one_line(text: str, width: int) -> str:
-    """
-    Return a text from a file so that it stands in one line.
-
-    :param text: a name, of any length, with any characters
-    :param width: how many columns there are for it
-    :returns: the text, with an ellipsis if it is longer
-    """
+    """Return a text of any length and characters as one line, cut to a width with an ellipsis."""
     line = ' '.join(text.split())
-    return _cut(''.join(sign if sign.isprintable() else '?' for sign in line), width)
+    return _cut(''.join(char if char.isprintable() else '?' for char in line), width)
 
 
 def _cut(text: str, width: int) -> str:
@@ -110,23 +103,23 @@ def _aligned(text: str, width: int, right: bool) -> str:
 
 
 def _width(text: str) -> int:
-    # Chinese and Japanese letters are twice as wide as others, and marks go on top of them.
+    # Chinese and Japanese letters are twice as wide as others; combining marks take no room.
     return sum(
-        0 if unicodedata.combining(sign) else 1 + (unicodedata.east_asian_width(sign) in 'WF')
-        for sign in text)
+        0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in 'WF')
+        for char in text)
 
 
-#: About how many lines a person looks at.
+#: About how many lines of text a person reads.
 LINES = 60
-#: The longest table of steps; a longer one is cut.
+#: The longest table of steps; of a longer one rows are left out.
 MAX_STEPS = 40
-#: A shorter table of steps says nothing.
+#: A shorter table of steps says too little.
 MIN_STEPS = 8
-#: What a table of steps has beside its steps, and a comparison beside its motions.
+#: Lines of a table of steps without its steps, and of a comparison without its motions.
 FRAME, CAPTION = 6, 7
 #: The longest name there is room for.
 NAME = 36
-#: From this time on [s], milliseconds make a table wider than they are worth.
+#: From this time on [s], tenths of a second are precise enough.
 LONG = 1000.0
 
 FIGURES = (('takes', '[s]'), ('length', '[m]'), ('x', '[m]'), ('y', '[m]'), ('heading', '[deg]'),
@@ -134,52 +127,51 @@ FIGURES = (('takes', '[s]'), ('length', '[m]'), ('x', '[m]'), ('y', '[m]'), ('he
 LEGEND = 'Poses: at the end, seen from the start.  Velocities: the largest sent, either way.'
 
 
-def plan_table(previews: Sequence[PlanView]) -> str:
+def plan_table(views: Sequence[PlanView]) -> str:
     """
-    Put plans as tables: for each its steps, as long as there is room, and what they add up to.
+    Return tables of plans: the steps of each, as far as there is room, and their totals.
 
-    :param previews: the plans
     :returns: lines of text, up to 99 columns wide; about 60 unless there are more motions
     """
-    if len(previews) == 1:
-        preview = previews[0]
+    if len(views) == 1:
+        view = views[0]
         return '\n'.join([
-            *_steps(preview, MAX_STEPS, with_total=True), '', *_sending(preview), LEGEND])
-    most = (LINES - CAPTION - len(previews)) // max(1, len(previews)) - FRAME
+            *_steps(view, MAX_STEPS, with_total=True), '', *_sending(view), LEGEND])
+    most = (LINES - CAPTION - len(views)) // max(1, len(views)) - FRAME
     lines: list[str] = []
     if most >= MIN_STEPS:
-        for preview in previews:
-            lines += [*_steps(preview, most, with_total=False), '']
-    return '\n'.join([*lines, *_comparison(previews), '', LEGEND])
+        for view in views:
+            lines += [*_steps(view, most, with_total=False), '']
+    return '\n'.join([*lines, *_comparison(views), '', LEGEND])
 
 
-def _steps(preview: PlanView, most: int, with_total: bool) -> list[str]:
-    stages = preview.plan.steps
-    kept = _kept(stages, most)
-    times = Counter(stage.path for stage in stages)
-    rounds: Counter[str] = Counter()
+def _steps(view: PlanView, most: int, with_total: bool) -> list[str]:
+    steps = view.plan.steps
+    kept = _kept(steps, most)
+    times = Counter(step.path for step in steps)
+    repeats: Counter[str] = Counter()
     rows = []
     shown = set(kept)
-    for index, stage in enumerate(stages):
-        rounds[stage.path] += 1
+    for index, step in enumerate(steps):
+        repeats[step.path] += 1
         if index in shown:
-            rows.append(_plan_row(index, stage, rounds[stage.path], times[stage.path]))
+            rows.append(_plan_row(index, step, repeats[step.path], times[step.path]))
     if with_total:
-        rows.append(_total(preview.plan))
+        rows.append(_total(view.plan))
     head = (('', ''), ('step', ''), ('', ''), ('start', '[s]'), *FIGURES)
     lines = columns(head, rows, rule_above_last=with_total)
-    _mark_gaps(lines, kept, stages)
-    title = (f'{one_line(preview.name, NAME)} on {one_line(preview.robot, NAME)} '
-             f'at {format_number(preview.rate)} Hz')
+    _mark_gaps(lines, kept, steps)
+    title = (f'{one_line(view.name, NAME)} on {one_line(view.robot, NAME)} '
+             f'at {format_number(view.rate)} Hz')
     return [title, '', *lines]
 
 
-def _plan_row(index: int, stage: PlannedStep, number: int, times: int) -> Row:
+def _plan_row(index: int, step: PlannedStep, number: int, times: int) -> Row:
     return (
-        str(index + 1), describe_step(stage.step), f'{number} of {times}' if times > 1 else '',
-        _time(stage.start),
-        *_figures(stage.end - stage.start, stage.length, stage.pose,
-                  stage.max_linear_velocity, stage.max_angular_velocity))
+        str(index + 1), describe_step(step.step), f'{number} of {times}' if times > 1 else '',
+        _time(step.start),
+        *_figures(step.end - step.start, step.length, step.pose,
+                  step.max_linear_velocity, step.max_angular_velocity))
 
 
 def _total(plan: Plan) -> Row:
@@ -198,41 +190,41 @@ def _figures(duration: float, length: float, pose: Pose, linear: float, angular:
         format_fixed(angular, 3))
 
 
-def _kept(stages: Sequence[PlannedStep], most: int) -> list[int]:
-    # What is shown of a long motion: of repeated steps the first time and the last.
-    if len(stages) <= most:
-        return list(range(len(stages)))
+def _kept(steps: Sequence[PlannedStep], most: int) -> list[int]:
+    """Return which steps of a long motion are shown: of repeated ones the first and the last."""
+    if len(steps) <= most:
+        return list(range(len(steps)))
     first: dict[str, int] = {}
     last: dict[str, int] = {}
-    for index, stage in enumerate(stages):
-        first.setdefault(stage.path, index)
-        last[stage.path] = index
+    for index, step in enumerate(steps):
+        first.setdefault(step.path, index)
+        last[step.path] = index
     ends = sorted({*first.values(), *last.values()})
     gaps = sum(two - one > 1 for one, two in pairwise(ends))
     if len(ends) + gaps <= most:
         return ends
     half = (most - 1) // 2
-    return [*range(half), *range(len(stages) - half, len(stages))]
+    return [*range(half), *range(len(steps) - half, len(steps))]
 
 
-def _mark_gaps(lines: list[str], kept: Sequence[int], stages: Sequence[PlannedStep]) -> None:
-    # From below, so that the places above stay where they are; two lines and a rule are the head.
+def _mark_gaps(lines: list[str], kept: Sequence[int], steps: Sequence[PlannedStep]) -> None:
+    # From below, so that the lines above keep their places; two lines and a rule are the head.
     for place in range(len(kept) - 1, 0, -1):
         before, after = kept[place - 1], kept[place]
         if after - before == 1:
             continue
-        known = {stages[index].path for index in kept[:place]}
-        again = all(stage.path in known for stage in stages[before + 1:after])
+        known = {steps[index].path for index in kept[:place]}
+        again = all(step.path in known for step in steps[before + 1:after])
         lines.insert(3 + place, (
-            f'... {pluralize(after - before - 1, "step")}, from {_time(stages[before].end)} s '
-            f'to {_time(stages[after].start)} s{", as above" if again else ""} ...'))
+            f'... {pluralize(after - before - 1, "step")}, from {_time(steps[before].end)} s '
+            f'to {_time(steps[after].start)} s{", as above" if again else ""} ...'))
 
 
-def _sending(preview: PlanView) -> list[str]:
-    count = preview.messages
+def _sending(view: PlanView) -> list[str]:
+    count = view.messages
     sent = (f'Sent: {pluralize(count, "velocity", "velocities")}, '
-            f'{format_number(1000.0 * preview.plan.period)} ms apart or less, then the stop')
-    return [sent, *_limits(preview.limits)]
+            f'{format_number(1000.0 * view.plan.period)} ms apart or less, then the stop')
+    return [sent, *_limits(view.limits)]
 
 
 def _limits(limits: Limits) -> list[str]:
@@ -251,67 +243,62 @@ def _limits(limits: Limits) -> list[str]:
 
 
 def _bounds(bounds: Sequence[tuple[float, str]]) -> str:
-    # Infinity is no limit, and needs no words.
     known = [f'{format_number(value)} {unit}' for value, unit in bounds if value < math.inf]
     return ', '.join(known) or 'none'
 
 
-def _comparison(previews: Sequence[PlanView]) -> list[str]:
-    robots = {preview.robot for preview in previews}
-    rates = {preview.rate for preview in previews}
+def _comparison(views: Sequence[PlanView]) -> list[str]:
+    robots = {view.robot for view in views}
+    rates = {view.rate for view in views}
     own: list[tuple[str, str]] = []
     if len(robots) > 1:
         own.append(('robot', ''))
     if len(rates) > 1:
         own.append(('rate', '[Hz]'))
-    rows = [_compared(preview, dict(own)) for preview in previews]
+    rows = [_compared(view, dict(own)) for view in views]
     head = (('motion', ''), *own, ('steps', ''), *FIGURES, ('sent', ''))
     common = [f'on {one_line(next(iter(robots)), NAME)}'] if len(robots) == 1 else []
     common += [f'at {format_number(next(iter(rates)))} Hz'] if len(rates) == 1 else []
-    return [' '.join([pluralize(len(previews), 'motion'), *common]), '', *columns(head, rows)]
+    return [' '.join([pluralize(len(views), 'motion'), *common]), '', *columns(head, rows)]
 
 
-def _compared(preview: PlanView, own: dict[str, str]) -> Row:
-    cells = [one_line(preview.name, NAME)]
-    cells += [one_line(preview.robot, NAME)] if 'robot' in own else []
-    cells += [format_number(preview.rate)] if 'rate' in own else []
-    plan = preview.plan
-    return (*cells, str(len(plan.steps)), *_plan_figures(plan), str(preview.messages))
+def _compared(view: PlanView, own: dict[str, str]) -> Row:
+    cells = [one_line(view.name, NAME)]
+    cells += [one_line(view.robot, NAME)] if 'robot' in own else []
+    cells += [format_number(view.rate)] if 'rate' in own else []
+    plan = view.plan
+    return (*cells, str(len(plan.steps)), *_plan_figures(plan), str(view.messages))
 
 
 def _time(value: float) -> str:
     return format_fixed(value, 3 if value < LONG else 1)
 
 
-HEAD = ('movement', 'requested', 'sent', 'odometry')
+#: Columns of the table of a drive; its cells have their units.
+DRIVE_HEAD = (('movement', ''), ('requested', ''), ('sent', ''), ('odometry', ''))
 
 
-def drive_table(record: DriveLog, still_after: float | None) -> str:
+def drive_table(log: DriveLog, still_after: float | None) -> str:
     """
-    Put a record as a table: each movement's displacement as asked, as sent and as driven.
+    Return a table of a drive: each step's displacement as requested, as sent and as driven.
 
-    :param record: what happened
+    :param log: the drive
     :param still_after: how long after the stop began odometry saw the robot still [s]; None if
         it did not
     :returns: lines of text, the last two with the stop and the final pose
     """
-    cuts = segment_odometry(record.steps, record.odometry) if record.steps else []
-    rows = [HEAD, *(
-        _drive_row(movement, driven(record.odometry, begin, end))
-        for movement, begin, end in zip(record.steps, cuts, cuts[1:]))]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(HEAD))]
-    lines = ['  '.join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip()
-             for row in rows]
-    lines.insert(1, '  '.join('-' * width for width in widths))
-    return '\n'.join([*lines, _stop(still_after), _final_pose(record)])
+    steps = log.steps
+    cuts = segment_odometry(steps, log.odometry) if steps else []
+    rows = [_drive_row(step, driven(log.odometry, begin, end))
+            for step, begin, end in zip(steps, cuts, cuts[1:])]
+    lines = columns(DRIVE_HEAD, rows, widest=sys.maxsize)
+    return '\n'.join([*lines, _stop(still_after), _final_pose(log)])
 
 
-def _drive_row(movement: StepLog, seen: Displacement | None) -> tuple[str, ...]:
+def _drive_row(step: StepLog, seen: Displacement | None) -> Row:
     return (
-        describe_with_duration(movement.step),
-        _amount(requested(movement.step)),
-        _amount(sent(movement.sent)),
-        'none' if seen is None else _amount(seen))
+        describe_with_duration(step.step), _amount(requested(step.step)),
+        _amount(sent(step.sent)), 'none' if seen is None else _amount(seen))
 
 
 def _amount(displacement: Displacement) -> str:
@@ -326,9 +313,9 @@ def _stop(still_after: float | None) -> str:
     return f'Stop: confirmed by odometry after {still_after:.2f} s'
 
 
-def _final_pose(record: DriveLog) -> str:
-    if not record.odometry:
+def _final_pose(log: DriveLog) -> str:
+    if not log.odometry:
         return 'Final pose: unknown, no odometry arrived'
-    pose = record.odometry[-1].pose
+    pose = log.odometry[-1].pose
     return (f'Final pose by odometry: x {pose.x + 0.0:.4f} m, y {pose.y + 0.0:.4f} m, '
             f'heading {math.degrees(pose.theta) + 0.0:.2f} degrees')
