@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What was sent and what odometry answered, with times."""
+"""The log of a drive: what was sent and what odometry answered, with times."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from kachaka_simple_control.telemetry.events import (
     VelocitySent,
 )
 
-#: A message is not early if it is by less than this [s]: times are sums of others.
+#: A message is not early if it is by less than this [s]: times are sums, and rounded.
 ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
 class StepLog:
     """
-    One step and the messages that belong to it.
+    A step and its messages.
 
     :param planned: what was planned
     :param began: when it began by the plan [s on the steady clock]
@@ -56,22 +56,22 @@ class StepLog:
 
     @property
     def step(self) -> Step:
-        """Return what was asked for."""
+        """Return the step that was asked for."""
         return self.planned.step
 
 
 @dataclass
 class MotionLog:
     """
-    A motion, and what became of it.
+    A motion, its messages and how it ended.
 
     :param planned: what was to be driven
-    :param sent: every message since it was planned, in order: zeros to a robot just met, its own,
+    :param sent: every message since it was planned, in order: zeros after connecting, its own,
         the zeros of the stop
     :param began: when its first own message was sent [s on the steady clock]; nan before
-    :param ended: when it was over [s on the steady clock]; None as long as it is not
-    :param reason: why it was over before its end; None if it was driven to its end
-    :param is_fault: whether something went wrong, if it was over before its end
+    :param ended: when it ended [s on the steady clock]; None before
+    :param reason: why it ended early; None if it was driven to its end
+    :param is_fault: whether it ended early by a fault, and not on request
     """
 
     planned: MotionPlanned
@@ -83,45 +83,45 @@ class MotionLog:
 
     @property
     def has_begun(self) -> bool:
-        """Whether the robot was told to move, or to wait, as planned."""
+        """Return whether its first own message was sent."""
         return not math.isnan(self.began)
 
     @property
     def is_complete(self) -> bool:
-        """Whether it was driven to its end."""
+        """Return whether it was driven to its end."""
         return self.ended is not None and self.reason is None
 
     @cached_property
     def plan(self) -> Plan:
-        """The timed velocities that were to be sent."""
+        """Return the plan that was to be sent."""
         return plan(self.planned.motion, self.planned.limits, self.planned.rate)
 
     @property
     def own_messages(self) -> Sequence[VelocitySent]:
-        """Return its messages, from t = 0 to the zero that ended it."""
+        """Return its own messages, from t = 0 to the zero that ended it."""
         if not self.has_begun:
             return ()
         return self.sent[self._first(0.0):self._last() + 1]
 
     @property
     def steps(self) -> list[StepLog]:
-        """Return its steps as far as they were begun, in order."""
+        """Return its steps that were begun, in order."""
         if not self.has_begun or not self.sent:
             return []
         last = self._last()
         until = self.sent[last].time
-        stages = [stage for stage in self.plan.steps
-                  if self.is_complete or self._begins_by(stage, until)]
-        starts = [self._first(stage.start) for stage in stages]
+        steps = [step for step in self.plan.steps
+                 if self.is_complete or self._begins_by(step, until)]
+        starts = [self._first(step.start) for step in steps]
         return [
-            StepLog(stage, self.began + stage.start, tuple(self.sent[first:following + 1]),
-                     self.is_complete or self.began + stage.end <= until + ROUNDING)
-            for stage, first, following in zip(stages, starts, [*starts[1:], last])]
+            StepLog(step, self.began + step.start, tuple(self.sent[first:following + 1]),
+                    self.is_complete or self.began + step.end <= until + ROUNDING)
+            for step, first, following in zip(steps, starts, [*starts[1:], last])]
 
-    def _begins_by(self, stage: PlannedStep, until: float) -> bool:
-        # The zero that a rest begins with is as good as any zero of the stop.
-        rests = stage.max_linear_velocity == stage.max_angular_velocity == 0.0
-        return self.began + stage.start < until + (ROUNDING if rests else -ROUNDING)
+    def _begins_by(self, step: PlannedStep, until: float) -> bool:
+        # A rest begins with a zero, which may be the first of the stop.
+        rests = step.max_linear_velocity == step.max_angular_velocity == 0.0
+        return self.began + step.start < until + (ROUNDING if rests else -ROUNDING)
 
     def _first(self, elapsed: float) -> int:
         return bisect_left(self.sent, self.began + elapsed - ROUNDING, key=_time)
@@ -130,11 +130,11 @@ class MotionLog:
         return sent.velocity.is_zero and sent.time > self.began
 
     def _last(self) -> int:
-        """Return which message ended it."""
+        """Return the index of the message that ended it."""
         end = len(self.sent) - 1
         if self.is_complete:
             return min(end, self._first(self.plan.duration))
-        # All zeros at the end but the first are left to the stop.
+        # All zeros at the end but the first belong to the stop.
         while end > 0 and self._is_zero_after_start(self.sent[end - 1]):
             end -= 1
         return end
@@ -143,12 +143,12 @@ class MotionLog:
 @dataclass
 class DriveLog:
     """
-    What happened, as far as this program can tell.
+    The log of a drive, from events.
 
-    :param session_started: what began; None before anything did
+    :param session_started: the start of the session; None before it
     :param motions: what was to be driven, in order
     :param odometry: every pose that arrived, in order
-    :param session_ended: how it ended; None if nobody told: it goes on, or was killed
+    :param session_ended: its end; None while it goes on, or if the program was killed
     """
 
     session_started: SessionStarted | None = None
@@ -158,8 +158,8 @@ class DriveLog:
 
     @property
     def steps(self) -> list[StepLog]:
-        """Return the steps of all motions, as far as they were begun, in order."""
-        return [movement for motion in self.motions for movement in motion.steps]
+        """Return the steps of all motions that were begun, in order."""
+        return [step for motion in self.motions for step in motion.steps]
 
     @property
     def sent(self) -> list[VelocitySent]:
@@ -167,11 +167,7 @@ class DriveLog:
         return [message for motion in self.motions for message in motion.sent]
 
     def on_event(self, event: Event) -> None:
-        """
-        Take note of what happened.
-
-        :param event: what it was; nothing but odometry comes before the first plan
-        """
+        """Log an event; no velocity comes before the first plan."""
         match event:
             case VelocitySent():
                 self.motions[-1].sent.append(event)

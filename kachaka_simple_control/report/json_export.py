@@ -23,7 +23,7 @@ import math
 from typing import Any
 
 from kachaka_simple_control.motion.geometry import Pose
-from kachaka_simple_control.report.drive_log import DriveLog, MotionLog
+from kachaka_simple_control.report.drive_log import MotionLog
 from kachaka_simple_control.report.metrics import (
     describe_with_duration,
     Displacement,
@@ -32,7 +32,7 @@ from kachaka_simple_control.report.metrics import (
 )
 from kachaka_simple_control.report.summary import PoseError, signal_name, Summary
 
-#: Counts up when a field goes away or changes its meaning; new fields may come at any time.
+#: Increases when a field is removed or changes its meaning; new fields may be added at any time.
 FORMAT = 1
 #: Digits behind the point: nanometres and nanoseconds.
 DIGITS = 9
@@ -42,85 +42,71 @@ Fields = dict[str, Any]
 
 def run_json(summary: Summary, recording: str | None) -> str:
     """
-    Put a drive's figures as JSON.
+    Return a drive's figures as the text of a JSON file.
 
     :param summary: the drive
-    :param recording: why ``run.mcap`` is missing or not whole; None if it is whole
-    :returns: the text of a file
+    :param recording: why ``run.mcap`` is missing or incomplete; None if it is complete
     """
     return json.dumps(_plain(fields(summary, recording)), indent=1, allow_nan=False) + '\n'
 
 
 def fields(summary: Summary, recording: str | None) -> Fields:
     """
-    Return a drive's figures; units are in their names.
+    Return a drive's figures by name; their names have their units.
 
     :param summary: the drive
-    :param recording: why ``run.mcap`` is missing or not whole; None if it is whole
-    :returns: the figures by name; what is not known is None or not finite
+    :param recording: why ``run.mcap`` is missing or incomplete; None if it is complete
+    :returns: the figures; what is not known is None or not finite
     """
-    record = summary.log
-    opened = record.session_started
+    log = summary.log
+    session, end = log.session_started, log.session_ended
+    began = start_datetime(summary)
     return {
         'format': FORMAT,
-        'title': None if opened is None else opened.title,
-        'robot': None if opened is None else opened.robot,
-        'began': _moment(summary),
+        'title': None if session is None else session.title,
+        'robot': None if session is None else session.robot,
+        'began': None if began is None else began.isoformat(timespec='milliseconds'),
         'verdict': _verdict(summary),
         'duration': {'planned_s': summary.planned_duration, 'driven_s': summary.driven_duration},
         'end': _end(summary),
-        'stop': {'confirmed_after_s': _still_after(record)},
+        'stop': {'confirmed_after_s': None if end is None else end.still_after},
         'timing': _timing(summary),
         'lesson_loop': {
             'longer_s': summary.sleep_loop.extra_time,
             'missing_messages': summary.sleep_loop.missing_messages,
             'end_distance_m': summary.sleep_loop.distance,
             'end_angle_rad': summary.sleep_loop.angle},
-        'motions': [_motion(motion, summary.path.start_time) for motion in record.motions],
+        'motions': [_motion(motion, summary.path.start_time) for motion in log.motions],
         'steps': [_step(number, step, summary.path.start_time)
                   for number, step in enumerate(summary.steps, 1)],
         'recording': {'is_whole': recording is None, 'why_not': recording},
-        'limits': None if opened is None else asdict(opened.limits),
-        'hold_s': None if opened is None else opened.command_timeout,
-        'topics': None if opened is None else {
-            'velocity': opened.velocity_topic, 'type': opened.message_type,
-            'odometry': opened.odometry_topic},
-        'settings': {} if opened is None else dict(opened.settings),
-        'versions': {} if opened is None else dict(opened.versions),
+        'limits': None if session is None else asdict(session.limits),
+        'hold_s': None if session is None else session.command_timeout,
+        'topics': None if session is None else {
+            'velocity': session.velocity_topic, 'type': session.message_type,
+            'odometry': session.odometry_topic},
+        'settings': {} if session is None else dict(session.settings),
+        'versions': {} if session is None else dict(session.versions),
     }
 
 
 def start_datetime(summary: Summary) -> datetime | None:
-    """
-    Return when a drive began by the clock on the wall.
-
-    :param summary: the drive
-    :returns: the time of t = 0; None if nothing began
-    """
-    opened, began = summary.log.session_started, summary.path.start_time
-    if opened is None or not math.isfinite(opened.epoch + began):
+    """Return the date and time of t = 0; None if nothing began."""
+    session, began = summary.log.session_started, summary.path.start_time
+    if session is None or not math.isfinite(session.epoch + began):
         return None
     try:
-        return datetime.fromtimestamp(opened.epoch + began, timezone.utc)
+        return datetime.fromtimestamp(session.epoch + began, timezone.utc)
     except (OverflowError, OSError, ValueError):
         return None
 
 
-def _moment(summary: Summary) -> str | None:
-    began = start_datetime(summary)
-    return None if began is None else began.isoformat(timespec='milliseconds')
-
-
 def _verdict(summary: Summary) -> Fields:
-    closed, found = summary.log.session_ended, summary.outcome
-    signum = None if closed is None else closed.signal
+    end, outcome = summary.log.session_ended, summary.outcome
+    signum = None if end is None else end.signal
     return {
-        'ending': found.kind.value.replace(' ', '_'), 'headline': found.headline,
-        'why': found.reason, 'signal': None if signum is None else signal_name(signum)}
-
-
-def _still_after(record: DriveLog) -> float | None:
-    return None if record.session_ended is None else record.session_ended.still_after
+        'ending': outcome.kind.value.replace(' ', '_'), 'headline': outcome.headline,
+        'why': outcome.reason, 'signal': None if signum is None else signal_name(signum)}
 
 
 def _end(summary: Summary) -> Fields:
@@ -130,8 +116,8 @@ def _end(summary: Summary) -> Fields:
         'sent': _pose(summary.path.dead_reckoning.end),
         'odometry': _pose(summary.final_pose),
         'odometry_time_s': None if seen is None else seen.time,
-        'odometry_from_planned': _miss(summary.error_from_plan),
-        'odometry_from_sent': _miss(summary.error_from_sent)}
+        'odometry_from_planned': _distance_and_angle(summary.error_from_plan),
+        'odometry_from_sent': _distance_and_angle(summary.error_from_sent)}
 
 
 def _timing(summary: Summary) -> Fields:
@@ -141,38 +127,34 @@ def _timing(summary: Summary) -> Fields:
         'lateness': _quantiles(timing.lateness), 'jitter': _quantiles(timing.jitter)}
 
 
-def _quantiles(found: Quantiles | None) -> Fields | None:
-    return None if found is None else {
-        'median_s': found.median, 'p99_s': found.p99, 'worst_s': found.worst}
+def _quantiles(quantiles: Quantiles | None) -> Fields | None:
+    return None if quantiles is None else {
+        'median_s': quantiles.median, 'p99_s': quantiles.p99, 'worst_s': quantiles.worst}
 
 
-def _motion(motion: MotionLog, origin: float) -> Fields:
+def _motion(motion: MotionLog, start_time: float) -> Fields:
     return {
         'name': motion.planned.motion.name, 'rate_hz': motion.planned.rate,
         'steps': len(motion.plan.steps), 'planned_duration_s': motion.plan.duration,
-        'began_s': motion.began - origin if motion.has_begun else None,
+        'began_s': motion.began - start_time if motion.has_begun else None,
         'is_whole': motion.is_complete, 'reason': motion.reason}
 
 
-def _step(number: int, step: StepResult, origin: float) -> Fields:
-    movement = step.log
+def _step(number: int, result: StepResult, start_time: float) -> Fields:
+    log = result.log
     return {
-        'number': number, 'motion': step.motion, 'path': movement.planned.path,
-        'step': describe_with_duration(movement.step), 'start_s': movement.began - origin,
-        'duration_s': movement.planned.end - movement.planned.start,
-        'is_whole': movement.is_complete,
-        'messages': max(0, len(movement.sent) - 1),
-        'requested': _displacement(step.requested), 'sent': _displacement(step.sent),
-        'odometry': _displacement(step.odometry), 'error': _displacement(step.error)}
+        'number': number, 'motion': result.motion, 'path': log.planned.path,
+        'step': describe_with_duration(log.step), 'start_s': log.began - start_time,
+        'duration_s': log.planned.end - log.planned.start, 'is_whole': log.is_complete,
+        'messages': max(0, len(log.sent) - 1),
+        'requested': _distance_and_angle(result.requested),
+        'sent': _distance_and_angle(result.sent),
+        'odometry': _distance_and_angle(result.odometry),
+        'error': _distance_and_angle(result.error)}
 
 
-def _displacement(displacement: Displacement | None) -> Fields | None:
-    return None if displacement is None else {
-        'distance_m': displacement.distance, 'angle_rad': displacement.angle}
-
-
-def _miss(miss: PoseError | None) -> Fields | None:
-    return None if miss is None else {'distance_m': miss.distance, 'angle_rad': miss.angle}
+def _distance_and_angle(value: Displacement | PoseError | None) -> Fields | None:
+    return None if value is None else {'distance_m': value.distance, 'angle_rad': value.angle}
 
 
 def _pose(pose: Pose | None) -> Fields | None:
@@ -180,7 +162,7 @@ def _pose(pose: Pose | None) -> Fields | None:
 
 
 def _plain(value: object) -> object:
-    """Return something as JSON has it: what is no finite number is null."""
+    """Return a value as JSON has it; a number that is not finite becomes null."""
     if isinstance(value, bool) or value is None or isinstance(value, (int, str)):
         return value
     if isinstance(value, float):

@@ -39,13 +39,7 @@ from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySe
 
 @dataclass(frozen=True)
 class Quantiles:
-    """
-    What some numbers come to.
-
-    :param median: half of them are smaller
-    :param p99: 99 of 100 are smaller
-    :param worst: none is larger
-    """
+    """The median, the 99th percentile and the largest of some numbers."""
 
     median: float
     p99: float
@@ -53,12 +47,7 @@ class Quantiles:
 
 
 def quantiles(values: Sequence[float]) -> Quantiles | None:
-    """
-    Return what some numbers come to.
-
-    :param values: the numbers, in any order
-    :returns: it; None if there are none
-    """
+    """Return the quantiles of numbers in any order; None if there are none."""
     if not values:
         return None
     ordered = sorted(values)
@@ -69,7 +58,7 @@ def quantile(values: Sequence[float], part: float) -> float:
     """
     Return the value below which a part of the values lies.
 
-    :param values: at least one number, in any order; infinity is one
+    :param values: at least one number, in any order; may contain infinity
     :param part: from 0, the least, to 1, the greatest
     :returns: the value, interpolated between the two nearest
     """
@@ -78,23 +67,18 @@ def quantile(values: Sequence[float], part: float) -> float:
     below = min(int(place), len(ordered) - 1)
     above = min(below + 1, len(ordered) - 1)
     if place <= below or ordered[above] == ordered[below]:
-        return ordered[below]  # also where infinity would make a difference that is no number
+        return ordered[below]  # the difference of two infinities is no number
     return ordered[below] + (place - below) * (ordered[above] - ordered[below])
 
 
 def median(values: Sequence[float]) -> float:
-    """
-    Return the value in the middle.
-
-    :param values: at least one number, in any order
-    :returns: the median
-    """
+    """Return the median of at least one number, in any order."""
     return quantile(values, 0.5)
 
 
-#: A tick counts as late when its message comes this part of a period away from its time, or more.
+#: A tick is late if its message is this part of a period away from its time, or more.
 LATE = 0.25
-#: No message came within this part of a period of its time: the tick is lost.
+#: A tick is lost if no message came within this part of a period of its time.
 LOST = 0.5
 
 
@@ -103,14 +87,13 @@ class Timing:
     """
     How exactly a drive was timed.
 
-    :param due: how many ticks there were: times at which the plans wanted a message
+    :param due: how many ticks there were: times at which the plans had a message
     :param late: how many came, but a quarter of a period or more from their time
     :param lost: for how many nothing came within half a period of their time
-    :param interval_errors: by how much each interval between two messages was longer than it was
-        due [s]
+    :param interval_errors: by how much each interval between two messages was longer than due [s]
     :param lateness: how far each message was from its time [s]; None if there was none
-    :param jitter: how far each interval was from what was due [s]; None if there was none
-    :param periods: the periods that were sent with, without repetition [s]
+    :param jitter: how far each interval was from the due one [s]; None if there was none
+    :param periods: the periods of the plans, each once [s]
     """
 
     due: int
@@ -123,34 +106,31 @@ class Timing:
 
 
 def timing(motions: Sequence[MotionLog]) -> Timing:
-    """
-    Hold the messages of some motions against their plans.
-
-    :param motions: the motions; those that never began say nothing
-    :returns: what they come to together
-    """
+    """Compare the messages of motions with their plans; those that never began do not count."""
     late = lost = due = 0
-    uneven: list[float] = []
-    away: list[float] = []
+    interval_errors: list[float] = []
+    lateness: list[float] = []
     begun = [motion for motion in motions if motion.has_begun]
     for motion in begun:
         period = motion.plan.period
-        wanted = due_times(motion.plan, _until(motion))
-        came = _messages(wanted, [sent.time - motion.began for sent in motion.own_messages[:-1]])
-        nearest = [None if time is None else time - at for at, time in zip(wanted, came)]
-        gone = sum(off is None or abs(off) > LOST * period for off in nearest)
-        due, lost = due + len(wanted), lost + gone
-        late += sum(off is None or abs(off) >= LATE * period for off in nearest) - gone
-        away += [abs(off) for off in nearest if off is not None]
-        uneven += _uneven(wanted, came)
+        times = due_times(motion.plan, _timed_until(motion))
+        sent_at = _nearest_messages(
+            times, [message.time - motion.began for message in motion.own_messages[:-1]])
+        errors = [None if time is None else time - at for at, time in zip(times, sent_at)]
+        missed = sum(error is None or abs(error) > LOST * period for error in errors)
+        due, lost = due + len(times), lost + missed
+        late += sum(error is None or abs(error) >= LATE * period for error in errors) - missed
+        lateness += [abs(error) for error in errors if error is not None]
+        interval_errors += _interval_errors(times, sent_at)
     return Timing(
-        due, late, lost, tuple(uneven), quantiles(away), quantiles([abs(off) for off in uneven]),
+        due, late, lost, tuple(interval_errors), quantiles(lateness),
+        quantiles([abs(error) for error in interval_errors]),
         tuple(dict.fromkeys(motion.plan.period for motion in begun)))
 
 
 def due_times(plan: Plan, until: float) -> list[float]:
     """
-    Return the times at which a plan wants a message: each change, and each period in between.
+    Return when messages of a plan are due: at each change, and each period in between.
 
     :param plan: the plan
     :param until: where to end [s after t = 0]; not included
@@ -161,43 +141,43 @@ def due_times(plan: Plan, until: float) -> list[float]:
     return times[:bisect_left(times, until)]
 
 
-def _until(motion: MotionLog) -> float:
+def _timed_until(motion: MotionLog) -> float:
     if motion.is_complete or not motion.own_messages:
         return motion.plan.duration
-    # A tick that the stop came before cannot be late any more.
+    # A tick that the stop preceded cannot be late any more.
     end = motion.own_messages[-1].time - motion.began
     return min(motion.plan.duration, end - LOST * motion.plan.period)
 
 
-def _messages(wanted: Sequence[float], times: Sequence[float]) -> list[float | None]:
-    """Return for each tick the message that came nearest to it, of those that no other is to."""
-    found: list[float | None] = [None] * len(wanted)
+def _nearest_messages(due: Sequence[float], times: Sequence[float]) -> list[float | None]:
+    """Return for each tick the nearest of the messages that are nearest to it; None: no such."""
+    found: list[float | None] = [None] * len(due)
     tick = 0
     for time in times:
-        while tick + 1 < len(wanted) and wanted[tick + 1] - time <= time - wanted[tick]:
+        while tick + 1 < len(due) and due[tick + 1] - time <= time - due[tick]:
             tick += 1
-        if tick < len(wanted):
+        if tick < len(due):
             before = found[tick]
-            if before is None or abs(time - wanted[tick]) < abs(before - wanted[tick]):
+            if before is None or abs(time - due[tick]) < abs(before - due[tick]):
                 found[tick] = time
     return found
 
 
-def _uneven(wanted: Sequence[float], came: Sequence[float | None]) -> list[float]:
-    # What was due after a message was the next tick's, whether that came or not.
-    there = [(tick, time) for tick, time in enumerate(came) if time is not None]
-    return [two - one - (wanted[tick + 1] - wanted[tick])
-            for (tick, one), (_, two) in pairwise(there)]
+def _interval_errors(due: Sequence[float], sent_at: Sequence[float | None]) -> list[float]:
+    # After a message the next tick's was due, whether it came or not.
+    messages = [(tick, time) for tick, time in enumerate(sent_at) if time is not None]
+    return [two - one - (due[tick + 1] - due[tick])
+            for (tick, one), (_, two) in pairwise(messages)]
 
 
-#: How long after a velocity was sent odometry surely shows it [s]: two of its samples and more.
+#: After this time odometry shows a velocity that was sent [s]: more than two of its samples.
 SETTLING = 0.06
 
 
 @dataclass(frozen=True)
 class Displacement:
     """
-    How far a robot went along its path.
+    A displacement along a path.
 
     :param distance: signed length of the path [m], negative backwards
     :param angle: heading change [rad], counter-clockwise positive
@@ -222,15 +202,16 @@ def requested(step: Step) -> Displacement:
     return Displacement(0.0, 0.0)
 
 
-def sent(messages: Sequence[VelocitySent], hold: float = math.inf) -> Displacement:
+def sent(messages: Sequence[VelocitySent], command_timeout: float = math.inf) -> Displacement:
     """
-    Return what a receiver is told that holds each velocity until the next message.
+    Return the displacement of a robot that keeps each velocity until the next message.
 
     :param messages: what was sent, in order; the last one only ends the one before
-    :param hold: how long the receiver keeps a velocity at most [s]
+    :param command_timeout: how long the robot keeps a velocity at most [s]
     :returns: the sum of velocity times interval
     """
-    held = [(one.velocity, min(two.time - one.time, hold)) for one, two in pairwise(messages)]
+    held = [(one.velocity, min(two.time - one.time, command_timeout))
+            for one, two in pairwise(messages)]
     return Displacement(
         math.fsum(velocity.linear_x * interval for velocity, interval in held),
         math.fsum(velocity.angular_z * interval for velocity, interval in held))
@@ -238,7 +219,7 @@ def sent(messages: Sequence[VelocitySent], hold: float = math.inf) -> Displaceme
 
 def driven(odometry: Sequence[OdometryReceived], begin: float, end: float) -> Displacement | None:
     """
-    Return how far odometry saw the robot go between two times.
+    Return the displacement between two times by odometry.
 
     :param odometry: the poses that arrived, in order of time
     :param begin: from when [s]
@@ -249,7 +230,7 @@ def driven(odometry: Sequence[OdometryReceived], begin: float, end: float) -> Di
         return None
     first = bisect_left(odometry, begin, key=_time)
     last = bisect_left(odometry, end, key=_time)
-    poses = [pose_at(odometry, begin), *(o.pose for o in odometry[first:last]),
+    poses = [pose_at(odometry, begin), *(sample.pose for sample in odometry[first:last]),
              pose_at(odometry, end)]
     return Displacement(
         math.fsum(_forward(one, two) for one, two in pairwise(poses)),
@@ -257,38 +238,36 @@ def driven(odometry: Sequence[OdometryReceived], begin: float, end: float) -> Di
 
 
 def segment_odometry(
-        movements: Sequence[StepLog], odometry: Sequence[OdometryReceived]) -> list[float]:
+        steps: Sequence[StepLog], odometry: Sequence[OdometryReceived]) -> list[float]:
     """
-    Return where to cut odometry so that each movement gets what it moved.
+    Return where to cut odometry so that each step gets its own displacement.
 
-    Commands and odometry take their time on the way, and odometry is sampled.  Where a movement
-    meets a rest the cut is therefore made in the rest, a little aside.  A drive that begins with
-    a rest begins with the first odometry: nothing moved before it.
+    Commands and odometry have a delay, and odometry is sampled.  Where a step borders on a rest
+    the cut is therefore moved a little into the rest.  A drive that begins with a rest begins with
+    the first odometry: nothing moved before it.
 
-    :param movements: the movements, in order
+    :param steps: the steps, in order
     :param odometry: the poses that arrived, in order
-    :returns: one time more than there are movements [s]
+    :returns: one time more than there are steps [s]
     """
-    first = movements[0]
+    first = steps[0]
     cuts = [first.began]
     if odometry and _rests(first.step):
         cuts = [min(max(cuts[0], odometry[0].time), first.sent[-1].time)]
-    for before, after in pairwise(movements):
-        aside = SETTLING * (_rests(after.step) - _rests(before.step))
-        cuts.append(max(cuts[-1], after.sent[0].time + aside))
-    return [*cuts, max(cuts[-1], movements[-1].sent[-1].time)]
+    for before, after in pairwise(steps):
+        offset = SETTLING * (_rests(after.step) - _rests(before.step))
+        cuts.append(max(cuts[-1], after.sent[0].time + offset))
+    return [*cuts, max(cuts[-1], steps[-1].sent[-1].time)]
 
 
 def pose_at(odometry: Sequence[OdometryReceived], time: float) -> Pose:
     """
-    Return the pose at a time, between the two samples around it.
+    Return the pose at a time [s], interpolated linearly between the two samples around it.
 
     :param odometry: the poses that arrived, in order, covering the time
-    :param time: when [s]
-    :returns: the pose, interpolated linearly
     """
-    after = odometry[bisect_left(odometry, time, key=_time)]
-    before = odometry[max(0, bisect_left(odometry, time, key=_time) - 1)]
+    index = bisect_left(odometry, time, key=_time)
+    before, after = odometry[max(0, index - 1)], odometry[index]
     if after.time <= before.time:
         return after.pose
     part = (time - before.time) / (after.time - before.time)
@@ -303,8 +282,8 @@ def _rests(step: Step) -> bool:
     return isinstance(step, Wait) or (isinstance(step, Move) and step.velocity.is_zero)
 
 
-def _time(answer: OdometryReceived) -> float:
-    return answer.time
+def _time(sample: OdometryReceived) -> float:
+    return sample.time
 
 
 def _forward(one: Pose, two: Pose) -> float:
@@ -314,14 +293,14 @@ def _forward(one: Pose, two: Pose) -> float:
 
 
 def _wrapped(angle: float) -> float:
-    # Odometry tells headings within a turn; between two samples a robot turns less than half.
+    # Headings of odometry are wrapped; between two samples a robot turns less than half a turn.
     return math.remainder(angle, math.tau)
 
 
 @dataclass(frozen=True)
 class StepResult:
     """
-    One step that was begun, and what became of it.
+    The displacements of a step that was begun.
 
     :param log: the step and its messages
     :param motion: the name of its motion
@@ -339,59 +318,53 @@ class StepResult:
     @property
     def error(self) -> Displacement | None:
         """
-        Return by how much odometry saw the robot go too far.
+        Return odometry less requested; of a step that was cut short, odometry less sent.
 
-        Beside what was asked for; of a step that was cut short, beside what was sent.
+        None if odometry does not cover the step.
         """
         if self.odometry is None:
             return None
-        wanted = self.requested if self.log.is_complete else self.sent
+        goal = self.requested if self.log.is_complete else self.sent
         return Displacement(
-            self.odometry.distance - wanted.distance, self.odometry.angle - wanted.angle)
+            self.odometry.distance - goal.distance, self.odometry.angle - goal.angle)
 
 
 def step_results(
-        movements: Sequence[StepLog], names: Sequence[str], odometry: Sequence[OdometryReceived],
-        hold: float = math.inf) -> list[StepResult]:
+        steps: Sequence[StepLog], names: Sequence[str], odometry: Sequence[OdometryReceived],
+        command_timeout: float = math.inf) -> list[StepResult]:
     """
-    Hold each step's messages and odometry against what it asked for.
+    Compare each step's messages and odometry with what it asked for.
 
-    :param movements: the steps that were begun, in order
+    :param steps: the steps that were begun, in order
     :param names: the name of the motion of each
     :param odometry: the poses that arrived, in order
-    :param hold: how long the robot keeps a velocity without a new one [s]
-    :returns: the steps
+    :param command_timeout: how long the robot keeps a velocity without a new one [s]
     """
-    if not movements:
+    if not steps:
         return []
-    cuts = pairwise(segment_odometry(movements, odometry))
+    cuts = pairwise(segment_odometry(steps, odometry))
     return [
-        StepResult(movement, name, requested(movement.step), sent(movement.sent, hold),
+        StepResult(log, name, requested(log.step), sent(log.sent, command_timeout),
                    driven(odometry, begin, end))
-        for movement, name, (begin, end) in zip(movements, names, cuts)]
+        for log, name, (begin, end) in zip(steps, names, cuts)]
 
 
 def describe_with_duration(step: Step) -> str:
-    """
-    Return a step in a person's words, with the time that a velocity is held.
-
-    :param step: the step
-    :returns: a few words, with units
-    """
+    """Return a step in words, with the time for which a velocity is held."""
     if isinstance(step, Move):
         return f'{describe_step(step).removeprefix("move ")} for {step.duration:g} s'
     return describe_step(step)
 
 
-#: By how much a turn of the lesson's loop is longer than its period [s].  Measured by the
-#: benchmarks, docs/why.md: at 10 Hz a second is held for about 0.8 % too long, in ten turns.
+#: By how much an iteration of the lesson's loop is longer than its period [s].  Measured by the
+#: benchmarks, docs/why.md: at 10 Hz a second is held for about 0.8 % too long, in ten iterations.
 EXTRA = 0.0008
 
 
 @dataclass(frozen=True)
 class SleepLoopEstimate:
     """
-    What a loop would have made of some plans that publishes, waits, and begins again.
+    What a loop that publishes and sleeps would have made of some plans.
 
     :param extra_time: by how much it would have taken longer [s]
     :param missing_messages: how many messages fewer it would have sent
@@ -407,60 +380,54 @@ class SleepLoopEstimate:
 
 def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
     """
-    Let the lesson's loop walk some plans, one after the other.
+    Estimate what the lesson's loop would have made of plans, one after the other.
 
-    Each turn publishes what is due, waits for as long as that is to be held, a period at most, and
-    takes a little longer than that; a step is over with the turn in which its time is up, and the
-    next begins then.
-
-    :param plans: the plans
-    :returns: what it would have made of them, for a robot that does exactly as it is told
+    Each iteration publishes what is due, sleeps for as long as that is to be held, a period at
+    most, and takes a little longer than that.  A step ends with the iteration in which its time is
+    up, and the next begins then.  The robot does exactly as it is told.
     """
-    pose = wanted = ORIGIN
-    took = 0.0
-    turns = 0
+    pose = goal = ORIGIN
+    duration = 0.0
+    iterations = 0
     for plan in plans:
-        wanted = compose(wanted, plan.pose)
-        ways: dict[str, _LoopStep] = {}
+        goal = compose(goal, plan.pose)
+        results: dict[str, _LoopStep] = {}
         index = 0
-        for stage in plan.steps:
-            count = _count(plan.segments, index, stage)
-            if stage.path not in ways:
-                ways[stage.path] = _loop_step(
-                    stage, plan.segments[index:index + count], plan.period)
+        for step in plan.steps:
+            count = bisect_left(plan.segments, step.end, index, key=_start) - index
+            if step.path not in results:
+                results[step.path] = _loop_step(
+                    step, plan.segments[index:index + count], plan.period)
             index += count
-            way = ways[stage.path]
-            pose, took, turns = compose(pose, way.end), took + way.took, turns + way.turns
-    distance, angle = distance_between(wanted, pose)
+            result = results[step.path]
+            pose = compose(pose, result.end)
+            duration, iterations = duration + result.duration, iterations + result.iterations
+    distance, angle = distance_between(goal, pose)
     due = sum(ticks(segment, plan.period) for plan in plans for segment in plan.segments)
     return SleepLoopEstimate(
-        took - sum(plan.duration for plan in plans), due - turns, distance, angle)
+        duration - sum(plan.duration for plan in plans), due - iterations, distance, angle)
 
 
 class _LoopStep(NamedTuple):
-    """The loop's way through a step; the same each time that the step is repeated."""
+    """What the loop makes of a step: the same each time that the step is repeated."""
 
     end: Pose
-    took: float
-    turns: int
+    duration: float
+    iterations: int
 
 
-def _count(segments: Sequence[Segment], first: int, stage: PlannedStep) -> int:
-    return bisect_left(segments, stage.end, first, key=_start) - first
-
-
-def _loop_step(stage: PlannedStep, segments: Sequence[Segment], period: float) -> _LoopStep:
-    pose, time, turns, index = ORIGIN, stage.start, 0, 0
-    while segments and time < stage.end:
+def _loop_step(step: PlannedStep, segments: Sequence[Segment], period: float) -> _LoopStep:
+    pose, time, iterations, index = ORIGIN, step.start, 0, 0
+    while segments and time < step.end:
         while index + 1 < len(segments) and segments[index].end <= time:
             index += 1
         segment = segments[index]
-        turn = min(period, segment.end - segment.start) + EXTRA
+        interval = min(period, segment.end - segment.start) + EXTRA
         if not segment.velocity.is_zero:
-            pose = integrate(pose, segment.velocity, turn)
-        time += turn
-        turns += 1
-    return _LoopStep(pose, time - stage.start, turns)
+            pose = integrate(pose, segment.velocity, interval)
+        time += interval
+        iterations += 1
+    return _LoopStep(pose, time - step.start, iterations)
 
 
 def _start(segment: Segment) -> float:

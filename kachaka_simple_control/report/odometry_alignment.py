@@ -36,83 +36,76 @@ from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySe
 
 class DeadReckoning:
     """
-    The way of a robot that keeps each velocity until the next, but not longer than its hold.
+    The path of a robot that keeps each velocity until the next, up to its command timeout.
 
-    It stands at the origin when the first message comes.
+    It is at the origin when the first message comes.
+
+    :param messages: what the robot is sent, in order
+    :param command_timeout: how long it keeps a velocity without a new one [s]
     """
 
-    def __init__(self, messages: Sequence[VelocitySent], hold: float) -> None:
-        """
-        Work it out.
-
-        :param messages: what the robot is told, in order
-        :param hold: how long it keeps a velocity without a new one [s]
-        """
+    def __init__(self, messages: Sequence[VelocitySent], command_timeout: float) -> None:
         #: when its velocity may have changed [s], and where it was
         self.times: list[float] = []
         self.poses: list[Pose] = []
         self._velocities: list[Velocity] = []
-        self._hold = hold
-        for sent in messages:
-            if not self.times or sent.time >= self.times[-1]:
-                self._hear(sent)
+        self._command_timeout = command_timeout
+        for message in messages:
+            if not self.times or message.time >= self.times[-1]:
+                self._add(message)
 
-    def _hear(self, sent: VelocitySent) -> None:
+    def _add(self, message: VelocitySent) -> None:
         if not self.times:
             pose = ORIGIN
         elif self._velocities[-1].is_zero:
-            if sent.velocity.is_zero:
+            if message.velocity.is_zero:
                 return
             pose = self.poses[-1]
         else:
-            pose = self._after(len(self.times) - 1, sent.time)
-        self.times.append(sent.time)
+            pose = self._pose_after(len(self.times) - 1, message.time)
+        self.times.append(message.time)
         self.poses.append(pose)
-        self._velocities.append(sent.velocity)
+        self._velocities.append(message.velocity)
 
     def at(self, time: float) -> Pose:
-        """
-        Return where the robot is.
-
-        :param time: when [s]; before the first message it is at the origin
-        :returns: its pose
-        """
+        """Return the pose at a time [s]; before the first message it is the origin."""
         last = len(self.times) - 1
         index = last if last >= 0 and time >= self.times[last] else (
             bisect_right(self.times, time) - 1)
         if index < 0:
             return ORIGIN
-        return self._after(index, time)
+        return self._pose_after(index, time)
 
-    def _after(self, index: int, time: float) -> Pose:
+    def _pose_after(self, index: int, time: float) -> Pose:
         velocity = self._velocities[index]
         if velocity.is_zero:
             return self.poses[index]
         return integrate(
-            self.poses[index], velocity, min(time - self.times[index], self._hold))
+            self.poses[index], velocity, min(time - self.times[index], self._command_timeout))
 
     @property
     def end(self) -> Pose:
         """
-        Return where it stands in the end: at the latest a hold after the last message.
+        Return the last pose: a command timeout after the last message.
 
-        Without a hold nobody knows; then it is where the last message reached it.
+        If there is no timeout, the last pose is not known; then it is that of the last message.
         """
         if not self.times:
             return ORIGIN
-        return self.at(self.times[-1] + (self._hold if math.isfinite(self._hold) else 0.0))
+        timeout = self._command_timeout
+        return self.at(self.times[-1] + (timeout if math.isfinite(timeout) else 0.0))
 
 
-#: So long after the last message odometry still belongs to the drive [s].
+#: For so long after the last message odometry still belongs to the drive [s].
 AFTER = 1.0
-#: Odometry with figures beyond this is broken, and left away [m, rad, m/s, rad/s].
-FAR = 1e6
+#: Odometry with figures beyond this is invalid and left out [m, rad, m/s, rad/s].
+MAX_VALUE = 1e6
 
 
 @dataclass(frozen=True)
 class MotionStart:
     """
-    Where and when a motion was to begin.
+    Where and when a motion was to start.
 
     :param motion: the motion
     :param pose: where, in the frame of the drive
@@ -126,13 +119,13 @@ class MotionStart:
 
 class OdometrySample(NamedTuple):
     """
-    What odometry saw, in the frame of the drive.
+    A sample of odometry in the frame of the drive.
 
     :param time: when [s after t = 0 of the drive]
     :param pose: where
-    :param received: what it told
+    :param received: the sample as it arrived
     :param distance: how far the robot was from where the messages should have brought it [m]
-    :param angle: how far it looked to the left of how it should have [rad]
+    :param angle: how far it was turned too far to the left [rad]
     """
 
     time: float
@@ -144,30 +137,26 @@ class OdometrySample(NamedTuple):
 
 class AlignedDrive:
     """
-    All of a drive in one frame: its origin is where the robot stood at t = 0, looking along x.
+    All of a drive in one frame: its origin is the robot's pose at t = 0.
 
-    Odometry has a frame of its own; it is laid so that its pose at t = 0, or its first one after
-    that, is where the messages sent by then should have brought the robot.
+    Odometry has a frame of its own.  It is transformed so that its pose at t = 0, or its first one
+    after that, is where the messages sent by then should have brought the robot.
     """
 
-    def __init__(self, record: DriveLog) -> None:
-        """
-        Work it out.
-
-        :param record: what happened
-        """
-        session = record.session_started
-        hold = math.inf if session is None else session.command_timeout
-        began = [motion.began for motion in record.motions if motion.has_begun]
+    def __init__(self, log: DriveLog) -> None:
+        session = log.session_started
+        began = [motion.began for motion in log.motions if motion.has_begun]
         #: t = 0 [s on the steady clock]; nan if nothing began
         self.start_time = began[0] if began else math.nan
         #: every message from t = 0 on
-        self.sent = _from(record.sent, self.start_time)
-        self.dead_reckoning = DeadReckoning(self.sent, hold)
-        #: all motions, one after the other
-        self.motion_starts = self._starts(record.motions)
+        self.sent = [message for message in log.sent if message.time >= self.start_time - 1e-6]
+        self.dead_reckoning = DeadReckoning(
+            self.sent, math.inf if session is None else session.command_timeout)
+        #: all motions, in order
+        self.motion_starts = self._motion_starts(log.motions)
         #: odometry from t = 0 on
-        self.odometry = self._seen([answer for answer in record.odometry if _is_plausible(answer)])
+        self.odometry = self._aligned([
+            sample for sample in log.odometry if _is_plausible(sample)])
 
     @property
     def planned_end(self) -> Pose:
@@ -176,13 +165,14 @@ class AlignedDrive:
 
     @property
     def duration(self) -> float:
-        """Return how long there is something to see [s after t = 0]."""
-        planned = [(start.time or 0.0) + start.motion.plan.duration for start in self.motion_starts
-                   if start.time is not None or not self.sent]
+        """Return until when something was sent or planned [s after t = 0]."""
+        planned = [
+            (start.time or 0.0) + start.motion.plan.duration for start in self.motion_starts
+            if start.time is not None or not self.sent]
         last = self.sent[-1].time - self.start_time if self.sent else 0.0
         return max([last, *planned])
 
-    def _starts(self, motions: Sequence[MotionLog]) -> list[MotionStart]:
+    def _motion_starts(self, motions: Sequence[MotionLog]) -> list[MotionStart]:
         starts: list[MotionStart] = []
         for motion in motions:
             pose = _end_of(starts)
@@ -192,45 +182,38 @@ class AlignedDrive:
                 motion, pose, motion.began - self.start_time if motion.has_begun else None))
         return starts
 
-    def _seen(self, answers: Sequence[OdometryReceived]) -> list[OdometrySample]:
+    def _aligned(self, odometry: Sequence[OdometryReceived]) -> list[OdometrySample]:
         if not self.sent:
             return []
-        first = bisect_left(answers, self.start_time, key=_time)
-        last = bisect_right(answers, self.sent[-1].time + AFTER, key=_time)
+        first = bisect_left(odometry, self.start_time, key=_time)
+        last = bisect_right(odometry, self.sent[-1].time + AFTER, key=_time)
         if first >= last:
             return []
-        answers = answers[max(0, first - 1):last]
-        frame = self._frame(answers)
-        seen = []
-        for answer in answers:
-            should = self.dead_reckoning.at(answer.time)
-            pose = compose(frame, answer.pose)
-            distance, angle = distance_between(should, pose)
-            # Odometry tells headings within a turn; the robot may have made more of them.
-            pose = Pose(pose.x, pose.y, should.theta + angle)
-            seen.append(
-                OdometrySample(answer.time - self.start_time, pose, answer, distance, angle))
-        return seen
-
-    def _frame(self, answers: Sequence[OdometryReceived]) -> Pose:
-        # The last one that came before t = 0, or the first of all.
-        return compose(
-            self.dead_reckoning.at(answers[0].time), relative_to(answers[0].pose, ORIGIN))
+        # The last sample before t = 0, or the first of all, fixes the frame.
+        odometry = odometry[max(0, first - 1):last]
+        frame = compose(self.dead_reckoning.at(odometry[0].time),
+                        relative_to(odometry[0].pose, ORIGIN))
+        samples = []
+        for received in odometry:
+            expected = self.dead_reckoning.at(received.time)
+            pose = compose(frame, received.pose)
+            distance, angle = distance_between(expected, pose)
+            # Headings of odometry are wrapped; the robot may have made several turns.
+            pose = Pose(pose.x, pose.y, expected.theta + angle)
+            samples.append(OdometrySample(
+                received.time - self.start_time, pose, received, distance, angle))
+        return samples
 
 
 def _end_of(starts: Sequence[MotionStart]) -> Pose:
     return compose(starts[-1].pose, starts[-1].motion.plan.pose) if starts else ORIGIN
 
 
-def _from(messages: Sequence[VelocitySent], began: float) -> list[VelocitySent]:
-    return [sent for sent in messages if sent.time >= began - 1e-6]
-
-
-def _is_plausible(answer: OdometryReceived) -> bool:
-    pose, velocity = answer.pose, answer.velocity
-    return math.isfinite(answer.time) and all(abs(value) < FAR for value in (
+def _is_plausible(sample: OdometryReceived) -> bool:
+    pose, velocity = sample.pose, sample.velocity
+    return math.isfinite(sample.time) and all(abs(value) < MAX_VALUE for value in (
         pose.x, pose.y, pose.theta, velocity.linear_x, velocity.angular_z))
 
 
-def _time(answer: OdometryReceived) -> float:
-    return answer.time
+def _time(sample: OdometryReceived) -> float:
+    return sample.time

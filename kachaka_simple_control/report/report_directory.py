@@ -37,41 +37,40 @@ def missing_libraries() -> list[str]:
 @contextlib.contextmanager
 def prepare_report_dir(name: str) -> Iterator[None]:
     """
-    Have a folder for a report; where a block is refused, it leaves no empty folder behind.
+    Create a directory for a report; remove it if the block raises an error of usage or motion.
 
-    :param name: the folder; it may be there, but be empty
-    :returns: a context manager
-    :raises UsageError: if it cannot be made or written to, or holds something
+    :param name: the directory; it may exist if it is empty
+    :raises UsageError: if it cannot be created or written to, or is not empty
     """
-    made = _make(Path(name))
+    created = _create(Path(name))
     try:
         yield
     except (UsageError, InvalidMotionError):
-        for folder in made:
+        for directory in created:
             with contextlib.suppress(OSError):
-                folder.rmdir()
+                directory.rmdir()
         raise
 
 
-def _make(folder: Path) -> list[Path]:
-    """Make a folder and those it is in; return what was made, the innermost first."""
+def _create(directory: Path) -> list[Path]:
+    """Create a directory and its parents; return what was created, the innermost first."""
     try:
-        missing = [place for place in (folder, *folder.parents) if not place.exists()]
-        folder.mkdir(parents=True, exist_ok=True)
-        held = next(folder.iterdir(), None)
-        if held is None:
-            # What may be looked into may still not be written to.
-            with tempfile.NamedTemporaryFile(dir=folder):
+        missing = [path for path in (directory, *directory.parents) if not path.exists()]
+        directory.mkdir(parents=True, exist_ok=True)
+        content = next(directory.iterdir(), None)
+        if content is None:
+            # A directory that can be read may still not be writable.
+            with tempfile.NamedTemporaryFile(dir=directory):
                 pass
     except FileExistsError:
         raise UsageError(
-            f'--report {folder} is a file: name a folder that is new or empty') from None
+            f'--report {directory} is a file: name a folder that is new or empty') from None
     except OSError as error:
         raise UsageError(
-            f'--report {folder} cannot be written to ({error.strerror}): name another '
+            f'--report {directory} cannot be written to ({error.strerror}): name another '
             'folder') from None
-    if held is not None:
+    if content is not None:
         raise UsageError(
-            f'--report {folder} is not empty, it holds {held.name}: name a folder that is new or '
-            'empty')
+            f'--report {directory} is not empty, it holds {content.name}: name a folder that is '
+            'new or empty')
     return missing

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import contextlib
-from contextlib import contextmanager
 import gc
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -39,42 +38,42 @@ from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.telemetry.events import Event, EventBus
 from kachaka_simple_control.telemetry.subscriber_process import decode
 
-PAGE, PICTURE, FIGURES = 'report.html', 'path.png', 'run.json'
+PAGE, PLOT, FIGURES = 'report.html', 'path.png', 'run.json'
+#: How often events are written to the disk [s].
+PERIOD = 0.5
+#: Events may arrive so late [s].
+LATENESS = 0.1
 
 
-def write_report(record: DriveLog, folder: Path, recording: str | None) -> None:
+def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
     """
     Write ``report.html``, ``path.png`` and ``run.json``, each whole or not at all.
 
-    Without matplotlib, or if nothing was planned, there is no picture, and the page says so.
+    Without matplotlib, or if nothing was planned, there is no plot, and the page says so.
     Without Jinja2 there is no page.
 
-    :param record: what happened
-    :param folder: where to; it is there
-    :param recording: why ``run.mcap`` beside them is missing or not whole, in a sentence; None if
-        it is whole
-    :raises OSError: if the folder cannot be written to
+    :param log: the drive
+    :param directory: where to; it exists
+    :param recording: why ``run.mcap`` beside them is missing or incomplete, as a sentence; None if
+        it is complete
+    :raises OSError: if the directory cannot be written to
     :raises UsageError: if Jinja2 is missing, once the other files are written
     """
-    with _nothing_to_collect():
-        _write_all(Summary(record), folder, recording)
+    with _no_garbage_collection():
+        summary = Summary(log)
+        _write(directory / FIGURES, run_json(summary, recording).encode())
+        plots, reason = _plots(summary)
+        if plots.png:
+            _write(directory / PLOT, plots.png)
+        else:
+            (directory / PLOT).unlink(missing_ok=True)
+        page = render_page(summary, plots.svg, reason, recording)
+        _write(directory / PAGE, page.encode(errors='replace'))
 
 
-def _write_all(summary: Summary, folder: Path, recording: str | None) -> None:
-    _write(folder / FIGURES, run_json(summary, recording).encode())
-    pictures, why_not = _pictures(summary)
-    if pictures.png:
-        _write(folder / PICTURE, pictures.png)
-    else:
-        (folder / PICTURE).unlink(missing_ok=True)
-    text = render_page(summary, pictures.svg, why_not, recording)
-    _write(folder / PAGE, text.encode(errors='replace'))
-
-
-@contextmanager
-def _nothing_to_collect() -> Iterator[None]:
-    # An hour is half a million objects, all of them in use: to look for garbage among them takes
-    # a fifth of the time.
+@contextlib.contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    # An hour is half a million objects, all in use: searching them takes a fifth of the time.
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -84,34 +83,29 @@ def _nothing_to_collect() -> Iterator[None]:
             gc.enable()
 
 
-def _pictures(summary: Summary) -> tuple[DrivePlots, str | None]:
-    nothing = DrivePlots({}, b'')
+def _plots(summary: Summary) -> tuple[DrivePlots, str | None]:
+    """Return the plots, and why there are none."""
     try:
         return draw_drive_plots(summary), None
     except UsageError as error:
-        return nothing, f'There are no pictures: {error}.'
-    except Exception as error:  # the figures are worth having without the pictures
-        return nothing, f'There are no pictures: drawing them failed ({error!r}).'
+        reason = f'There are no pictures: {error}.'
+    except Exception as error:  # the figures are of use without the plots
+        reason = f'There are no pictures: drawing them failed ({error!r}).'
+    return DrivePlots({}, b''), reason
 
 
 def _write(path: Path, data: bytes) -> None:
-    # Whoever looks into the folder sees the old file or the new one, never a part of it.
+    # By renaming: a reader sees the old file or the new one, never a part of it.
     new = path.with_name(f'.{path.name}.new')
     new.write_bytes(data)
     new.replace(path)
 
 
-#: How often what happened is handed to the disk [s].
-PERIOD = 0.5
-#: Who tells something may be this late [s].
-LATENESS = 0.1
-
-
 def ignore_signals() -> None:
     """
-    End only after the program that drives.
+    Ignore signals that end programs.
 
-    Whoever ends all programs of a terminal or a service means that one; this one hears of it.
+    They are meant for the program that drives; its end closes the pipe that events come from.
     """
     for signum in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(signum, signal.SIG_IGN)
@@ -119,13 +113,10 @@ def ignore_signals() -> None:
 
 def read_events(stream: BinaryIO) -> Iterator[Event | None]:
     """
-    Return what is told, as it comes, and nothing now and then.
+    Return events as they come; None each time that none came for a while.
 
-    The pipe is emptied even while somebody is busy with what came: the program that drives tells
-    nothing more to one who does not keep up.
-
-    :param stream: where it comes from
-    :returns: the events; None where none has come for a while
+    A thread empties the pipe even while the last event is processed: the program that drives
+    stops sending events if the pipe is full.
     """
     queue: SimpleQueue[Event | None] = SimpleQueue()
 
@@ -139,82 +130,71 @@ def read_events(stream: BinaryIO) -> Iterator[Event | None]:
     threading.Thread(target=read, daemon=True).start()
     while True:
         try:
-            told = queue.get(timeout=PERIOD)
+            event = queue.get(timeout=PERIOD)
         except Empty:
             yield None
             continue
-        if told is None:
+        if event is None:
             return
-        yield told
+        yield event
 
 
-def record_events(stream: BinaryIO, audience: EventBus, bag: McapRecorder) -> None:
-    """
-    Hear all, and hand it to the disk as it comes.
-
-    :param stream: where events come from
-    :param audience: hears them
-    :param bag: the recording
-    """
+def record_events(stream: BinaryIO, event_bus: EventBus, recorder: McapRecorder) -> None:
+    """Publish all events of a stream on a bus, and flush the recorder now and then."""
     due = time.monotonic() + PERIOD
     for event in read_events(stream):
         if event is not None:
-            audience.publish(event)
+            event_bus.publish(event)
         now = time.monotonic()
         if now >= due:
-            bag.flush(now - LATENESS)
+            recorder.flush(now - LATENESS)
             due = now + PERIOD
 
 
-def try_write_report(record: DriveLog, folder: Path, recording: str | None) -> str | None:
+def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> str | None:
     """
-    Write the report.
+    Write the report, and return why there is none or no page; None if there is.
 
-    :param record: what happened
-    :param folder: where it goes
-    :param recording: why there is no recording or it ended early; None if it is whole
-    :returns: why there is no report; None if there is
+    :param log: the drive
+    :param directory: where to
+    :param recording: why there is no recording or it ended early; None if it is complete
     """
-    if record.session_started is None:
+    if log.session_started is None:
         return 'there is none: the program ended before anything began'
     try:
-        write_report(record, folder, recording)
+        write_report(log, directory, recording)
     except UsageError as error:
         return f'{PAGE} is left out: {error}'
-    except Exception as error:  # the recording is there, and there is nobody else to tell
+    except Exception as error:  # the recording is there; a line is all that is left to do
         reason = error.strerror if isinstance(error, OSError) else repr(error)
         return f'there is none: {reason}'
     return None
 
 
 def print_line(text: str) -> None:
-    """
-    Say something, if anybody is left to hear it.
-
-    :param text: a line
-    """
+    """Print a line to standard error, unless that is closed."""
     with contextlib.suppress(OSError):
         print(f'report: {text}', file=sys.stderr, flush=True)
 
 
 def main() -> int:
     """
-    Hear what happens until its end, and leave a report.
+    Record events from standard input until its end, and write the report.
 
     :returns: the exit code: 0 if all was written, else 1
     """
     make_nonblocking(STDERR)
     lower_priority()
     ignore_signals()
-    folder = Path(sys.argv[1])
-    record, audience = DriveLog(), EventBus()
-    bag = McapRecorder(folder, record)
-    audience.subscribe(record.on_event)
-    audience.subscribe(bag.on_event)
-    record_events(sys.stdin.buffer, audience, bag)
-    recording = bag.finish()
-    for text in filter(None, (recording, *map(repr, audience.failures))):
+    directory = Path(sys.argv[1])
+    log, event_bus = DriveLog(), EventBus()
+    recorder = McapRecorder(directory, log)
+    event_bus.subscribe(log.on_event)
+    event_bus.subscribe(recorder.on_event)
+    record_events(sys.stdin.buffer, event_bus, recorder)
+    recording = recorder.finish()
+    for text in filter(None, (recording, *map(repr, event_bus.failures))):
         print_line(text)
-    failure = try_write_report(record, folder, recording)
-    print_line(failure or str(folder / 'report.html'))
-    return int(any((recording, failure, audience.failures)))
+    failure = try_write_report(log, directory, recording)
+    print_line(failure or str(directory / PAGE))
+    return int(any((recording, failure, event_bus.failures)))

@@ -34,14 +34,14 @@ from kachaka_simple_control.report.metrics import (
 from kachaka_simple_control.report.odometry_alignment import AlignedDrive, OdometrySample
 from kachaka_simple_control.report.plan_view import pluralize
 
-#: What to say of a program whose end nobody told.
-UNHEARD = (
+#: The reason of a program whose end was not reported.
+NO_END = (
     'Nothing more came from the program: it was killed or crashed, was frozen, or drives on '
     'without telling its report')
 
 
 class OutcomeKind(Enum):
-    """The ways in which a drive can end; the value is the word for it."""
+    """How a drive can end; the value is the word for it."""
 
     DONE = 'done'
     STOPPED = 'stopped'
@@ -53,11 +53,11 @@ class OutcomeKind(Enum):
 @dataclass(frozen=True)
 class Outcome:
     """
-    How a drive came out.
+    How a drive ended.
 
-    :param ending: in which way it ended
+    :param kind: in which way
     :param headline: a few words
-    :param why: sentences that say why, and how far it came
+    :param reason: sentences that say why, and how far it came
     """
 
     kind: OutcomeKind
@@ -65,64 +65,54 @@ class Outcome:
     reason: str
 
 
-def outcome(record: DriveLog) -> Outcome:
-    """
-    Say how a drive came out.
-
-    :param record: what happened
-    :returns: the verdict
-    """
-    closed = record.session_ended
-    if closed is None:
-        return Outcome(OutcomeKind.KILLED, 'Killed', f'{UNHEARD}. {_progress(record)}')
-    if closed.signal is not None:
-        name = signal_name(closed.signal)
+def outcome(log: DriveLog) -> Outcome:
+    """Return how a drive ended."""
+    end = log.session_ended
+    if end is None:
+        return Outcome(OutcomeKind.KILLED, 'Killed', f'{NO_END}. {_progress(log)}')
+    if end.signal is not None:
+        name = signal_name(end.signal)
         return Outcome(
             OutcomeKind.STOPPED, f'Stopped by {name}',
-            f'{name} ended the program. {_earlier(record, name)}{_progress(record)}')
-    return _by_motions(record, closed.error)
+            f'{name} ended the program. {_earlier_reason(log, name)}{_progress(log)}')
+    return _outcome_of_motions(log, end.error)
 
 
 def signal_name(number: int) -> str:
-    """
-    Return the name of a signal.
-
-    :param number: its number
-    :returns: SIGINT, say
-    """
+    """Return the name of a signal, as SIGINT."""
     try:
         return signal.Signals(number).name
     except ValueError:
         return f'signal {number}'
 
 
-def _by_motions(record: DriveLog, error: str | None) -> Outcome:
-    reason = _reason(record, faults=True) or error
-    if not any(motion.has_begun for motion in record.motions):
+def _outcome_of_motions(log: DriveLog, error: str | None) -> Outcome:
+    fault = _reason(log, faults_only=True) or error
+    if not any(motion.has_begun for motion in log.motions):
         return Outcome(
             OutcomeKind.NEVER_BEGAN, 'Never began',
-            _sentence(reason or _reason(record) or 'The program ended without driving'))
-    if reason is not None:
+            _sentence(fault or _reason(log) or 'The program ended without driving'))
+    if fault is not None:
+        return Outcome(OutcomeKind.FAULTED, 'Faulted', f'{_sentence(fault)} {_progress(log)}')
+    if (request := _reason(log)) is not None:
         return Outcome(
-            OutcomeKind.FAULTED, 'Faulted', f'{_sentence(reason)} {_progress(record)}')
-    if (asked := _reason(record)) is not None:
+            OutcomeKind.STOPPED, 'Stopped on request', f'{_sentence(request)} {_progress(log)}')
+    if not all(motion.is_complete for motion in log.motions):
         return Outcome(
-            OutcomeKind.STOPPED, 'Stopped on request', f'{_sentence(asked)} {_progress(record)}')
-    if not all(motion.is_complete for motion in record.motions):
-        return Outcome(
-            OutcomeKind.FAULTED, 'Not finished', f'Nobody told why. {_progress(record)}')
-    return Outcome(OutcomeKind.DONE, 'Done', _progress(record))
+            OutcomeKind.FAULTED, 'Not finished', f'Nobody told why. {_progress(log)}')
+    return Outcome(OutcomeKind.DONE, 'Done', _progress(log))
 
 
-def _reason(record: DriveLog, faults: bool = False) -> str | None:
-    return next((motion.reason for motion in record.motions
-                 if motion.reason is not None and (motion.is_fault or not faults)), None)
+def _reason(log: DriveLog, faults_only: bool = False) -> str | None:
+    """Return why the first of the motions that ended early did."""
+    return next((motion.reason for motion in log.motions
+                 if motion.reason is not None and (motion.is_fault or not faults_only)), None)
 
 
-def _earlier(record: DriveLog, name: str) -> str:
-    # Standing by, a program drives on after a motion that came to nothing.
-    reason = _reason(record)
-    if reason is None or reason == f'stopped by {name}':
+def _earlier_reason(log: DriveLog, signal_: str) -> str:
+    # With --wait a program goes on after a motion that was given up.
+    reason = _reason(log)
+    if reason is None or reason == f'stopped by {signal_}':
         return ''
     return f'A motion had been given up: {_sentence(reason)} '
 
@@ -132,34 +122,31 @@ def _sentence(text: str) -> str:
     return text[0].upper() + text[1:] + ('' if text[-1] in '.!?' else '.')
 
 
-def _progress(record: DriveLog) -> str:
-    begun = [motion for motion in record.motions if motion.has_begun]
+def _progress(log: DriveLog) -> str:
+    begun = [motion for motion in log.motions if motion.has_begun]
     if not begun:
         return 'No motion had begun.'
+    complete = [motion for motion in begun if motion.is_complete]
     cut = next((motion for motion in begun if not motion.is_complete), None)
-    whole = [motion for motion in begun if motion.is_complete]
-    if cut is None:
-        steps = sum(len(motion.plan.steps) for motion in whole)
-        more = len(record.motions) - len(begun)
-        left = f' {pluralize(more, "motion")} more did not begin.' if more else ''
-        if len(whole) == 1:
-            return f'Its motion was driven to its end, {_all_of(steps)}.{left}'
-        return (f'{len(whole)} motions were driven to their end, '
-                f'{pluralize(steps, "step")} in all.{left}')
-    return _how_far(cut, len(whole), len(begun))
+    if cut is not None:
+        return _progress_of(cut, len(complete), len(begun))
+    steps = sum(len(motion.plan.steps) for motion in complete)
+    more = len(log.motions) - len(begun)
+    rest = f' {pluralize(more, "motion")} more did not begin.' if more else ''
+    if len(complete) == 1:
+        all_steps = f'all {steps} steps' if steps > 1 else pluralize(steps, 'step')
+        return f'Its motion was driven to its end, {all_steps}.{rest}'
+    return (f'{len(complete)} motions were driven to their end, '
+            f'{pluralize(steps, "step")} in all.{rest}')
 
 
-def _all_of(steps: int) -> str:
-    return f'all {steps} steps' if steps > 1 else pluralize(steps, 'step')
-
-
-def _how_far(cut: MotionLog, whole: int, begun: int) -> str:
-    movements = cut.steps
-    stages = len(cut.plan.steps)
-    at = cut.own_messages[-1].time - cut.began if cut.own_messages else 0.0
-    where = f'in step {len(movements)} of {stages}, ' if movements else ''
-    others = f'; of {pluralize(begun, "motion")} {whole} were driven to their end' if whole else ''
-    return (f'The motion ended {where}{at:.2f} s after its t = 0, of '
+def _progress_of(cut: MotionLog, complete: int, begun: int) -> str:
+    steps = len(cut.steps)
+    end = cut.own_messages[-1].time - cut.began if cut.own_messages else 0.0
+    where = f'in step {steps} of {len(cut.plan.steps)}, ' if steps else ''
+    others = (f'; of {pluralize(begun, "motion")} {complete} were driven to their end'
+              if complete else '')
+    return (f'The motion ended {where}{end:.2f} s after its t = 0, of '
             f'{cut.plan.duration:.2f} s{others}.')
 
 
@@ -169,7 +156,7 @@ class PoseError:
     How far odometry saw the robot from where it should have been.
 
     :param distance: how far [m]
-    :param angle: by how much it looked too far to the left [rad]
+    :param angle: by how much it was turned too far to the left [rad]
     """
 
     distance: float
@@ -178,81 +165,76 @@ class PoseError:
 
 class Summary:
     """
-    What a report says, each part worked out when it is asked for first.
+    The figures of a drive, each computed when it is first used.
 
-    :param log: what happened
+    :param log: the drive; it changes no more
     """
 
-    def __init__(self, record: DriveLog) -> None:
-        """
-        Take a record; it changes no more.
-
-        :param log: what happened
-        """
-        self.log = record
+    def __init__(self, log: DriveLog) -> None:
+        self.log = log
 
     @cached_property
     def outcome(self) -> Outcome:
-        """How it came out."""
+        """Return how the drive ended."""
         return outcome(self.log)
 
     @cached_property
     def path(self) -> AlignedDrive:
-        """Where it was planned, sent and seen to go."""
+        """Return the path as planned, as sent and as seen."""
         return AlignedDrive(self.log)
 
     @cached_property
     def steps(self) -> list[StepResult]:
-        """The steps that were begun."""
-        pairs = [(movement, motion.planned.motion.name) for motion in self.log.motions
-                 for movement in motion.steps if movement.sent]
-        opened = self.log.session_started
-        odometry = [seen.received for seen in self.path.odometry]
-        return step_results([one for one, _ in pairs], [name for _, name in pairs], odometry,
-                            math.inf if opened is None else opened.command_timeout)
+        """Return the steps that were begun."""
+        pairs = [(step, motion.planned.motion.name) for motion in self.log.motions
+                 for step in motion.steps if step.sent]
+        session = self.log.session_started
+        odometry = [sample.received for sample in self.path.odometry]
+        return step_results([step for step, _ in pairs], [name for _, name in pairs], odometry,
+                            math.inf if session is None else session.command_timeout)
 
     @cached_property
     def timing(self) -> Timing:
-        """How exactly it was timed."""
+        """Return how exactly the drive was timed."""
         return timing(self.log.motions)
 
     @cached_property
     def sleep_loop(self) -> SleepLoopEstimate:
-        """What the lesson's loop would have made of all that was planned."""
+        """Return what the lesson's loop would have made of all that was planned."""
         return estimate_sleep_loop([motion.plan for motion in self.log.motions])
 
     @property
     def planned_duration(self) -> float:
-        """How long all motions that began were to take [s]."""
+        """Return how long all motions that began were to take [s]."""
         return math.fsum(motion.plan.duration for motion in self.log.motions
                          if motion.has_begun)
 
     @property
     def driven_duration(self) -> float:
-        """How long they took, from t = 0 of each to the zero that ended it [s]."""
+        """Return how long they took, from t = 0 of each to the zero that ended it [s]."""
         return math.fsum(
             motion.own_messages[-1].time - motion.began for motion in self.log.motions
             if motion.own_messages)
 
     @property
     def last_seen(self) -> OdometrySample | None:
-        """What odometry told last; None if it told nothing since t = 0."""
+        """Return the last sample of odometry; None if there is none since t = 0."""
         return self.path.odometry[-1] if self.path.odometry else None
 
     @property
     def final_pose(self) -> Pose | None:
-        """Where odometry saw the robot in the end."""
+        """Return the last pose of odometry; None if there is none since t = 0."""
         return None if self.last_seen is None else self.last_seen.pose
 
     @property
     def error_from_plan(self) -> PoseError | None:
-        """How far from the planned end that is; None if it was not to be reached or not seen."""
+        """Return its error from the planned end; None if that was not reached or seen."""
         if self.final_pose is None or not all(motion.is_complete for motion in self.log.motions):
             return None
         return PoseError(*distance_between(self.path.planned_end, self.final_pose))
 
     @property
     def error_from_sent(self) -> PoseError | None:
-        """How far from where the messages should have brought it that is."""
+        """Return its error from where the messages should have brought the robot."""
         return None if self.last_seen is None else PoseError(
             self.last_seen.distance, self.last_seen.angle)

@@ -107,6 +107,7 @@ def test_the_loop_of_the_lesson_turns_too_far():
 
 
 @given(st.lists(st.floats(-50, 50), max_size=50))
+@UNHURRIED
 def test_the_histogram_counts_everything(values):
     pytest.importorskip('matplotlib', reason='needs matplotlib')
     reach, counts = histogram(values)
