@@ -21,19 +21,26 @@ from itertools import pairwise
 import math
 from typing import Any
 
-from kachaka_simple_control.motion.geometry import advance, compose, ORIGIN, Point, Pose
+from kachaka_simple_control.motion.geometry import (
+    advance,
+    compose,
+    distance_between,
+    ORIGIN,
+    Point,
+    Pose,
+)
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
 from kachaka_simple_control.motion.steps import Arc, Forward, Move
 
-#: How far a line turns between two of its points [rad]: 4 degrees, off by 1/1600 of the radius.
+#: How far an arc turns between two points [rad]: 4 degrees, off by 1/1600 of the radius.
 BEND = math.radians(4.0)
 #: More of a turn in place would run into its own beginning [rad].
 SWEEP = math.radians(330.0)
-#: From here on rounds in place or on a circle are left out [rad]; nobody sees them.
+#: Above this angle further full turns are left out, for they cannot be seen [rad].
 ROUNDS = 2.0 * math.tau
-#: From so many points on, lines are drawn but once.
+#: Of a path of more points each line is drawn once.
 MANY_POINTS = 500
-#: So many points at most are drawn.
+#: At most so many points are drawn.
 MAX_POINTS = 10_000
 #: Between two lines that do not touch.
 GAP = (math.nan, math.nan)
@@ -46,9 +53,9 @@ class ArcSegment:
     """
     The path of one step: its curvature is the same all along.
 
-    :param start: where it begins
-    :param distance: how far it goes [m], negative backwards
-    :param angle: how far it turns [rad], positive to the left
+    :param start: the pose at its start
+    :param distance: its signed length [m], negative backwards
+    :param angle: heading change [rad], positive to the left
     """
 
     start: Pose
@@ -57,16 +64,15 @@ class ArcSegment:
 
     @property
     def middle(self) -> Pose:
-        """Return where it is half-way, looking where it goes to."""
+        """Return the pose half-way, with the heading of the movement."""
         pose = advance(self.start, self.distance / 2.0, self.angle / 2.0)
         return pose if self.distance >= 0.0 else Pose(pose.x, pose.y, pose.theta + math.pi)
 
     def sweep(self, radius: float) -> list[Point]:
         """
-        Return the points to draw a turn in place through: where something ahead would go.
+        Return the points of an arc that shows a turn in place; of more than a turn its end.
 
-        :param radius: how far ahead [m]
-        :returns: the points [m]; of more than a turn its end
+        :param radius: the radius of the arc [m]
         """
         angle = math.copysign(min(abs(self.angle), SWEEP), self.angle)
         first = self.start.theta + self.angle - angle
@@ -76,87 +82,73 @@ class ArcSegment:
                  self.start.y + radius * math.sin(heading)) for heading in headings]
 
     def points(self) -> list[Point]:
-        """
-        Return the points to draw a line through.
-
-        :returns: the points [m], without the first; none if it stays in its place
-        """
+        """Return the points of a polyline [m], without the first; none for a turn in place."""
         if self.distance == 0.0:
             return []
         return [(pose.x, pose.y) for pose in self.poses(self.count)]
 
     @property
     def count(self) -> int:
-        """Return in how many parts it looks round; none if it stays as it is."""
+        """Return in how many parts a polyline looks round; 0 if there is no movement."""
         if self.distance == self.angle == 0.0:
             return 0
-        return max(1, math.ceil(abs(self._seen_angle) / BEND))
+        return max(1, math.ceil(abs(self._visible_angle) / BEND))
 
     def poses(self, count: int) -> list[Pose]:
-        """
-        Return some poses on it.
-
-        :param count: how many
-        :returns: the poses, evenly from all of it, without the first
-        """
-        angle = self._seen_angle
+        """Return some poses at equal distances, without the first."""
+        angle = self._visible_angle
         distance = self.distance * (angle / self.angle if self.angle else 1.0)
         return [advance(self.start, distance * number / count, angle * number / count)
                 for number in range(1, count + 1)]
 
     @property
-    def _seen_angle(self) -> float:
+    def _visible_angle(self) -> float:
         if abs(self.angle) <= ROUNDS:
             return self.angle
-        # What counts of the rounds after the first is where they end.
+        # Of the turns after the first only the end can be seen.
         return math.copysign(math.tau, self.angle) + math.fmod(self.angle, math.tau)
 
 
 def arc_segments(plan: Plan) -> list[ArcSegment]:
-    """
-    Return the path of each step of a plan.
-
-    :param plan: the plan
-    :returns: its paths, each beginning where the one before ends
-    """
-    starts = [ORIGIN, *(stage.pose for stage in plan.steps)]
-    return [ArcSegment(start, _signed(stage), stage.pose.theta - start.theta)
-            for start, stage in zip(starts, plan.steps)]
+    """Return the path of each step of a plan; each starts where the one before ends."""
+    starts = [ORIGIN, *(step.pose for step in plan.steps)]
+    return [ArcSegment(start, _signed(step), step.pose.theta - start.theta)
+            for start, step in zip(starts, plan.steps)]
 
 
-def _signed(stage: PlannedStep) -> float:
-    step = stage.step
+def _signed(planned: PlannedStep) -> float:
+    step = planned.step
     if isinstance(step, Move):
-        return math.copysign(stage.length, step.linear_x)
+        return math.copysign(planned.length, step.linear_x)
     if isinstance(step, Forward):
-        return math.copysign(stage.length, step.distance)
-    return math.copysign(stage.length, step.angle) if isinstance(step, Arc) else stage.length
+        return math.copysign(planned.length, step.distance)
+    return math.copysign(planned.length, step.angle) if isinstance(step, Arc) else planned.length
 
 
-def polyline(paths: Iterable[ArcSegment], grain: float) -> list[Point]:
+def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
     """
-    Return the line through all paths.
+    Return the polyline of path segments, one after the other.
 
-    :param paths: the paths, one after the other
-    :param grain: the smallest thing that can be seen [m]
-    :returns: its points, beginning where the first path does; where it was thinned out, with gaps
+    :param segments: the segments
+    :param grain: the smallest distance that can be seen [m]
+    :returns: its points from the start of the first segment on; where some are left out, with gaps
         of NaN
     """
     points: list[Point] = []
-    for path in paths:
-        points += [] if points else [(path.start.x, path.start.y)]
-        points += path.points()
+    for segment in segments:
+        points += [] if points else [(segment.start.x, segment.start.y)]
+        points += segment.points()
     if len(points) <= MANY_POINTS:
         return points or [(ORIGIN.x, ORIGIN.y)]
-    thinned = _unlike(points, grain)
+    thinned = _unique_lines(points, grain)
     while len(thinned) > MAX_POINTS:
         grain *= 2.0
-        thinned = _unlike(points, grain)
+        thinned = _unique_lines(points, grain)
     return thinned
 
 
-def _unlike(points: Sequence[Point], grain: float) -> list[Point]:
-    # Each line once: an hour of squares looks like one of them.
+def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
+    """Return each line once: an hour of squares looks like one of them."""
     cells = [(round(x / grain), round(y / grain)) for x, y in points]
     seen: set[tuple[Cell, Cell]] = set()
     kept = [points[0]]
@@ -173,56 +165,44 @@ def _unlike(points: Sequence[Point], grain: float) -> list[Point]:
 
 def distinct(poses: Iterable[Pose], grain: float, most: int) -> list[Pose]:
     """
-    Return the poses that look different.
+    Return poses of which no two look the same.
 
     :param poses: the poses, in order
-    :param grain: the smallest thing that can be seen [m]
-    :param most: how many there may be
-    :returns: one of each kind, in order; if there are too many, some evenly from all
+    :param grain: the smallest distance that can be seen [m]
+    :param most: how many there may be; if there are more, they are chosen evenly
     """
     kinds: dict[tuple[int, int, int], Pose] = {}
     for pose in poses:
         heading = round(math.degrees(pose.theta)) % 360
         kinds.setdefault((round(pose.x / grain), round(pose.y / grain), heading), pose)
-    kept = list(kinds.values())
-    if len(kept) <= most:
-        return kept
-    return [kept[number * (len(kept) - 1) // (most - 1)] for number in range(most)]
+    return _evenly(list(kinds.values()), most)
 
 
-#: How far two poses of a way are apart, at least one of both [m], [rad]: what can be seen.
+#: Two poses of a history differ by one of these at least [m], [rad]: what can be seen.
 SPACING = 0.01
 TURN = math.radians(4.0)
 
 
 class PoseHistory:
     """
-    The way of a robot, in poses that are some way apart; pure, and never longer than it may be.
+    Past poses of a robot, at least some distance or angle apart; of bounded length.
 
-    When it is full, every second pose goes and the others are twice as far apart from then on.
+    If it is full, every second pose is removed, and the distance and angle are doubled.
+
+    :param most: how many poses it may have, two at least
+    :param convert: converts a pose to what is stored; called once for each
     """
 
-    def __init__(self, most: int, keep: Callable[[Pose], Any]) -> None:
-        """
-        Begin nowhere.
-
-        :param most: how many poses it may have, two at least
-        :param keep: turns a pose into what is kept of it; called but once for each
-        """
+    def __init__(self, most: int, convert: Callable[[Pose], Any]) -> None:
         self._most = most
-        self._keep = keep
+        self._convert = convert
         self._last: Pose | None = None
         self._spacing, self._turn = SPACING, TURN
-        #: what is kept, in order
+        #: what is stored, in order
         self.kept: list[Any] = []
 
     def add(self, pose: Pose) -> bool:
-        """
-        Take note of where the robot is.
-
-        :param pose: where; a heading may be wrapped
-        :returns: whether it was far enough from the pose before to be kept
-        """
+        """Add a pose if it is far enough from the last one, and return whether it is."""
         if not math.isfinite(pose.x + pose.y + pose.theta):
             return False
         if self._last is not None and not self._is_apart(self._last, pose):
@@ -231,41 +211,40 @@ class PoseHistory:
             del self.kept[1::2]
             self._spacing, self._turn = 2.0 * self._spacing, 2.0 * self._turn
         self._last = pose
-        self.kept.append(self._keep(pose))
+        self.kept.append(self._convert(pose))
         return True
 
     def _is_apart(self, one: Pose, two: Pose) -> bool:
-        turned = abs(math.remainder(two.theta - one.theta, math.tau))
-        distance = math.hypot(two.x - one.x, two.y - one.y)
-        return distance >= self._spacing or turned >= min(self._turn, math.pi / 2.0)
+        distance, angle = distance_between(one, two)
+        return distance >= self._spacing or abs(angle) >= min(self._turn, math.pi / 2.0)
 
 
-#: So many poses at most, where nobody says another number.
+#: By default, at most so many poses.
 MAX_POSES = 2000
 
 
 def sample_path(plan: Plan, start: Pose = ORIGIN, most: int = MAX_POSES) -> list[Pose]:
     """
-    Return where a plan goes.
+    Return poses of a plan from its start to its end; on curves so many that they look round.
 
     :param plan: the plan
-    :param start: where the robot is at t = 0
+    :param start: the pose at t = 0
     :param most: how many poses there may be, two at least
-    :returns: poses from the start to the end; on curves so many that they look round
     """
     if len(plan.steps) >= most:
-        ends = [ORIGIN, *(stage.pose for stage in plan.steps)]
-        return [compose(start, pose) for pose in _some(ends, most)]
-    paths = arc_segments(plan)
-    # Were they all of one length, none would be without its end.
-    coarseness = max(1.0, sum(path.count for path in paths) / most)
+        ends = [ORIGIN, *(step.pose for step in plan.steps)]
+        return [compose(start, pose) for pose in _evenly(ends, most)]
+    segments = arc_segments(plan)
+    # Rounded up for each step, so that each has its end.
+    coarseness = max(1.0, sum(segment.count for segment in segments) / most)
     poses = [ORIGIN]
-    for path in paths:
-        poses += path.poses(math.ceil(path.count / coarseness))
-    return [compose(start, pose) for pose in _some(poses, most)]
+    for segment in segments:
+        poses += segment.poses(math.ceil(segment.count / coarseness))
+    return [compose(start, pose) for pose in _evenly(poses, most)]
 
 
-def _some(poses: list[Pose], most: int) -> list[Pose]:
+def _evenly(poses: list[Pose], most: int) -> list[Pose]:
+    """Return at most so many poses, evenly from all, with the first and the last."""
     if len(poses) <= most:
         return poses
     return [poses[number * (len(poses) - 1) // (most - 1)] for number in range(most)]

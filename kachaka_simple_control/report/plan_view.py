@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A plan with what a person must know to read it, and steps in a person's words."""
+"""A plan with what is shown beside it, and texts of numbers and steps."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, Segment
 from kachaka_simple_control.motion.steps import Arc, Forward, Move, Repeat, Step, Turn
 
-#: A last tick shorter than this part of a period is rounding, as it is to the player.
+#: A last tick shorter than this part of a period is rounding, as it is to the plan runner.
 TIME_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
 class PlanView:
     """
-    A plan to look at before anything moves.
+    A plan with what is shown beside it.
 
-    :param name: what people call the motion
-    :param robot: what people call the robot
+    :param name: the name of the motion
+    :param robot: the name of the robot
     :param plan: the plan
-    :param limits: what it was planned with
-    :param footprint: the robot's outline from above; None if nobody knows it
+    :param limits: the limits that it was planned with
+    :param footprint: the robot's outline from above; None if it is not known
     """
 
     name: str
@@ -52,17 +52,16 @@ class PlanView:
 
     @property
     def messages(self) -> int:
-        """Return how many velocities are sent if none comes late; the stop comes on top."""
+        """Return how many velocities are sent if none is late, without the stop."""
         return sum(ticks(segment, self.plan.period) for segment in self.plan.segments)
 
 
 def ticks(segment: Segment, period: float) -> int:
     """
-    Return how many velocities are sent in a segment if none comes late.
+    Return how many velocities are sent in a segment if none is late.
 
-    :param segment: a stretch of time with one velocity
-    :param period: how often it is repeated [s]
-    :returns: how many
+    :param segment: a part of a plan with one velocity
+    :param period: how often that is repeated [s]
     """
     return max(1, math.ceil((segment.end - segment.start) / period - TIME_TOLERANCE))
 
@@ -88,33 +87,15 @@ def describe_step(step: Step) -> str:
 
 
 def format_number(value: float) -> str:
-    """
-    Return a number as people write it, with up to five digits.
-
-    :param value: the number
-    :returns: its text: 0.5, not 0.500, and 0, not -0
-    """
+    """Return a number with up to five digits: 0.5, not 0.500, and 0, not -0."""
     return f'{value + 0.0:.5g}'
 
 
 def format_fixed(value: float, digits: int) -> str:
-    """
-    Return a number for a column.
-
-    :param value: the number
-    :param digits: how many digits stand behind the point
-    :returns: its text; what rounds to zero has no sign
-    """
+    """Return a number with some digits behind the point; what rounds to zero has no sign."""
     return f'{round(value, digits) + 0.0:.{digits}f}'
 
 
-def pluralize(count: int, one: str, more: str | None = None) -> str:
-    """
-    Return how many there are of something.
-
-    :param count: how many
-    :param one: its name, if there is one
-    :param more: its name, if there are more or none; None: with an s
-    :returns: number and name
-    """
-    return f'{count} {one if count == 1 else more or one + "s"}'
+def pluralize(count: int, singular: str, plural: str | None = None) -> str:
+    """Return a count with its noun; the plural is that of the singular with an s by default."""
+    return f'{count} {singular if count == 1 else plural or singular + "s"}'

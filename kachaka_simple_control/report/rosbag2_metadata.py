@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What rosbag2 wants beside a recording: message definitions and metadata.yaml."""
+"""What rosbag2 needs beside messages: their definitions and metadata.yaml."""
 
 from __future__ import annotations
 
@@ -48,18 +48,17 @@ RULE = '=' * 80
 
 def definition(message_type: str) -> str:
     """
-    Return the definition of a message, and after it those of all that it is made of.
+    Return the definition of a message type and of all types in it, as an MCAP schema has them.
 
     :param message_type: its full name, as in ``nav_msgs/msg/Odometry``
-    :returns: the text, as it stands in the schema of a recording
     """
     first = message_type.replace('/msg/', '/')
     others = [name for name in _parts(first) if name != first]
-    return _text(first) + ''.join(
-        f'{RULE}\nMSG: {name}\n{_text(name)}' for name in dict.fromkeys(others))
+    return _fields(first) + ''.join(
+        f'{RULE}\nMSG: {name}\n{_fields(name)}' for name in dict.fromkeys(others))
 
 
-def _text(name: str) -> str:
+def _fields(name: str) -> str:
     return ''.join(f'{field}\n' for field in FIELDS[name])
 
 
@@ -68,9 +67,9 @@ def _parts(name: str) -> list[str]:
     return [name, *(part for kind in kinds if kind in FIELDS for part in _parts(kind))]
 
 
-#: The format of Humble, which those after it read as well.
+#: The format of Humble, which later releases read as well.
 VERSION = 5
-#: Qualities of service by number: Humble reads no names, and those after it read numbers too.
+#: Values of QoS policies: Humble reads no names, and later releases read numbers too.
 KEEP_LAST, RELIABLE, BEST_EFFORT, TRANSIENT_LOCAL, VOLATILE, AUTOMATIC = 1, 1, 2, 1, 2, 1
 #: No limit, in seconds and nanoseconds: RMW_DURATION_INFINITE.
 INFINITE = (9223372036, 854775807)
@@ -82,7 +81,7 @@ class Topic:
     A topic in a recording.
 
     :param name: its resolved name
-    :param message_type: the full name of its messages' type
+    :param message_type: the full name of its message type
     :param depth: how many messages its publisher keeps
     :param reliability: of its publisher
     :param durability: of its publisher
@@ -100,7 +99,7 @@ class Topic:
 
     @property
     def qualities(self) -> str:
-        """Return the quality of service that its publisher offers."""
+        """Return the QoS profile that its publisher offers, as YAML."""
         lines = [
             f'history: {KEEP_LAST}', f'depth: {self.depth}', f'reliability: {self.reliability}',
             f'durability: {self.durability}', *_duration('deadline'), *_duration('lifespan'),
@@ -115,13 +114,12 @@ def _duration(name: str) -> list[str]:
 
 def bag_information(topics: list[Topic], first: int, last: int, file: str) -> str:
     """
-    Return what a recording holds.
+    Return the content of a recording as YAML.
 
     :param topics: its topics
     :param first: the stamp of its first message [ns since 1970]; 0 if there is none
     :param last: the stamp of its last message [ns since 1970]; 0 if there is none
-    :param file: the file it is in
-    :returns: the YAML
+    :param file: its file
     """
     total = sum(topic.count for topic in topics)
     span = ['duration:', f'  nanoseconds: {last - first}',
@@ -137,18 +135,13 @@ def bag_information(topics: list[Topic], first: int, last: int, file: str) -> st
 
 
 def folder_information(information: str) -> str:
-    """
-    Return what makes a folder with a recording a bag: its ``metadata.yaml``.
-
-    :param information: what the recording holds
-    :returns: the YAML
-    """
+    """Return ``metadata.yaml``, which makes a directory a bag, by ``bag_information``."""
     return 'rosbag2_bagfile_information:\n' + ''.join(
         f'  {line}\n' for line in information.splitlines())
 
 
 def _lines(topic: Topic) -> list[str]:
-    # What JSON quotes, YAML reads.
+    # A JSON string is a YAML string.
     return ['  - topic_metadata:',
             f'      name: {json.dumps(topic.name)}',
             f'      type: {topic.message_type}',
