@@ -138,7 +138,7 @@ def test_ten_questions_are_answered():
 
 def test_there_is_a_table_for_those_who_want_to_begin():
     assert len(TABLES['Where to begin']) >= 15
-    assert len(TABLES['Why not a library']) == 5
+    assert len(TABLES['Why not a library']) == 8
 
 
 def test_layers_are_those_of_the_import_contract():
