@@ -39,17 +39,6 @@ from kachaka_simple_control.files.quantities import (
     read_quantity,
 )
 from kachaka_simple_control.files.schema import check
-from kachaka_simple_control.files.units import (
-    ANGLE,
-    ANGULAR_VELOCITY,
-    FREQUENCY,
-    LENGTH,
-    LINEAR_VELOCITY,
-    POSITIVE_ANGULAR_VELOCITY,
-    POSITIVE_LINEAR_VELOCITY,
-    Quantity,
-    TIME,
-)
 from kachaka_simple_control.files.yaml_document import (
     Document,
     Node,
@@ -68,6 +57,17 @@ from kachaka_simple_control.motion.steps import (
     Step,
     Turn,
     Wait,
+)
+from kachaka_simple_control.motion.units import (
+    ANGLE,
+    ANGULAR_VELOCITY,
+    FREQUENCY,
+    LENGTH,
+    LINEAR_VELOCITY,
+    POSITIVE_ANGULAR_VELOCITY,
+    POSITIVE_LINEAR_VELOCITY,
+    Quantity,
+    TIME,
 )
 
 

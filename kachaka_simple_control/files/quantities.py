@@ -19,7 +19,8 @@ from collections.abc import Mapping
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.diagnostics import KeyPath
-from kachaka_simple_control.files.units import (
+from kachaka_simple_control.files.yaml_document import Document
+from kachaka_simple_control.motion.units import (
     ANGULAR_ACCELERATION,
     ANGULAR_JERK,
     LINEAR_ACCELERATION,
@@ -29,7 +30,6 @@ from kachaka_simple_control.files.units import (
     Quantity,
     UnitError,
 )
-from kachaka_simple_control.files.yaml_document import Document
 
 #: What each limit is.
 LIMITS = {

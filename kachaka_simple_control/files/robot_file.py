@@ -31,9 +31,9 @@ from kachaka_simple_control.files.library import look_up, names_in
 from kachaka_simple_control.files.motion_file import read_document
 from kachaka_simple_control.files.quantities import add_error, LIMITS, read_quantities
 from kachaka_simple_control.files.robot_profile import Box, Disc, Footprint, RobotProfile
-from kachaka_simple_control.files.units import COMMAND_TIMEOUT, LENGTH, SIZE
 from kachaka_simple_control.files.yaml_document import Document
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE
 
 SCHEMA = 'robots/robot.schema.json'
 

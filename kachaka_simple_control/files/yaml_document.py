@@ -32,7 +32,7 @@ from kachaka_simple_control.files.diagnostics import (
     Problem,
     UnreadableFileError,
 )
-from kachaka_simple_control.files.units import DIGITS
+from kachaka_simple_control.motion.units import DIGITS
 
 #: The largest file that is read [bytes].
 MAX_BYTES = 1_000_000

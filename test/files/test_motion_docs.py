@@ -22,9 +22,9 @@ from kachaka_simple_control.files.library import library
 from kachaka_simple_control.files.motion_file import KINDS, loads
 from kachaka_simple_control.files.quantities import LIMITS
 from kachaka_simple_control.files.robot_file import find_robot, robots
-from kachaka_simple_control.files.units import QUANTITIES
 from kachaka_simple_control.files.yaml_document import MAX_BYTES, MAX_VALUES
 from kachaka_simple_control.motion.geometry import advance, ORIGIN
+from kachaka_simple_control.motion.units import QUANTITIES
 import pytest
 
 pytest.importorskip('yaml', reason='needs PyYAML')

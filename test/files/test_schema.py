@@ -23,9 +23,9 @@ from typing import Any
 from kachaka_simple_control.files.motion_file import KINDS, loads, REPEAT
 from kachaka_simple_control.files.quantities import LIMITS
 from kachaka_simple_control.files.schema import _MESSAGES
-from kachaka_simple_control.files.units import QUANTITIES, SignRule
 from kachaka_simple_control.motion.limits import UNITS
 from kachaka_simple_control.motion.steps import MAX_TIMES
+from kachaka_simple_control.motion.units import QUANTITIES, SignRule
 from motion_texts import EVERYTHING
 import pytest
 
