@@ -24,8 +24,8 @@ from typing import Any
 
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.motion.planner import limits_along, path_segment, PathLimits
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Step, Turn
+from kachaka_simple_control.motion.trajectory import limits_along, PathLimits
 from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 
 #: The velocities that a Kachaka takes, and ramps that are gentle for it.
@@ -111,7 +111,7 @@ def measure_exactness(rates: Sequence[int] = RATES) -> list[dict[str, Any]]:
         driven = WAYS[way](goal, SHAPES[shape], float(rate))
         entries.append({
             'goal': name, 'unit': 'rad' if isinstance(goal, Turn) else 'm', 'shape': shape,
-            'rate': rate, 'way': way, 'asked': path_segment(goal).distance,
+            'rate': rate, 'way': way, 'asked': goal.path()[0].distance,
             'least': min(driven), 'most': max(driven)})
     return entries
 
@@ -139,7 +139,7 @@ def sampled(goal: Forward | Turn, limits: Limits, rate: float) -> list[float]:
     :param rate: how often a velocity is sent [Hz]
     :returns: velocity times interval, summed up [m or rad]
     """
-    way = path_segment(goal)
+    way, = goal.path()
     profile = time_optimal_profile(way.distance, *limits_along(way, limits))
     count = math.ceil(profile.duration * rate)
     return [math.fsum(profile.velocity_at(index / rate) for index in range(count)) / rate]
@@ -158,7 +158,7 @@ def smoothed(goal: Forward | Turn, limits: Limits, rate: float) -> list[float]:
     :param rate: how often a velocity is sent [Hz]
     :returns: velocity times interval, summed up [m or rad], for each phase
     """
-    way = path_segment(goal)
+    way, = goal.path()
     return [_smoothed(way.distance, limits_along(way, limits), rate, phase) for phase in PHASES]
 
 

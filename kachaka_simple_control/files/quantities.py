@@ -20,29 +20,7 @@ from collections.abc import Mapping
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.diagnostics import KeyPath
 from kachaka_simple_control.files.yaml_document import Document
-from kachaka_simple_control.motion.units import (
-    ANGULAR_ACCELERATION,
-    ANGULAR_JERK,
-    LINEAR_ACCELERATION,
-    LINEAR_JERK,
-    POSITIVE_ANGULAR_VELOCITY,
-    POSITIVE_LINEAR_VELOCITY,
-    Quantity,
-    UnitError,
-)
-
-#: What each limit is.
-LIMITS = {
-    'max_linear_velocity': POSITIVE_LINEAR_VELOCITY,
-    'max_angular_velocity': POSITIVE_ANGULAR_VELOCITY,
-    'max_linear_acceleration': LINEAR_ACCELERATION,
-    'max_angular_acceleration': ANGULAR_ACCELERATION,
-    'max_linear_jerk': LINEAR_JERK,
-    'max_angular_jerk': ANGULAR_JERK,
-    'max_linear_deceleration': LINEAR_ACCELERATION,
-    'max_angular_deceleration': ANGULAR_ACCELERATION,
-    'max_backward_velocity': POSITIVE_LINEAR_VELOCITY,
-}
+from kachaka_simple_control.motion.units import Quantity, UnitError
 
 
 def read_quantities(

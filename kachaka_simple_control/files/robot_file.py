@@ -28,11 +28,11 @@ from kachaka_simple_control.files.diagnostics import (
     UnreadableFileError,
 )
 from kachaka_simple_control.files.library import look_up, names_in
-from kachaka_simple_control.files.motion_file import read_document
-from kachaka_simple_control.files.quantities import add_error, LIMITS, read_quantities
+from kachaka_simple_control.files.quantities import add_error, read_quantities
 from kachaka_simple_control.files.robot_profile import Box, Disc, Footprint, RobotProfile
+from kachaka_simple_control.files.schema import read_document, read_schema
 from kachaka_simple_control.files.yaml_document import Document
-from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE
 
 SCHEMA = 'robots/robot.schema.json'
@@ -78,7 +78,7 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
     source = os.fspath(name_or_path)
     try:
         source, text = look_up(name_or_path, 'robots', names_in('robots'))
-        return _read(read_document(text, SCHEMA), source)
+        return _read(read_document(text, read_schema(SCHEMA)), source)
     except UnreadableFileError as error:
         raise RobotFileError(source, error.problems) from None
 
@@ -106,7 +106,7 @@ def _read(document: Document, source: str) -> RobotProfile:
 
 
 def _limits(document: Document) -> Limits | None:
-    numbers = read_quantities(document, ['limits'], LIMITS)
+    numbers = read_quantities(document, ['limits'], LIMIT_QUANTITIES)
     if document.root.at(['limits']).has_problem or document.root.has_problem:
         return None
     try:

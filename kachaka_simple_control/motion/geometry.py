@@ -53,6 +53,19 @@ class Pose:
     theta: float = 0.0
 
 
+@dataclass(frozen=True)
+class Displacement:
+    """
+    How far a robot goes along its path.
+
+    :param distance: signed length of the path [m], negative backwards
+    :param angle: heading change [rad], counter-clockwise positive
+    """
+
+    distance: float
+    angle: float
+
+
 ZERO = Velocity()
 ORIGIN = Pose()
 

@@ -22,6 +22,7 @@ from importlib.resources import files
 import math
 
 from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.drive_plots import (
     end_of,
     ERRORS,
@@ -36,10 +37,9 @@ from kachaka_simple_control.report.metrics import (
     EXTRA,
     Quantiles,
     SleepLoopEstimate,
-    step_in_words,
     StepResult,
 )
-from kachaka_simple_control.report.plan_view import format_fixed, format_number, pluralize
+from kachaka_simple_control.report.plan_view import format_fixed, pluralize
 from kachaka_simple_control.report.summary import OutcomeKind, PoseError, Summary
 
 # What stands below the pictures, and is read aloud for them.
@@ -284,7 +284,7 @@ def _step(place: int, step: StepResult, origin: float, with_motion: bool) -> str
              NOTHING if seen is None else both(seen.distance, seen.angle),
              NOTHING if error is None else both(1e3 * error.distance, error.angle, 1)]
     return (f'<tr{"" if movement.is_complete else " class=cut"}><td class="n">{place}</td>'
-            f'<th scope="row">{text(step_in_words(movement.step))}<small>{note}</small></th>'
+            f'<th scope="row">{text(movement.step.describe_fully())}<small>{note}</small></th>'
             f'{numbers(cells)}</tr>')
 
 

@@ -22,12 +22,10 @@ import json
 import math
 from typing import Any
 
-from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.report.drive_log import DriveLog, MotionLog
 from kachaka_simple_control.report.metrics import (
-    Displacement,
     Quantiles,
-    step_in_words,
     StepResult,
 )
 from kachaka_simple_control.report.summary import PoseError, signal_name, Summary
@@ -156,7 +154,7 @@ def _step(number: int, step: StepResult, origin: float) -> Fields:
     movement = step.movement
     return {
         'number': number, 'motion': step.motion, 'path': movement.stage.path,
-        'step': step_in_words(movement.step), 'start_s': movement.began - origin,
+        'step': movement.step.describe_fully(), 'start_s': movement.began - origin,
         'duration_s': movement.stage.end - movement.stage.start, 'is_whole': movement.is_complete,
         'messages': max(0, len(movement.sent) - 1),
         'requested': _displacement(step.requested), 'sent': _displacement(step.sent),

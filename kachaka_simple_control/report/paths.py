@@ -23,8 +23,7 @@ import struct
 from typing import Any
 
 from kachaka_simple_control.motion.geometry import advance, compose, ORIGIN, Point, Pose
-from kachaka_simple_control.motion.plan import Plan, PlannedStep
-from kachaka_simple_control.motion.steps import Arc, Forward, Move
+from kachaka_simple_control.motion.plan import Plan
 
 #: How far a line turns between two of its points [rad]: 4 degrees, off by 1/1600 of the radius.
 BEND = math.radians(4.0)
@@ -45,7 +44,7 @@ Cell = tuple[int, int]
 @dataclass(frozen=True)
 class ArcSegment:
     """
-    The path of one step: its curvature is the same all along.
+    A part of the path of a plan, with the same curvature all along.
 
     :param start: where it begins
     :param distance: how far it goes [m], negative backwards
@@ -115,23 +114,18 @@ class ArcSegment:
 
 def arc_segments(plan: Plan) -> list[ArcSegment]:
     """
-    Return the path of each step of a plan.
+    Return the path of a plan in pieces of constant curvature, in order.
 
     :param plan: the plan
-    :returns: its paths, each beginning where the one before ends
     """
-    starts = [ORIGIN, *(stage.pose for stage in plan.steps)]
-    return [ArcSegment(start, _signed(stage), stage.pose.theta - start.theta)
-            for start, stage in zip(starts, plan.steps)]
-
-
-def _signed(stage: PlannedStep) -> float:
-    step = stage.step
-    if isinstance(step, Move):
-        return math.copysign(stage.length, step.linear_x)
-    if isinstance(step, Forward):
-        return math.copysign(stage.length, step.distance)
-    return math.copysign(stage.length, step.angle) if isinstance(step, Arc) else stage.length
+    pieces = []
+    start = ORIGIN
+    for step in plan.steps:
+        for segment in step.step.path():
+            pieces.append(ArcSegment(start, segment.length, segment.angle))
+            start = advance(start, segment.length, segment.angle)
+        start = step.pose  # the same, but for rounding
+    return pieces
 
 
 def polyline(paths: Iterable[ArcSegment], grain: float) -> list[Point]:

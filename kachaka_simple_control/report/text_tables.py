@@ -21,22 +21,18 @@ from itertools import pairwise
 import math
 import unicodedata
 
-from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
+from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.drive_log import DriveLog, StepLog
 from kachaka_simple_control.report.metrics import (
-    Displacement,
     driven,
-    requested,
     segment_odometry,
     sent,
-    step_in_words,
 )
 from kachaka_simple_control.report.plan_view import (
-    describe_step,
     format_fixed,
-    format_number,
     PlanView,
     pluralize,
 )
@@ -176,7 +172,7 @@ def _steps(preview: PlanView, most: int, with_total: bool) -> list[str]:
 
 def _plan_row(index: int, stage: PlannedStep, number: int, times: int) -> Row:
     return (
-        str(index + 1), describe_step(stage.step), f'{number} of {times}' if times > 1 else '',
+        str(index + 1), stage.step.describe(), f'{number} of {times}' if times > 1 else '',
         _time(stage.start),
         *_figures(stage.end - stage.start, stage.length, stage.pose,
                   stage.max_linear_velocity, stage.max_angular_velocity))
@@ -308,8 +304,8 @@ def table(record: DriveLog, still_after: float | None) -> str:
 
 def _drive_row(movement: StepLog, seen: Displacement | None) -> tuple[str, ...]:
     return (
-        step_in_words(movement.step),
-        _amount(requested(movement.step)),
+        movement.step.describe_fully(),
+        _amount(movement.step.displacement),
         _amount(sent(movement.sent)),
         'none' if seen is None else _amount(seen))
 
