@@ -33,10 +33,10 @@ from kachaka_simple_control.files.diagnostics import (
     Problem,
     UnreadableFileError,
 )
+from kachaka_simple_control.files.document import Document, Node
 from kachaka_simple_control.files.motion_schema import motion_schema
-from kachaka_simple_control.files.quantities import add_error, read_quantities, read_quantity
 from kachaka_simple_control.files.schema import read_document
-from kachaka_simple_control.files.yaml_document import Document, Node, read_text
+from kachaka_simple_control.files.yaml_document import read_text
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.planner import find_errors, MAX_STEPS
 from kachaka_simple_control.motion.step_base import FieldKind, KINDS, Step, StepList
@@ -183,13 +183,13 @@ def _read_fields(document: Document, path: KeyPath, kind: type[Step]) -> Step | 
     try:
         return kind(**values)
     except InvalidMotionError as error:
-        add_error(document, path, error)
+        document.add_error(path, error)
         return None
 
 
 def _read_number(document: Document, path: KeyPath, kind: FieldKind) -> float | None:
     if isinstance(kind, Quantity):
-        return read_quantity(document, path, kind)
+        return document.read_quantity(path, kind)
     return int(document.root.at(path).data)
 
 
@@ -235,8 +235,8 @@ def loads(text: str, name: str = 'motion') -> MotionFile:
 def _read(document: Document, source: str) -> MotionFile:
     data = document.root.data if isinstance(document.root.data, dict) else {}
     steps = read_steps(document, ['steps'])
-    limits = read_quantities(document, ['limits'], LIMIT_QUANTITIES)
-    rate = read_quantities(document, [], {'rate': FREQUENCY}).get('rate')
+    limits = document.read_quantities(['limits'], LIMIT_QUANTITIES)
+    rate = document.read_quantities([], {'rate': FREQUENCY}).get('rate')
     if count(steps) > MAX_STEPS:
         document.add_problem(
             ['steps'], f'{count(steps)} steps, with all repeats; at most {MAX_STEPS} are read')

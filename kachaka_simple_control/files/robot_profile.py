@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is known of a robot before it is met."""
+"""Profiles of robots: their names in ROS, limits and outline; and that of Kachaka."""
 
 from __future__ import annotations
 
@@ -81,35 +81,22 @@ class RobotProfile:
     footprint: Footprint | None = None
 
 
-#: Figures of the maker: 0.3 m/s and 1.57 rad/s (python/kachaka_api/base.py), a hold of 0.3 s and
-#: manual control for 60 s (docs/kachaka_api_client.ipynb), names (manual_control_component.cpp),
-#: outline (kachaka_description).  All in the public repository pf-robotics/kachaka-api.
-#: Its accelerations and jerks are chosen, for the maker publishes none.  ``robots/kachaka.yaml``
-#: says the same; the lesson needs no file to be read.
+#: Kachaka of Preferred Robotics, under the names of its maker's ROS 2 bridge; no file need be read
+#: for it.  A figure is the maker's, from the file named beside it in the public repository
+#: pf-robotics/kachaka-api, or it says that it is chosen.
 KACHAKA = RobotProfile(
     name='kachaka',
-    namespace='/kachaka',
-    velocity_topic='manual_control/cmd_vel',
-    odometry_topic='odometry/odometry',
-    manual_control_service='manual_control/set_enabled',
-    manual_control_timeout=60.0,
-    hold=0.3,
+    namespace='/kachaka',  # grpc_ros2_bridge.launch.xml
+    velocity_topic='manual_control/cmd_vel',  # manual_control_component.cpp
+    odometry_topic='odometry/odometry',  # odometry_component.cpp
+    manual_control_service='manual_control/set_enabled',  # manual_control_component.cpp
+    manual_control_timeout=60.0,  # docs/kachaka_api_client.ipynb, cell 77
+    hold=0.3,  # docs/kachaka_api_client.ipynb, cell 81
     limits=Limits(
-        max_linear_velocity=0.3, max_angular_velocity=1.57,
+        max_linear_velocity=0.3, max_angular_velocity=1.57,  # python/kachaka_api/base.py
+        # The maker publishes no accelerations.  Chosen: a gentle start, at full speed after
+        # 0.85 s, and after 0.88 s when turning.  Decelerations are left out, and so the same.
         max_linear_acceleration=0.5, max_angular_acceleration=2.5,
         max_linear_jerk=2.0, max_angular_jerk=10.0),
+    # kachaka_description; the axle is at the origin
     footprint=Box(length=0.387, width=0.240, ahead=0.0435))
-
-
-def profile_of(name_or_path: str) -> RobotProfile:
-    """
-    Return a robot's profile; all but the Kachaka's are read from files.
-
-    :param name_or_path: a name that the package knows, or the path of a file
-    :returns: the robot
-    :raises UsageError: if there is none, or it cannot be read
-    """
-    if name_or_path == KACHAKA.name:
-        return KACHAKA
-    from kachaka_simple_control.files.robot_file import find_robot
-    return find_robot(name_or_path)

@@ -24,7 +24,8 @@ from typing import Any
 
 from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.diagnostics import INSTALL, Problem, UnreadableFileError
-from kachaka_simple_control.files.yaml_document import Document, parse_yaml, require_text
+from kachaka_simple_control.files.document import Document
+from kachaka_simple_control.files.yaml_document import parse_yaml, require_text
 from kachaka_simple_control.motion.units import QUANTITIES, UnitError
 
 PACKAGE = 'kachaka_simple_control'

@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 import codecs
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import math
 import os
 import re
@@ -27,11 +27,11 @@ from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.diagnostics import (
     format_path,
     INSTALL,
-    KeyPath,
     MAX_PROBLEMS,
     Problem,
     UnreadableFileError,
 )
+from kachaka_simple_control.files.document import Document, Node
 from kachaka_simple_control.motion.units import DIGITS
 
 #: The largest file that is read [bytes].
@@ -125,78 +125,6 @@ def _read(path: str | os.PathLike[str]) -> bytes:
 
 def _too_large() -> Problem:
     return Problem(f'this is more than {MAX_BYTES} bytes, the most that is read')
-
-
-@dataclass(eq=False)
-class Node:
-    """
-    A value in a file.
-
-    :param line: the line it begins in, or that of its key, counted from 1
-    :param data: the value, as JSON has it
-    :param children: what is in it, by key or index
-    :param is_bad: whether something is wrong with it, and was said
-    :param has_problem: whether it is bad, or something in it is
-    """
-
-    line: int
-    data: Any
-    children: dict[str | int, Node] = field(default_factory=dict)
-    is_bad: bool = False
-    has_problem: bool = False
-
-    def on_the_way(self, way: KeyPath) -> list[Node]:
-        """
-        Return the values on the way to a place, this one first.
-
-        :param way: keys and indices, from here
-        :returns: the values, as far as there are any
-        """
-        found = [self]
-        for part in way:
-            if part not in found[-1].children:
-                break
-            found.append(found[-1].children[part])
-        return found
-
-    def at(self, way: KeyPath) -> Node:
-        """
-        Return the value at a place.
-
-        :param way: keys and indices, from here
-        :returns: the value, or the last one on the way where the way ends before
-        """
-        return self.on_the_way(way)[-1]
-
-
-@dataclass(eq=False)
-class Document:
-    """
-    What is in a file.
-
-    :param root: all of it
-    :param problems: what is wrong with it
-    """
-
-    root: Node
-    problems: list[Problem] = field(default_factory=list)
-
-    def add_problem(self, way: KeyPath, text: str) -> None:
-        """
-        Say what is wrong with a value, unless something is that was said already.
-
-        :param way: the way to the value
-        :param text: what is wrong
-        :raises UnreadableFileError: if that is enough
-        """
-        nodes = self.root.on_the_way(way)
-        if len(nodes) > len(way) and nodes[-1].is_bad:
-            return
-        self.problems.append(Problem(text, nodes[-1].line, format_path(way)))
-        for node in nodes:
-            node.has_problem = True
-        if len(self.problems) >= MAX_PROBLEMS:
-            raise UnreadableFileError(*self.problems)
 
 
 #: More characters than this no number needs: the longest float has 24.
