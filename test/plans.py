@@ -15,7 +15,7 @@
 
 import math
 
-from kachaka_simple_control.files.robot_profile import Box, Disc
+from kachaka_simple_control.motion.geometry import Box, Disc
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait

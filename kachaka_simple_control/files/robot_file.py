@@ -28,7 +28,8 @@ from kachaka_simple_control.files.diagnostics import (
     sort_problems,
     UnreadableFileError,
 )
-from kachaka_simple_control.files.robot_profile import Box, Disc, Footprint, KACHAKA, RobotProfile
+from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
+from kachaka_simple_control.motion.geometry import Box, Disc, Footprint
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE
 

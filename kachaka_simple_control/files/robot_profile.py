@@ -17,55 +17,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from kachaka_simple_control.motion.geometry import Box, Footprint
 from kachaka_simple_control.motion.limits import Limits
-
-
-@dataclass(frozen=True)
-class Box:
-    """
-    The outline of a robot with four corners, seen from above.
-
-    :param length: from back to front [m]
-    :param width: from side to side [m]
-    :param ahead: how far its middle is ahead of the axle, about which the robot turns [m]
-    """
-
-    length: float
-    width: float
-    ahead: float = 0.0
-
-
-@dataclass(frozen=True)
-class Disc:
-    """
-    The outline of a round robot, seen from above, with the axle in its middle.
-
-    :param radius: its radius [m]
-    """
-
-    radius: float
-
-
-Footprint = Box | Disc
 
 
 @dataclass(frozen=True)
 class RobotProfile:
     """
-    A robot as its commander sees it; names are relative to the robot's ROS namespace.
+    The interface and the limits of a robot; names are relative to its ROS namespace.
 
-    :param name: what people call it
-    :param namespace: its ROS namespace, absolute, where nobody says another one
-    :param velocity_topic: where it takes velocities
-    :param odometry_topic: where it tells where it is; None if nowhere
-    :param manual_control_service: what lets it take velocities (std_srvs/SetBool); None if it
-        always takes them
+    :param name: its name, for people
+    :param namespace: its ROS namespace by default, absolute
+    :param velocity_topic: the topic on which it takes velocities
+    :param odometry_topic: the topic of its odometry; None if it has none
+    :param manual_control_service: the service that lets it take velocities (std_srvs/SetBool);
+        None if it always takes them
     :param manual_control_timeout: how long one enabling lasts [s]; infinite if it needs none
-    :param hold: how long it keeps the last velocity without a new one [s]
+    :param hold: its command timeout: how long it keeps a velocity without a new one [s]
     :param limits: its largest velocities, accelerations and jerks
-    :param message_type: what it takes velocities as: Twist or TwistStamped, of geometry_msgs
+    :param message_type: the type of its velocities: Twist or TwistStamped, of geometry_msgs
     :param frame: the frame in the header of a TwistStamped
-    :param footprint: its outline, for pictures; None if it does not matter
+    :param footprint: its outline, for pictures; None if it is not known
     """
 
     name: str
