@@ -49,13 +49,13 @@ class MotionFile:
     """
     A motion, and what else its file says.
 
-    :param motion: what to do
-    :param source: the file it is from
-    :param robot: the robot it is made for, a name or the path of a profile; None if for any
-    :param limits: limits to plan it with, in SI units, by the names that
-        :class:`~kachaka_simple_control.motion.limits.Limits` has for them
-    :param rate: how often to send a velocity [Hz]; None if the file leaves it open
-    :param root: what is in the file, with its lines
+    :param motion: the motion
+    :param source: the file
+    :param robot: the robot it is made for, a name or the path of a profile; None for any
+    :param limits: limits to plan it with, in SI units, by the names of the fields of
+        :class:`~kachaka_simple_control.motion.limits.Limits`
+    :param rate: how often to send a velocity [Hz]; None if the file does not say
+    :param root: the values of the file, with their lines
     """
 
     motion: Motion
@@ -67,21 +67,20 @@ class MotionFile:
 
     def where(self, path: str) -> str:
         """
-        Return where something in the motion is written down.
+        Return file and line of a value, as in ``square.yaml:7``.
 
-        :param path: which, as in ``steps[2].turn.speed``
-        :returns: file and line, as in ``square.yaml:7``
+        :param path: its path, as in ``steps[2].turn.speed``
         """
         return location(self.source, self._line(path))
 
     def check(self, limits: Limits, robot: str = 'the robot') -> Limits:
         """
-        Hold the motion against a robot.
+        Check that a robot can drive the motion.
 
-        :param limits: what the robot can do
-        :param robot: what errors call it
+        :param limits: of the robot
+        :param robot: its name in errors
         :returns: the limits to plan with: the file's own where it has some, else the robot's
-        :raises MotionFileError: if the robot cannot do it, with a line for each step in the way
+        :raises MotionFileError: if it cannot, with a line for each problem
         """
         tightened = self.tighten(limits, robot)
         errors = find_errors(self.motion, tightened)
@@ -91,11 +90,10 @@ class MotionFile:
 
     def tighten(self, limits: Limits, robot: str = 'the robot') -> Limits:
         """
-        Return a robot's limits with those of the file, which are lower, in their places.
+        Return the limits of a robot, lowered to those of the file.
 
-        :param limits: what the robot can do
-        :param robot: what errors call it
-        :returns: the limits to plan with
+        :param limits: of the robot
+        :param robot: its name in errors
         :raises MotionFileError: if the file allows more than the robot can do
         """
         bounds = {name: _bound(limits, name) for name in self.limits}
@@ -110,7 +108,7 @@ class MotionFile:
         tightened = replace(limits, **self.limits)
         if limits.max_backward_velocity is None or 'max_backward_velocity' in self.limits:
             return tightened
-        # Whoever slows the robot down does not expect it to be faster backwards.
+        # A lower forward limit also holds backwards.
         return replace(tightened, max_backward_velocity=min(
             limits.max_backward_velocity, self.limits.get('max_linear_velocity', math.inf)))
 
@@ -118,13 +116,12 @@ class MotionFile:
             self, errors: Iterable[InvalidMotionError], robot: str = 'the robot'
             ) -> MotionFileError:
         """
-        Return errors of planning as errors of the file.
+        Return errors of planning as one error with their lines in the file.
 
-        :param errors: what ``find_errors()`` found, with paths such as ``steps[2].turn.speed``
-        :param robot: what the line calls the robot whose limits are meant
-        :returns: an error with a line for each
+        :param errors: from ``find_errors()``, with paths such as ``steps[2].turn.speed``
+        :param robot: the name of the robot whose limits are meant
         """
-        # With limits in the file it may be one of these that is meant.
+        # The limit may be one of the file.
         whose = 'the' if self.limits else f"{robot}'s"
         return MotionFileError(self.source, [self._problem(error, whose) for error in errors])
 
@@ -203,9 +200,8 @@ def load(path: str | os.PathLike[str]) -> MotionFile:
     """
     Read a motion from a file.
 
-    :param path: where the file is
-    :returns: what is in it
-    :raises MotionFileError: if it cannot be read, with a line for each thing that is wrong
+    :param path: of the file
+    :raises MotionFileError: if it cannot be read, with a line for each problem
     """
     source = os.fspath(path)
     try:
@@ -219,10 +215,9 @@ def loads(text: str, name: str = 'motion') -> MotionFile:
     """
     Read a motion from a text.
 
-    :param text: what is in a file
-    :param name: what errors call the file; a motion without a name of its own has its last part
-    :returns: what is in it
-    :raises MotionFileError: if it is no motion, with a line for each thing that is wrong
+    :param text: the text of a file
+    :param name: the file in errors; its last part names a motion that has no name
+    :raises MotionFileError: if it is not a motion, with a line for each problem
     """
     try:
         document = read_document(text, motion_schema())
@@ -258,13 +253,10 @@ _ESCAPED = re.compile('[^ !#-\\[\\]-~\xa1-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00
 
 def dump(motion: Motion) -> str:
     """
-    Return the text of a file that a motion can be read from.
-
-    Numbers have all their digits, so that nothing is lost.
+    Return the text of a file from which the same motion is read: numbers have all their digits.
 
     :param motion: the motion
-    :returns: the text
-    :raises MotionFileError: if no file can hold it: it has too many steps, for one
+    :raises MotionFileError: if no file can hold it; it has too many steps, for example
     """
     lines = [f'name: {_text(motion.name)}']
     if motion.description:

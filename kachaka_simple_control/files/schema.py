@@ -85,7 +85,7 @@ def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
     return f'did you mean {near!r}?' if near else f'known are {", ".join(known)}'
 
 
-#: The key within the value that a message is about, if any, and the message.
+#: The key in the value that a message is about, if any, and the message.
 _Messages = Iterator[tuple[str | None, str]]
 
 
@@ -112,7 +112,7 @@ def _enum(error: Any) -> _Messages:
 def _unknown(error: Any) -> _Messages:
     known = error.schema['properties']
     if len(error.instance) > error.schema.get('maxProperties', len(error.instance)):
-        return  # said already: there are several
+        return  # maxProperties has its own message
     for key in error.instance:
         if key not in known:
             yield key, f'there is no such {_entry(error)}; {did_you_mean(key, known)}'
@@ -143,7 +143,7 @@ def _bound(words: str) -> Callable[[Any], _Messages]:
     return message
 
 
-#: What is said, by the keyword of the schema that is broken.
+#: The messages by the keyword of the schema that is broken.
 _MESSAGES: dict[str, Callable[[Any], _Messages]] = {
     'additionalProperties': _unknown,
     'enum': _enum,

@@ -46,9 +46,8 @@ def read_text(path: str | os.PathLike[str]) -> str:
     """
     Return the text of a file.
 
-    :param path: where it is
-    :returns: its text
-    :raises UnreadableFileError: if there is no such file, or it is no text of at most 1 MB
+    :param path: of the file
+    :raises UnreadableFileError: if there is no such file, or it is not text of at most 1 MB
     """
     try:
         data = _read(path)
@@ -67,11 +66,10 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 def decode(data: bytes) -> str:
     """
-    Return the text that bytes stand for.
+    Return bytes as text.
 
     :param data: the bytes of a file
-    :returns: its text
-    :raises UnreadableFileError: if they are no text in UTF-8, or too many
+    :raises UnreadableFileError: if they are not text in UTF-8, or too many
     """
     if len(data) > MAX_BYTES:
         raise UnreadableFileError(_too_large())
@@ -87,13 +85,12 @@ def decode(data: bytes) -> str:
 
 def require_text(text: str) -> str:
     """
-    Require what a person can see, of a size that can be read.
+    Return a text unchanged, if it is printable and not too long.
 
-    :param text: the text of a file, perhaps with a byte order mark, as some editors write
-    :returns: the same
+    :param text: the text of a file; a byte order mark, which some editors write, is allowed
     :raises UnreadableFileError: if it is too long, or has control characters
     """
-    # A character has four bytes at most, so this spares encoding what is surely too long.
+    # The number of characters is checked first: nothing very long is encoded.
     if len(text) > MAX_BYTES or len(text.encode(errors='surrogatepass')) > MAX_BYTES:
         raise UnreadableFileError(_too_large())
     found = _UNPRINTABLE.search(text)
@@ -127,7 +124,7 @@ def _too_large() -> Problem:
     return Problem(f'this is more than {MAX_BYTES} bytes, the most that is read')
 
 
-#: More characters than this no number needs: the longest float has 24.
+#: The most characters of a number; the longest float has 24.
 MAX_NUMBER = 100
 _NOTHING = ('', '~', 'null', 'Null', 'NULL')
 _BOOLEANS = {
@@ -139,18 +136,17 @@ _NOT_FINITE = re.compile(r'[-+]?[.]?(inf(inity)?|nan)', re.IGNORECASE)
 
 
 class ScalarError(ValueError):
-    """A word means nothing that a file may say; the text says why."""
+    """A word is not allowed in a file; the message says why."""
 
 
 def resolve(word: str) -> bool | int | float | str | None:
     """
-    Return what a word without quotes means.
+    Return the value of a word without quotes: None, a truth value, a finite number or text.
 
     As in YAML 1.2: ``1e3`` is a number, ``yes``, ``on`` and ``1:30`` are text.
 
     :param word: the word
-    :returns: nothing, a truth value, a finite number or a text
-    :raises ScalarError: if it is a number that is not finite, endless, or read as octal by some
+    :raises ScalarError: if it is a number that is not finite, too long, or octal for some readers
     """
     if word in _NOTHING:
         return None
@@ -186,17 +182,17 @@ MAX_DEPTH = 70
 
 def parse_yaml(text: str) -> Document:
     """
-    Read YAML: mappings, lists and words, in one document.
+    Read one YAML document of mappings, lists and words.
 
     :param text: the text
     :returns: its values, and what is wrong with single ones
-    :raises UnreadableFileError: if it is no YAML, empty or too large
+    :raises UnreadableFileError: if it is not YAML, empty or too large
     """
     try:
         import yaml
     except ImportError:
         raise UnreadableFileError(Problem(INSTALL)) from None
-    # The one in C is fifteen times as fast; some builds of PyYAML have it not.
+    # The loader in C is fifteen times as fast; some builds of PyYAML lack it.
     loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
     composer = _YamlBuilder()
     try:
@@ -220,7 +216,7 @@ def _not_yaml(error: Any, text: str) -> Problem:
 
 
 def _resolve(event: Any) -> tuple[Any, str | None]:
-    """Return what a word means, or else what is wrong with it."""
+    """Return the value of a word, or else what is wrong with it."""
     try:
         event.value.encode()
         return (event.value if event.style else resolve(event.value)), None
@@ -231,7 +227,7 @@ def _resolve(event: Any) -> tuple[Any, str | None]:
 
 
 def _decoration(event: Any) -> str | None:
-    """Return what is wrong with what stands before a value to say more than the value does."""
+    """Return what is wrong with the alias, anchor or tag of a value; None if it has none."""
     anchor: str | None = getattr(event, 'anchor', None)
     tag: str | None = getattr(event, 'tag', None)
     if type(event).__name__ == 'AliasEvent':
@@ -243,7 +239,7 @@ def _decoration(event: Any) -> str | None:
 
 @dataclass(eq=False)
 class _OpenNode:
-    """A mapping or list whose end has not come yet, and the key whose value comes next."""
+    """A mapping or list that has not ended, and the key whose value comes next."""
 
     node: Node
     key: str | None = None

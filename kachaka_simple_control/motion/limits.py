@@ -100,18 +100,16 @@ class Limits:
 
     def check_linear(self, linear_x: float) -> None:
         """
-        Refuse a linear velocity that must never be sent.
+        Refuse a linear velocity [m/s] that must never be sent.
 
-        :param linear_x: the velocity [m/s]
         :raises InvalidMotionError: if it is not finite or beyond its limit
         """
         _check('linear_x', linear_x, self.backward_velocity, self.max_linear_velocity, 'm/s')
 
     def check_angular(self, angular_z: float) -> None:
         """
-        Refuse an angular velocity that must never be sent.
+        Refuse an angular velocity [rad/s] that must never be sent.
 
-        :param angular_z: the velocity [rad/s]
         :raises InvalidMotionError: if it is not finite or beyond its limit
         """
         limit = self.max_angular_velocity
@@ -135,7 +133,7 @@ OPTIONAL = ('max_linear_deceleration', 'max_angular_deceleration', 'max_backward
 
 
 def _check(name: str, value: float, backward: float, forward: float, unit: str) -> None:
-    # NaN is within no limits, and infinity not even within infinite ones.
+    # NaN is within no limits, and infinity is not within infinite ones.
     if not (math.isfinite(value) and -backward <= value <= forward):
         raise InvalidMotionError(
             f"{name} is {value} {unit}, outside the robot's limits of "

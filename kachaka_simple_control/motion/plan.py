@@ -34,11 +34,11 @@ MAX_SEGMENTS = 5_000_000
 @dataclass(frozen=True, slots=True)
 class Segment:
     """
-    A stretch of time with one velocity; repeated at the plan's rate while it lasts.
+    A time interval with one velocity, which is repeated at the plan's rate.
 
-    :param start: when it begins [s after t = 0]
-    :param end: when it ends [s after t = 0]
-    :param velocity: what is sent
+    :param start: its begin [s after t = 0]
+    :param end: its end [s after t = 0]
+    :param velocity: the velocity that is sent
     """
 
     start: float
@@ -51,12 +51,12 @@ class PlannedStep:
     """
     One step as it is planned, each time that it is driven.
 
-    :param path: its place in the motion, as in ``steps[3].repeat.steps[0]``
+    :param path: its path in the motion, as in ``steps[3].repeat.steps[0]``
     :param step: the step, which is no block of others
-    :param start: when it begins [s after t = 0]
-    :param end: when it ends [s after t = 0]
+    :param start: its begin [s after t = 0]
+    :param end: its end [s after t = 0]
     :param pose: where it ends, for a robot that began at the origin and drives as planned
-    :param length: how far it drives, forwards or backwards [m]
+    :param length: of its path, forwards and backwards [m]
     :param max_linear_velocity: the largest linear velocity sent, in either direction [m/s]
     :param max_angular_velocity: the largest angular velocity sent, in either direction [rad/s]
     """
@@ -76,7 +76,7 @@ class Plan:
     """
     The timed velocities of a motion; after the last segment the velocity is zero.
 
-    :param segments: what to send, in order, without gaps, beginning at 0 s
+    :param segments: the velocities to send, in order, without gaps, beginning at 0 s
     :param period: how often a velocity is repeated within its segment [s]
     :param steps: the same by step, in order, repeats written out
     """
@@ -87,34 +87,34 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """How long the plan takes [s]."""
+        """Return how long the plan takes [s]."""
         return self.segments[-1].end if self.segments else 0.0
 
     @property
     def pose(self) -> Pose:
-        """Where it ends, for a robot that began at the origin and drives as planned."""
+        """Return where it ends, for a robot that began at the origin and drives as planned."""
         return self.steps[-1].pose if self.steps else ORIGIN
 
     @property
     def length(self) -> float:
-        """How far it drives, forwards and backwards [m]."""
+        """Return the length of its path, forwards and backwards [m]."""
         return sum(step.length for step in self.steps)
 
     @property
     def max_linear_velocity(self) -> float:
-        """The largest linear velocity sent, in either direction [m/s]."""
+        """Return the largest linear velocity sent, in either direction [m/s]."""
         return max((step.max_linear_velocity for step in self.steps), default=0.0)
 
     @property
     def max_angular_velocity(self) -> float:
-        """The largest angular velocity sent, in either direction [rad/s]."""
+        """Return the largest angular velocity sent, in either direction [rad/s]."""
         return max((step.max_angular_velocity for step in self.steps), default=0.0)
 
     def path(self, start: Pose = ORIGIN) -> list[Pose]:
         """
         Return the poses that this plan predicts, for a robot that drives as planned.
 
-        :param start: where the robot is at t = 0
+        :param start: of the robot at t = 0
         :returns: the start and the pose at the end of each segment
         """
         poses = [start]
@@ -135,12 +135,11 @@ class Plan:
 
 def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
     """
-    Turn a motion into the velocities to send.
+    Return the velocities that drive a motion.
 
-    :param motion: what to do
-    :param limits: what the robot can do
+    :param motion: the motion
+    :param limits: of the robot
     :param rate: how often a velocity is sent [Hz]
-    :returns: the plan
     :raises InvalidMotionError: if a step is beyond a limit, the motion too long, or the rate not
         a positive number; ``find_errors`` returns all that is wrong with a motion
     """
@@ -215,5 +214,5 @@ def _segments(velocities: list[Velocity], start: float, end: float) -> list[Segm
     segments = list(map(Segment, marks, marks[1:], velocities))
     if tick > 1e-9 * end:
         return segments
-    # A time so short that it is lost beside the time since t = 0 is none.
+    # A segment too short for the resolution of the time since t = 0 is left out.
     return [segment for segment in segments if segment.end > segment.start]
