@@ -48,7 +48,7 @@ class Node:
     is_bad: bool = False
     has_problem: bool = False
 
-    def on_the_way(self, path: KeyPath) -> list[Node]:
+    def along(self, path: KeyPath) -> list[Node]:
         """
         Return the values along a path, this one first, as far as there are any.
 
@@ -67,7 +67,7 @@ class Node:
 
         :param path: keys and indices, from here
         """
-        return self.on_the_way(path)[-1]
+        return self.along(path)[-1]
 
 
 @dataclass(eq=False)
@@ -90,7 +90,7 @@ class Document:
         :param text: what is wrong
         :raises UnreadableFileError: if there are too many problems
         """
-        nodes = self.root.on_the_way(path)
+        nodes = self.root.along(path)
         if len(nodes) > len(path) and nodes[-1].is_bad:
             return
         self.problems.append(Problem(text, nodes[-1].line, format_path(path)))

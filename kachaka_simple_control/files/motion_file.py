@@ -149,7 +149,7 @@ def read_steps(document: Document, path: KeyPath) -> tuple[Step, ...]:
     :param document: a file that is checked against the schema
     :param path: the path of the list
     """
-    nodes = document.root.on_the_way(path)
+    nodes = document.root.along(path)
     if len(nodes) <= len(path) or not isinstance(nodes[-1].data, list):
         return ()
     steps = (_read_step(document, [*path, index]) for index in range(len(nodes[-1].data)))

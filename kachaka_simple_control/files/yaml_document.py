@@ -194,13 +194,13 @@ def parse_yaml(text: str) -> Document:
         raise UnreadableFileError(Problem(INSTALL)) from None
     # The loader in C is fifteen times as fast; some builds of PyYAML lack it.
     loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-    composer = _YamlBuilder()
+    builder = _YamlBuilder()
     try:
         for event in yaml.parse(text, Loader=loader):
-            composer.take(event)
+            builder.take(event)
     except yaml.YAMLError as error:
-        raise UnreadableFileError(*composer.problems, _not_yaml(error, text)) from None
-    return composer.document()
+        raise UnreadableFileError(*builder.problems, _not_yaml(error, text)) from None
+    return builder.document()
 
 
 def _not_yaml(error: Any, text: str) -> Problem:
@@ -334,8 +334,8 @@ class _YamlBuilder:
     def _object(self, line: int, text: str) -> None:
         for parent in self._open:
             parent.node.has_problem = True
-        way = [parent.part for parent in self._open]
-        self.problems.append(Problem(text, line, format_path(way)))
+        path = [parent.part for parent in self._open]
+        self.problems.append(Problem(text, line, format_path(path)))
         if len(self.problems) >= MAX_PROBLEMS:
             raise UnreadableFileError(*self.problems)
 
