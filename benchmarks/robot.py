@@ -26,7 +26,7 @@ from benchmarks.wire import Row
 TESTS = Path(__file__).resolve().parent.parent / 'test'
 sys.path.append(str(TESTS))  # has the module listener
 
-from listener import Heard, Listener  # noqa: E402
+from listener import Listener, SentVelocity  # noqa: E402
 
 #: A robot has been there for so long before a program is started [s].
 SETTLING_TIME = 2.0
@@ -58,7 +58,8 @@ class Robot(Listener):
         return [Row(heard.time, heard.linear_x) for heard in self.heard[mark:]]
 
     def first(
-            self, condition: Callable[[Heard], bool], mark: int, timeout: float) -> Heard | None:
+            self, condition: Callable[[SentVelocity], bool], mark: int,
+            timeout: float) -> SentVelocity | None:
         """
         Wait for a message.
 

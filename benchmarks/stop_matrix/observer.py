@@ -21,7 +21,7 @@ import threading
 import time
 
 from geometry_msgs.msg import Twist
-from listener import Heard, KNOWS_SOURCE_TIME, QUALITY
+from listener import KNOWS_SOURCE_TIME, QUALITY, SentVelocity
 from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -71,7 +71,7 @@ class RobotRecorder:
         self._node = node
         self.namespace = namespace
         self._topic = f'/{namespace}/manual_control/cmd_vel'
-        self._velocities: list[Heard] = []
+        self._velocities: list[SentVelocity] = []
         self._odometry: list[bytes] = []
         self._subscriptions = [
             node.create_subscription(
@@ -90,8 +90,8 @@ class RobotRecorder:
         self._odometry.clear()
 
     def wait_for(
-            self, condition: Callable[[Heard], bool], since: float,
-            timeout: float) -> Heard | None:
+            self, condition: Callable[[SentVelocity], bool], since: float,
+            timeout: float) -> SentVelocity | None:
         """
         Wait for a velocity.
 
@@ -109,7 +109,7 @@ class RobotRecorder:
                 return None
             time.sleep(0.005)
 
-    def sent_since(self, since: float) -> list[Heard]:
+    def sent_since(self, since: float) -> list[SentVelocity]:
         """Return the velocities sent after a time [s, system clock], in order of time."""
         return sorted((one for one in [*self._velocities] if one.time > since),
                       key=lambda one: one.time)
@@ -144,10 +144,10 @@ class RobotRecorder:
         return OtherPublisher(self._node, self._topic)
 
     def _on_velocity(self, message: Twist) -> None:
-        self._velocities.append(Heard(time.time(), message.linear.x, message.angular.z))
+        self._velocities.append(SentVelocity(time.time(), message.linear.x, message.angular.z))
 
     def _on_velocity_with_info(self, message: Twist, info: dict[str, int]) -> None:
-        self._velocities.append(Heard(
+        self._velocities.append(SentVelocity(
             info['source_timestamp'] / 1e9, message.linear.x, message.angular.z))
 
 
