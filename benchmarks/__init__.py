@@ -12,8 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Measure what the promise is worth: our timing and stopping beside what people write otherwise.
+Benchmarks of our timing and stopping, and of the loops that people write otherwise.
 
-``python -m benchmarks`` measures, ``python -m benchmarks.compare`` sets two runs side by side.
-What touches ROS is in ``loops``, ``contender`` and ``robot``; the arithmetic is pure.
+``python -m benchmarks`` measures, ``python -m benchmarks.compare`` compares two runs.  Only
+``loops``, ``loop_process``, ``resource_usage`` and ``robot`` use ROS; the figures are pure.
 """

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Measure, keep the data, draw, print the tables, and judge; ``make bench`` runs this."""
+"""Measure, draw, print the tables, and compare with thresholds; ``make bench`` runs this."""
 
 from __future__ import annotations
 
@@ -35,27 +35,21 @@ from benchmarks.thresholds import judge
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / 'benchmarks' / 'results'
-#: The run that the page shows, kept with it.
+#: The run that the page shows.
 REFERENCE = RESULTS / 'reference.json'
 PAGE = ROOT / 'docs' / 'benchmarks.md'
 IMAGES = ROOT / 'docs' / 'images'
 
 
 def measure(scale: Scale) -> dict[str, Any]:
-    """
-    Measure everything.
-
-    :param scale: how much
-    :returns: the run, plain data
-    """
+    """Run all measurements; return the run, plain data."""
     from kachaka_simple_control.ros.dds_transport import use_localhost_only
-    # Before anything loads rclpy: no robot, and no other run, may hear this one.
+    # Before anything loads rclpy: no robot and no other run may receive what is sent here.
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     use_localhost_only()
     from benchmarks import machine, planning, startup_shutdown, timing
     described = machine.describe()
     begin = time.monotonic()
-    # A later kind of measurement adds its line here.
     run = {
         'date': f'{datetime.now(timezone.utc):%Y-%m-%d}',
         'moves': {str(rate): count for rate, count in scale.moves.items()},
@@ -70,38 +64,21 @@ def measure(scale: Scale) -> dict[str, Any]:
     return run
 
 
-def keep(run: dict[str, Any], name: str) -> Path:
-    """
-    Write a run down, for comparing it with others.
-
-    :param run: the run
-    :param name: a part of the file's name
-    :returns: the file
-    """
+def save(run: dict[str, Any], name: str) -> Path:
+    """Write a run to a file whose name begins with ``name``; return the file."""
     file = RESULTS / f'{name}-{datetime.now(timezone.utc):%Y%m%d-%H%M%S}.json'
     file.write_text(json.dumps(run, indent=1) + '\n')
     return file
 
 
 def draw(file: Path, folder: Path, python: str) -> None:
-    """
-    Draw a run.
-
-    :param file: the run
-    :param folder: where the pictures go
-    :param python: a Python with matplotlib, which the one that measures need not have
-    """
+    """Draw a run into a folder, by a Python that has matplotlib; ours may not have it."""
     subprocess.run(
         [python, '-m', 'benchmarks.plots', str(file), str(folder)], cwd=ROOT, check=True)
 
 
 def write_page(shown: list[Table], run: dict[str, Any]) -> None:
-    """
-    Put the tables of a run on the page.
-
-    :param shown: the tables
-    :param run: the run
-    """
+    """Write the tables of a run to the page."""
     counts = ', '.join(f'{count} at {rate} Hz' for rate, count in run['moves'].items())
     head = f'Measured on {run["date"]}.  Movements of one second by each loop: {counts}.'
     measured = '\n'.join([head, '', *(table.markdown() for table in shown)])
@@ -109,12 +86,7 @@ def write_page(shown: list[Table], run: dict[str, Any]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """
-    Do what the arguments say.
-
-    :param arguments: the arguments without the program's name; None for those of the process
-    :returns: the exit code: 1 if a bar was missed
-    """
+    """Measure as the arguments ask; return 1 if a threshold was missed, else 0."""
     parser = argparse.ArgumentParser(prog='benchmarks', description=__doc__)
     parser.add_argument('--quick', action='store_true', help='measure little; leaves docs alone')
     parser.add_argument('--no-bars', action='store_true', help='a missed bar is no failure')
@@ -125,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         file, run = options.of.resolve(), json.loads(options.of.read_text())
     else:
         run = measure(QUICK if options.quick else FULL)
-        file = keep(run, 'quick' if options.quick else 'full')
+        file = save(run, 'quick' if options.quick else 'full')
     shown = tables(run)
     print('\n'.join(table.text() for table in shown))
     if options.draw_with:
@@ -134,7 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         write_page(shown, run)
         REFERENCE.write_bytes(file.read_bytes())
     print(f'All of it: {file.relative_to(ROOT)}')
-    missed = [verdict.bar.what for verdict in judge(figures(run)) if not verdict.is_held]
+    missed = [verdict.threshold.what for verdict in judge(figures(run)) if not verdict.is_met]
     print(f'Missed: {"; ".join(missed)}' if missed else 'Every bar is held')
     return 0 if options.no_bars or not missed else 1
 

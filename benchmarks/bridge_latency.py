@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-What the bridge to a real robot adds to the call that no bridge can do without.
+The latency that the bridge to a real robot adds to the gRPC call.
 
-From publishing a velocity to its arrival at the robot, beside the bare gRPC call from asking to
-arrival, in turns at the same rates against the same robot; all processes on this machine.
+Measured from publishing a velocity to its arrival at the robot, and from a bare gRPC call to its
+arrival, in turns, at the same rates, with the same robot; all processes are on this machine.
 ``python -m benchmarks.bridge_latency`` prints the table of ``docs/kachaka.md``.
 """
 
@@ -44,14 +44,14 @@ from benchmarks.tables import Table
 
 ROOT = Path(__file__).resolve().parent.parent
 RATES = (10, 50, 100)
-#: How long each of the two is measured at each rate, at a time, and how often [s].
+#: Each of the two is measured for so long at each rate [s], so many times.
 BLOCK, TURNS = 6.0, 3
-#: The bar: the bridge's median over that of the bare call.
-BAR = 2.0
+#: Threshold of the bridge's median, relative to that of the bare call.
+MAX_RATIO = 2.0
 NAMES = ('floor', 'bridge')
 HEAD = ('rate', 'bare call, median / 95 %', 'through the bridge, median / 95 %',
         'of the bare call', 'CPU a command: bare / bridge')
-#: Each velocity is another, so that each arrival is known: by so many parts of the largest.
+#: Difference between two velocities, relative to the largest: it identifies each message.
 STEP = 1e-4
 MAX_LINEAR = 0.3
 
@@ -65,11 +65,11 @@ def measure(
     Measure both.
 
     :param rates: how often a velocity is sent [Hz]
-    :param block: how long at a time [s]
-    :param turns: how often
+    :param block: duration of a turn [s]
+    :param turns: number of turns
     :returns: for each of the two and each rate: ``who``, ``rate`` [Hz], ``latency`` (of each
-        velocity that arrived [s]), ``sent``, and ``cpu`` (of the caller or the bridge, a command
-        [s])
+        velocity that arrived [s]), ``sent``, and ``cpu`` (of the caller or the bridge, for each
+        velocity [s])
     """
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     use_localhost_only()
@@ -86,37 +86,21 @@ def measure(
 
 
 def ratio(entries: Sequence[dict[str, Any]], rate: int) -> float:
-    """
-    Return how many times the bare call's median latency the bridge's is.
-
-    :param entries: what ``measure`` returned
-    :param rate: at which rate [Hz]
-    :returns: the ratio
-    """
+    """Return the bridge's median latency relative to that of the bare call, at a rate [Hz]."""
     medians = {entry['who']: median(entry['latency']) for entry in entries
                if entry['rate'] == rate}
     return medians['bridge'] / medians['floor']
 
 
 def table(entries: Sequence[dict[str, Any]]) -> Table:
-    """
-    Put the figures as a table.
-
-    :param entries: what ``measure`` returned
-    :returns: the table, a row for each rate
-    """
+    """Return the table, with a row for each rate."""
     rates = dict.fromkeys(entry['rate'] for entry in entries)
     return Table('From asking to arrival at the robot', HEAD, tuple(
         _row(rate, *(_entry(entries, who, rate) for who in NAMES)) for rate in rates))
 
 
 def lost(entries: Sequence[dict[str, Any]]) -> str:
-    """
-    Tell how many velocities did not arrive through the bridge.
-
-    :param entries: what ``measure`` returned
-    :returns: a sentence
-    """
+    """Return a sentence on the velocities that did not arrive through the bridge."""
     through = [entry for entry in entries if entry['who'] == 'bridge']
     sent = sum(entry['sent'] for entry in through)
     missing = sent - sum(len(entry['latency']) for entry in through)
@@ -207,7 +191,7 @@ def _bridge(robot: _Robot) -> Iterator[tuple[Send, Callable[[], float]]]:
 
 
 class _Robot:
-    """A robot in a process of its own, which notes when what arrives."""
+    """A robot in a process of its own, which records arrivals."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         assert process.stdin is not None
@@ -216,7 +200,7 @@ class _Robot:
         self.address = self._stdout.readline().strip()
 
     def rows(self) -> list[tuple[float, float]]:
-        """Return what arrived since this was asked last: when [s], and the forward velocity."""
+        """Return what arrived since the last call: when [s], and the forward velocity."""
         print(file=self._stdin, flush=True)
         rows: list[tuple[float, float]] = json.loads(self._stdout.readline())
         return rows
@@ -265,12 +249,7 @@ def _be_robot() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """
-    Measure, print, and judge.
-
-    :param arguments: the arguments without the program's name; None for those of the process
-    :returns: the exit code: 1 if the bar was missed
-    """
+    """Measure and print; return 1 if the threshold was missed, else 0."""
     parser = argparse.ArgumentParser(prog='bridge_latency', description=__doc__)
     parser.add_argument('--quick', action='store_true', help='measure little')
     parser.add_argument('--be-robot', action='store_true', help=argparse.SUPPRESS)
@@ -281,9 +260,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     entries = measure(block=1.0, turns=1) if options.quick else measure()
     print(table(entries).markdown())
     print(lost(entries))
-    missed = [rate for rate in RATES if ratio(entries, rate) > BAR]
-    print(f'Missed at {missed} Hz: more than {BAR:g} times the bare call' if missed else
-          f'Held: at the median at most {BAR:g} times the bare call')
+    missed = [rate for rate in RATES if ratio(entries, rate) > MAX_RATIO]
+    print(f'Missed at {missed} Hz: more than {MAX_RATIO:g} times the bare call' if missed else
+          f'Held: at the median at most {MAX_RATIO:g} times the bare call')
     return 1 if missed else 0
 
 

@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Drive while other nodes come and go: nothing is wrong with that, and a run is to reach its end.
+Drive while other nodes are restarted, which must not end a run.
 
 Beside a simulated robot there are many other ROS nodes, of which some are restarted each second,
-so that discovery always has something to do.  ``python -m benchmarks.churn`` drives there, and
-tells how many runs reached their end, and what ended the others.  Forty such nodes take all the
-time of two processors: with ``--nice -10`` (as root) the drive comes first.
+so that discovery is always busy.  ``python -m benchmarks.churn`` drives there, and prints how many
+runs reached their end, and what ended the others.  Forty such nodes take all the time of two
+processors: with ``--nice -10`` (as root) the drive has priority.
 """
 
 from __future__ import annotations
@@ -48,37 +48,37 @@ from benchmarks.machine import describe
 from benchmarks.process import ROOT
 from benchmarks.progress import show
 
-#: The other nodes are in so many processes, each in a context of its own: a DDS participant.
+#: The other nodes are in so many processes, each node with a context and participant of its own.
 PROCESSES = 4
-#: How long they have to find each other before the first run [s].
-SETTLING = 15.0
+#: They have so long to discover each other before the first run [s].
+SETTLING_TIME = 15.0
 #: A run takes no longer than this, with start, discovery and stop [s].
-LONGEST = 120.0
+MAX_RUN_TIME = 120.0
 
 
-def come_and_go(count: int, rate: float, seconds: float) -> None:
+def restart_nodes(count: int, rate: float, seconds: float) -> None:
     """
-    Be many nodes, and restart one after the other.
+    Make nodes, and restart one after the other.
 
-    :param count: how many
-    :param rate: how many restarts a second
+    :param count: number of nodes
+    :param rate: restarts per second
     :param seconds: for how long [s]
     """
     end = time.monotonic() + seconds
-    leave = [_come(number) for number in range(count)]
+    stop = [_start_node(number) for number in range(count)]
     due = time.monotonic()
     for number in range(count, count + round(seconds * rate)):
-        # What could not be done in time is not made up for.
+        # Restarts that are late are not caught up with.
         due = max(due + 1.0 / rate, time.monotonic())
         if due >= end:
             return
         time.sleep(max(0.0, due - time.monotonic()))
-        leave.pop(random.randrange(count))()
-        leave.append(_come(number))
+        stop.pop(random.randrange(count))()
+        stop.append(_start_node(number))
 
 
-def _come(number: int) -> Callable[[], None]:
-    """Enter the graph; return what leaves it."""
+def _start_node(number: int) -> Callable[[], None]:
+    """Start a node; return what stops it."""
     context = rclpy.Context()
     context.init(args=[])
     node = Node(
@@ -87,27 +87,27 @@ def _come(number: int) -> Callable[[], None]:
     node.create_publisher(Twist, f'other_{number % 5}', 10)
     node.create_subscription(Twist, f'other_{(number + 1) % 5}', lambda _: None, 10)
 
-    def leave() -> None:
+    def stop() -> None:
         node.destroy_node()
         context.try_shutdown()
-    return leave
+    return stop
 
 
 @contextlib.contextmanager
 def others(
         nodes: int, restarts: float, longest: float, domain: int | None = None) -> Iterator[None]:
     """
-    Have other nodes come and go beside the ``with`` block, which begins at once.
+    Run and restart other nodes beside the ``with`` block, which begins at once.
 
-    They have ROS's own transports, as other people's nodes do, and reach this machine alone.
+    They have ROS's default transports, and reach this machine alone.
 
-    :param nodes: how many there are
-    :param restarts: how many of them are restarted each second
-    :param longest: after what time they end in any case [s]
+    :param nodes: number of nodes
+    :param restarts: restarts per second
+    :param longest: they end by themselves after this time [s]
     :param domain: their ROS domain; None for that of the environment
     """
     variables = {name: value for name, value in os.environ.items() if name not in CHOICES}
-    # The rclpy of Humble does not know the range.
+    # Humble has no discovery range.
     if os.environ.get('ROS_DISTRO') == 'humble':
         variables[LOCALHOST_ONLY] = '1'
     else:
@@ -115,16 +115,16 @@ def others(
     if domain is not None:
         variables['ROS_DOMAIN_ID'] = str(domain)
     share = (str(nodes // PROCESSES), str(restarts / PROCESSES), str(longest))
-    processes = [
+    started = [
         subprocess.Popen([sys.executable, '-m', 'benchmarks.churn', '--be-others', *share],
                          cwd=ROOT, env=variables) for _ in range(PROCESSES)]
     try:
         yield
     finally:
-        # Killed, they would leave locks of shared memory behind.
-        for process in processes:
+        # Killed, they would leave locked shared memory behind.
+        for process in started:
             process.terminate()
-        for process in processes:
+        for process in started:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(10.0)
             process.kill()
@@ -135,11 +135,11 @@ def measure(motion: str, rate: float, runs: int, nice: int) -> Counter[str]:
     """
     Drive some runs.
 
-    :param motion: which of the library
+    :param motion: name of a library motion
     :param rate: how often a velocity is sent [Hz]
-    :param runs: how many
-    :param nice: what is added to the niceness of each
-    :returns: what they ended with, and how often; nothing for a run that reached its end
+    :param runs: number of runs
+    :param nice: added to the niceness of each
+    :returns: count of each last message; empty for runs that reached their end
     """
     command = [*processes.python_command('kachaka_simple_control.__main__'), motion, '--quiet',
                '--rate', str(rate)]
@@ -148,20 +148,15 @@ def measure(motion: str, rate: float, runs: int, nice: int) -> Counter[str]:
         done = subprocess.run(
             ['nice', '-n', str(nice), *command] if nice else command, cwd=ROOT,
             env=processes.child_environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE, text=True, timeout=LONGEST, check=False)
-        said = ''.join(done.stderr.splitlines()[-1:]) or f'exit code {done.returncode}'
-        ends[said if done.returncode else ''] += 1
+            stderr=subprocess.PIPE, text=True, timeout=MAX_RUN_TIME, check=False)
+        message = ''.join(done.stderr.splitlines()[-1:]) or f'exit code {done.returncode}'
+        ends[message if done.returncode else ''] += 1
         show('runs', index + 1, runs)
     return ends
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """
-    Measure, print, and judge.
-
-    :param arguments: the arguments without the program's name; None for those of the process
-    :returns: the exit code: 1 if a run did not reach its end
-    """
+    """Measure and print; return 1 if a run did not reach its end, else 0."""
     parser = argparse.ArgumentParser(prog='benchmarks.churn', description=__doc__)
     parser.add_argument('--motion', default='square', help='of the library (default: square)')
     parser.add_argument('--rate', type=float, default=50.0, help='[Hz] (default: 50)')
@@ -172,19 +167,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--be-others', nargs=3, type=float, help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     if options.be_others:
-        come_and_go(int(options.be_others[0]), *options.be_others[1:])
+        restart_nodes(int(options.be_others[0]), *options.be_others[1:])
         return 0
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    with others(options.nodes, options.restarts, SETTLING + LONGEST * options.runs):
-        time.sleep(SETTLING)
+    with others(options.nodes, options.restarts, SETTLING_TIME + MAX_RUN_TIME * options.runs):
+        time.sleep(SETTLING_TIME)
         use_localhost_only()
         with simulated_bridge():
             ends = measure(options.motion, options.rate, options.runs, options.nice)
     print(f'{ends.pop("", 0)} of {options.runs} runs reached their end, beside {options.nodes} '
           f'nodes of which {options.restarts:g} a second are restarted '
           f'({describe()["cores"]} processors)')
-    for said, count in ends.most_common():
-        print(f'{count} of {options.runs}: {said}')
+    for message, count in ends.most_common():
+        print(f'{count} of {options.runs}: {message}')
     return 1 if ends else 0
 
 

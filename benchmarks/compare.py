@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Set two runs side by side; ``python -m benchmarks.compare BEFORE.json AFTER.json``."""
+"""Compare two runs; ``python -m benchmarks.compare BEFORE.json AFTER.json``."""
 
 from __future__ import annotations
 
@@ -25,18 +25,12 @@ from typing import Any
 from benchmarks.figures import figures
 from benchmarks.tables import NAMES, number, Table
 
-#: A figure that changed by less than this part is not marked.
+#: A relative change below this is not marked.
 NOISE = 0.1
 
 
 def compare(before: dict[str, Any], after: dict[str, Any]) -> Table:
-    """
-    Set two runs side by side.
-
-    :param before: what one run left
-    :param after: what the other left
-    :returns: a row for each figure that both have
-    """
+    """Return a table of two runs, with a row for each figure that both have."""
     others = {(figure.what, figure.loop): figure for figure in figures(after)}
     rows = []
     for one in figures(before):
@@ -48,13 +42,7 @@ def compare(before: dict[str, Any], after: dict[str, Any]) -> Table:
 
 
 def change(before: float, after: float) -> str:
-    """
-    Say by how much a figure changed.
-
-    :param before: its value
-    :param after: its new value
-    :returns: the change in percent; nothing if it is small
-    """
+    """Return the change of a figure in percent; empty if it is small."""
     if before == after:
         return ''
     if before == 0.0 or math.isinf(before) or math.isinf(after):
@@ -64,23 +52,13 @@ def change(before: float, after: float) -> str:
 
 
 def differences(before: dict[str, str], after: dict[str, str]) -> list[str]:
-    """
-    Tell how the machines of two runs differ.
-
-    :param before: the machine of one
-    :param after: the machine of the other
-    :returns: a line for each difference
-    """
+    """Return a line for each difference between the machines of two runs."""
     return [f'{name}: {before.get(name, "-")} -> {after.get(name, "-")}'
             for name in {**before, **after} if before.get(name) != after.get(name)]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Print two runs side by side.
-
-    :param arguments: the arguments without the program's name; None for those of the process
-    """
+    """Print the comparison of the runs that the arguments name."""
     parser = argparse.ArgumentParser(
         prog='benchmarks.compare', description='Set two runs of the benchmarks side by side.')
     parser.add_argument('before', type=Path)

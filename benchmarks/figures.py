@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a run comes to: named figures, from the data that it left; pure."""
+"""Named figures of a run, computed from its data; pure."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from typing import Any
 
 from kachaka_simple_control.report.metrics import median, quantile
 
-#: What never came, as a figure.
+#: The figure of what never came.
 NEVER = math.inf
 
 
 @dataclass(frozen=True)
 class Figure:
     """
-    One number.
+    A figure.
 
     :param what: what was measured
     :param loop: of which loop
-    :param value: how much; infinite for what never came
-    :param unit: of what
+    :param value: in the unit; infinite for what never came
+    :param unit: the unit
     """
 
     what: str
@@ -44,14 +44,7 @@ class Figure:
 
 
 def figures(run: dict[str, Any]) -> list[Figure]:
-    """
-    Return all figures of a run.
-
-    A later kind of measurement adds its function here.
-
-    :param run: what the run left
-    :returns: the figures
-    """
+    """Return all figures of a run."""
     return [
         *(figure for entry in run['timing'] for figure in _timing(entry)),
         *_firsts(run['firsts']), *_starts(run['starts']), *_zeros(run),
@@ -59,24 +52,16 @@ def figures(run: dict[str, Any]) -> list[Figure]:
 
 
 def find(found: Sequence[Figure], what: str, loop: str) -> float | None:
-    """
-    Return one figure.
-
-    :param found: the figures
-    :param what: what was measured
-    :param loop: of which loop
-    :returns: its value; None if there is none
-    """
+    """Return the value of one figure; None if there is none."""
     return next((one.value for one in found if (one.what, one.loop) == (what, loop)), None)
 
 
 def where(rate: int, busy: int) -> str:
     """
-    Name the circumstances of a loop.
+    Return the part of a figure's name for rate and load.
 
-    :param rate: its rate [Hz]
-    :param busy: how many busy processes run beside it
-    :returns: a part of a figure's name
+    :param rate: of the loop [Hz]
+    :param busy: number of busy processes beside it
     """
     return f'at {rate} Hz' + (', loaded' if busy else '')
 
@@ -148,10 +133,9 @@ def _planning(entries: Sequence[dict[str, Any]]) -> Iterator[Figure]:
 
 def signal_groups(entries: list[dict[str, Any]]) -> list[tuple[str, int, tuple[str, ...]]]:
     """
-    Return which processes belong together.
+    Group the processes that a signal was sent to.
 
-    :param entries: the processes that got a signal
-    :returns: loop, busy processes and signals of each group that is not empty
+    :returns: loop, number of busy processes and signals of each group that is not empty
     """
     kinds = (('SIGINT', 'SIGTERM'), ('SIGKILL',), ('SIGSTOP',))
     return list(dict.fromkeys(
@@ -162,15 +146,7 @@ def signal_groups(entries: list[dict[str, Any]]) -> list[tuple[str, int, tuple[s
 def zeros(
         entries: list[dict[str, Any]], loop: str, busy: int,
         names: Sequence[str]) -> list[float]:
-    """
-    Return how long the first zero took in each process of a group.
-
-    :param entries: the processes that got a signal
-    :param loop: which loop
-    :param busy: how many busy processes were beside it
-    :param names: which signals
-    :returns: the times [s]; infinite where no zero came
-    """
+    """Return the times to the first zero in a group [s]; infinite where no zero came."""
     return _times(
         entry['zero'] for entry in entries
         if (entry['loop'], entry['busy']) == (loop, busy) and entry['signal'] in names)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A simulated robot that speaks gRPC and the bridge that shows it to ROS 2, as processes."""
+"""A simulated robot with a gRPC server, and the bridge between it and ROS 2, as processes."""
 
 from __future__ import annotations
 
@@ -22,23 +22,22 @@ from kachaka_simple_control.motion.geometry import Pose
 
 from benchmarks.process import ROOT
 
-#: How long each of the two may take to end [s].
-PATIENCE = 3.0
-#: How long the robot may take to say where it is [s].
-ANSWER = 5.0
+#: Each of the two may take so long to end [s].
+EXIT_TIMEOUT = 3.0
+#: The robot may take so long to respond [s].
+RESPONSE_TIMEOUT = 5.0
 
 
 class GrpcRobot:
-    """``kachaka_sim`` and ``kachaka_bridge --address``; ``end`` leaves nothing of them."""
+    """
+    ``kachaka_sim`` and ``kachaka_bridge --address``; ``end`` ends both.
+
+    :param namespace: of the robot in ROS
+    :param domain: the bridge's ROS domain
+    :raises RuntimeError: if the robot does not start
+    """
 
     def __init__(self, namespace: str, domain: int) -> None:
-        """
-        Start both.
-
-        :param namespace: where the bridge shows the robot
-        :param domain: the bridge's ROS domain
-        :raises RuntimeError: if the robot does not start
-        """
         self._domain = domain
         self._processes: list[subprocess.Popen[str]] = []
         robot = self._start('simulator.command', '--grpc-port', '0')
@@ -48,42 +47,37 @@ class GrpcRobot:
         if not ready:
             self.end()
             raise RuntimeError('the simulated robot did not start')
-        #: where the robot listens
+        #: of the robot, ``HOST:PORT``
         self.address = ready[-1]
         self._bridge = self._start(
             'bridge_command', '--address', self.address, '--namespace', namespace)
 
     def send(self, signum: int) -> None:
-        """
-        Send the bridge a signal.
-
-        :param signum: the signal
-        """
+        """Send the bridge a signal."""
         self._bridge.send_signal(signum)
 
     def pose(self) -> Pose:
         """
-        Ask the robot itself where it is by its odometry.
+        Request the odometry of the robot by gRPC; the heading is between -pi and pi.
 
-        :returns: the pose, its heading between -pi and pi
-        :raises RuntimeError: if it does not tell
+        :raises RuntimeError: if it does not respond
         """
         from kachaka_simple_control.kachaka.grpc_client.address import Address
         from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
         from kachaka_simple_control.ros import conversions
         client = RobotClient(Address.parse(self.address))
-        outcome, answer = client.odometry(0, ANSWER)
+        result, response = client.odometry(0, RESPONSE_TIMEOUT)
         client.close()
-        if answer is None:
-            raise RuntimeError(f'the robot does not say where it is: {outcome.text}')
-        return conversions.pose(answer.odometry)
+        if response is None:
+            raise RuntimeError(f'the robot does not say where it is: {result.text}')
+        return conversions.pose(response.odometry)
 
     def end(self) -> None:
-        """End both, the bridge first; harmless if they are over."""
+        """End both, the bridge first; harmless if they have ended."""
         for process in reversed(self._processes):
             process.terminate()
             try:
-                process.wait(PATIENCE)
+                process.wait(EXIT_TIMEOUT)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
@@ -93,7 +87,7 @@ class GrpcRobot:
         self._processes.clear()
 
     def _start(self, module: str, *options: str) -> subprocess.Popen[str]:
-        # Its standard input is a pipe that only this process holds: it ends with us.
+        # Only this process holds the other end of its standard input: it ends with us.
         process = subprocess.Popen(
             [*processes.python_command(f'kachaka_simple_control.kachaka.{module}'), *options,
              '--with-parent'],

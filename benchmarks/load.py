@@ -20,7 +20,7 @@ import contextlib
 import subprocess
 import sys
 
-#: What a busy process runs; it ends by itself, whatever becomes of the one that started it.
+#: A busy process; it ends by itself, also if the one that started it was killed.
 WORK = """
 import sys, time
 end = time.monotonic() + float(sys.argv[1])
@@ -30,15 +30,10 @@ while time.monotonic() < end:
 
 
 @contextlib.contextmanager
-def busy(count: int, longest: float = 600.0) -> Iterator[None]:
-    """
-    Run busy processes beside the ``with`` block.
-
-    :param count: how many
-    :param longest: after what time they end in any case [s]
-    """
+def busy(count: int, max_duration: float = 600.0) -> Iterator[None]:
+    """Run busy processes beside the ``with`` block; they end by themselves after a time [s]."""
     processes = [
-        subprocess.Popen([sys.executable, '-c', WORK, str(longest)]) for _ in range(count)]
+        subprocess.Popen([sys.executable, '-c', WORK, str(max_duration)]) for _ in range(count)]
     try:
         yield
     finally:

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The process of one contender; ``python -m benchmarks.loop_process NAME MODE RATE NAMESPACE``.
+The process of one loop; ``python -m benchmarks.loop_process NAME MODE RATE NAMESPACE``.
 
-Modes: ``serve`` moves as it is told on its standard input; ``drive`` moves once, for long;
-``lesson`` plays the beginning of the lesson; ``signals`` makes a new node after every signal.
-What it has to say goes to its standard output, a JSON value a line.
+Modes: ``serve`` reads movements from standard input; ``drive`` moves once, for long; ``lesson``
+makes the first movements of the lesson; ``signals`` makes a new node after every signal.
+It writes a JSON value a line to standard output.
 """
 
 from __future__ import annotations
@@ -30,43 +30,35 @@ import time
 import rclpy
 
 from benchmarks.loops import GIVEN_UP, Loop, LOOPS, Ours  # noqa: I100
-from benchmarks.resource_usage import Meter
+from benchmarks.resource_usage import ResourceMeter
 
 VELOCITY = 0.1
-#: Longer than anybody waits: a movement that is meant to be interrupted.
+#: Duration of a movement that is to be interrupted [s].
 LONG = 30.0
 
 
-def say(value: object) -> None:
-    """
-    Tell the process that started this one.
-
-    :param value: what
-    """
+def write(value: object) -> None:
+    """Write a value to standard output."""
     print(json.dumps(value), flush=True)
 
 
-def serve(loop: Loop, meter: Meter) -> None:
-    """
-    Meet the robot, then move as often as each line of the input says.
-
-    :param loop: what moves
-    :param meter: what measures it
-    """
-    loop.meet()
-    say('ready')
+def serve(loop: Loop, meter: ResourceMeter) -> None:
+    """Connect to the robot; then, for each line of the input, make movements and measure them."""
+    loop.connect()
+    write('ready')
     for line in sys.stdin:
-        say(turn(loop, meter, json.loads(line)))
+        write(measure_movements(loop, meter, json.loads(line)))
 
 
-def turn(loop: Loop, meter: Meter, durations: list[float]) -> dict[str, object]:
+def measure_movements(
+        loop: Loop, meter: ResourceMeter, durations: list[float]) -> dict[str, object]:
     """
-    Move forwards and backwards in turn, and measure it; a fault ends the turn.
+    Move forwards and backwards in turn, until a fault.
 
-    :param loop: what moves
-    :param meter: what measures it
-    :param durations: how long each movement is [s]
-    :returns: what it cost, and why movements were given up
+    :param loop: moves
+    :param meter: measures
+    :param durations: of the movements [s]
+    :returns: the resources used, and the faults
     """
     faults: list[str] = []
     with meter:
@@ -76,19 +68,12 @@ def turn(loop: Loop, meter: Meter, durations: list[float]) -> dict[str, object]:
                 break
     report = meter.report()
     if faults:
-        loop.renew()
+        loop.recover()
     return {**report, 'faults': faults}
 
 
 def move(loop: Loop, velocity: float, duration: float) -> list[str]:
-    """
-    Move once.
-
-    :param loop: what moves
-    :param velocity: forward [m/s]
-    :param duration: how long [s]
-    :returns: why the movement was given up, if it was
-    """
+    """Hold a forward velocity [m/s] for a duration [s]; return the fault, if any."""
     try:
         loop.move(velocity, duration)
     except GIVEN_UP as error:
@@ -96,41 +81,29 @@ def move(loop: Loop, velocity: float, duration: float) -> list[str]:
     return []
 
 
-def drive(loop: Loop, meter: Meter) -> None:
-    """
-    Move at once and for long, telling when the robot was found.
-
-    :param loop: what moves
-    :param meter: not used
-    """
-    del meter
-    threading.Thread(target=_tell_match, args=(loop,), daemon=True).start()
+def drive(loop: Loop, _meter: ResourceMeter) -> None:
+    """Move at once and for long, and write when the robot was discovered."""
+    threading.Thread(target=_write_match, args=(loop,), daemon=True).start()
     loop.move(VELOCITY, LONG)
 
 
-def lesson(loop: Loop, meter: Meter) -> None:
-    """
-    Play the beginning of the lesson: stand still, forward, stand still.
-
-    :param loop: what moves
-    :param meter: not used
-    """
-    del meter
-    say('started')
+def lesson(loop: Loop, _meter: ResourceMeter) -> None:
+    """Make the first movements of the lesson: rest, forward, rest."""
+    write('started')
     for velocity, duration in ((0.0, 1.0), (VELOCITY, 1.0), (0.0, 0.5)):
         loop.move(velocity, duration)
 
 
 def signals(rate: float, namespace: str) -> None:
     """
-    Move until a signal comes, then again with a new node, for a signal stops a node for good.
+    Move until a signal, then again with a new node: a signal stops a node permanently.
 
-    A handler of the program's own keeps the process alive.  The node still hears each signal by
-    itself, in the same way as in a program without such a handler.  There is no guardian: it has
-    no part in what is measured, and to start hundreds of them would take ten minutes.
+    A handler of the program's own keeps the process alive; the node handles each signal as in a
+    program without one.  There is no guardian: it does not affect the measurement, and to start
+    hundreds would take ten minutes.
 
     :param rate: how often a velocity is sent [Hz]
-    :param namespace: where the robot is
+    :param namespace: of the robot
     """
     signal.signal(signal.SIGINT, lambda *_: None)
     while True:
@@ -140,9 +113,9 @@ def signals(rate: float, namespace: str) -> None:
 
 
 def main() -> None:
-    """Do what the arguments say, and leave as the lesson's program does."""
+    """Run the loop in the mode that the arguments name, and end as the lesson's program does."""
     name, mode, rate, namespace = sys.argv[1], sys.argv[2], float(sys.argv[3]), sys.argv[4]
-    meter = Meter()
+    meter = ResourceMeter()
     rclpy.init()
     if mode == 'signals':
         signals(rate, namespace)
@@ -157,10 +130,10 @@ def main() -> None:
         rclpy.try_shutdown()
 
 
-def _tell_match(loop: Loop) -> None:
+def _write_match(loop: Loop) -> None:
     while not loop.has_matched:
         time.sleep(0.005)
-    say(time.time())
+    write(time.time())
 
 
 if __name__ == '__main__':

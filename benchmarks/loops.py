@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The contenders: ours, three loops that people write, and the floor.
+The loops that are compared: ours, three that people write, and the floor.
 
-The three are written as well as their means allow.  The first message leaves at once, and the
-end is taken from the clock before the timer or the rate is made, so that the last period is not
-one too many.  Like the lesson, they keep time by the ROS clock and log each movement.
+The three are as good as their means allow: the first message is sent at once, and the end is
+computed before the timer or the rate is made, so that there is no period too many.  Like the
+lesson, they use the ROS clock and log each movement.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ from benchmarks.nanosleep import BILLION, sleep_until  # noqa: I100
 
 TOPIC = 'manual_control/cmd_vel'
 SERVICE = 'manual_control/set_enabled'
-#: How long zeros are sent before what is measured, so that the reader has surely matched [s].
-ACQUAINTANCE = 1.0
+#: Zeros are sent for so long before a measurement, until the reader has matched for certain [s].
+MATCH_TIME = 1.0
 
 
 class Loop(Protocol):
@@ -50,40 +50,34 @@ class Loop(Protocol):
 
     @property
     def has_matched(self) -> bool:
-        """Return whether the program knows of the robot all that it needs to move it."""
+        """Return whether the program has discovered all that it needs to move the robot."""
 
-    def meet(self) -> None:
-        """Wait until the robot listens; not a part of what is measured."""
+    def connect(self) -> None:
+        """Wait until the robot is discovered; not measured."""
 
     def move(self, velocity: float, duration: float) -> None:
-        """
-        Hold a velocity for a time, then send a zero.
-
-        :param velocity: forward [m/s]
-        :param duration: how long [s]
-        """
+        """Hold a forward velocity [m/s] for a duration [s], then send a zero."""
 
     def stop(self) -> None:
-        """Do what the program does on its way out."""
+        """Stop the robot as the program does at its end."""
 
-    def renew(self) -> None:
-        """Be able to move again after a movement was given up."""
+    def recover(self) -> None:
+        """Be ready to move again after a fault."""
 
     def close(self) -> None:
-        """Take the node down."""
+        """Destroy the node."""
 
 
 class Ours:
-    """Our node, by its public interface alone."""
+    """
+    Our node, by its public API.
+
+    :param rate: how often a velocity is sent [Hz]
+    :param namespace: of the robot
+    :param parameters: other parameters of the node
+    """
 
     def __init__(self, rate: float, namespace: str, **parameters: object) -> None:
-        """
-        Make the node.
-
-        :param rate: how often a velocity is sent [Hz]
-        :param namespace: where the robot is
-        :param parameters: other parameters of the node
-        """
         wanted = {'rate': rate, 'robot_namespace': f'/{namespace}', **parameters}
         self._parameters = [Parameter(name, value=value) for name, value in wanted.items()]
         self._service = f'/{namespace}/{SERVICE}'
@@ -95,36 +89,31 @@ class Ours:
         services = [name for name, _ in self.node.get_service_names_and_types()]
         return self.node.is_heard and self._service in services
 
-    def meet(self) -> None:
+    def connect(self) -> None:
         """Let the first movement find the robot."""
         self.node.move_robot(0.0, 0.0, 0.2)
 
     def move(self, velocity: float, duration: float) -> None:
-        """
-        Hold a velocity for a time, then send a zero.
-
-        :param velocity: forward [m/s]
-        :param duration: how long [s]
-        """
+        """Hold a forward velocity [m/s] for a duration [s], then send a zero."""
         self.node.move_robot(velocity, 0.0, duration)
 
     def stop(self) -> None:
-        """Do what the program does on its way out."""
+        """Stop the robot as the program does at its end."""
         self.node.stop_robot()
 
-    def renew(self) -> None:
-        """Make a new node: what the guardian has stopped never moves again."""
+    def recover(self) -> None:
+        """Make a new node: one that the guardian has stopped never moves again."""
         self.close()
         self.node = KachakaSimpleControl(parameter_overrides=self._parameters)
-        self.meet()
+        self.connect()
 
     def close(self) -> None:
-        """Take the node down."""
+        """Destroy the node."""
         self.node.destroy_node()
 
 
 class _LoopNode(Node):
-    """What the loops of others share: a publisher, a first meeting and the lesson's ending."""
+    """What the other loops share: publisher, discovery and the lesson's stop."""
 
     def __init__(self, rate: float, namespace: str) -> None:
         super().__init__('kachaka_simple_control')
@@ -136,12 +125,12 @@ class _LoopNode(Node):
     def has_matched(self) -> bool:
         return self.publisher.get_subscription_count() > 0
 
-    def meet(self) -> None:
+    def connect(self) -> None:
         while not self.has_matched:
             time.sleep(0.02)
         for _ in range(20):
             self.publisher.publish(Twist())
-            time.sleep(ACQUAINTANCE / 20)
+            time.sleep(MATCH_TIME / 20)
 
     def move(self, velocity: float, duration: float) -> None:
         message = Twist()
@@ -161,7 +150,7 @@ class _LoopNode(Node):
         self.publisher.publish(Twist())
         self.get_logger().info('Robot has stopped')
 
-    def renew(self) -> None:
+    def recover(self) -> None:
         pass
 
     def close(self) -> None:
@@ -169,15 +158,10 @@ class _LoopNode(Node):
 
 
 class LessonLoop(_LoopNode):
-    """Publish, spin once for at most a period, look at the clock: what the lesson does."""
+    """Publish, spin once for at most a period, and compare the time, as the lesson does."""
 
     def hold(self, message: Twist, duration: float) -> None:
-        """
-        Publish until the time is over.
-
-        :param message: what to publish
-        :param duration: how long [s]
-        """
+        """Publish a message for a duration [s]."""
         end = self.end_of(duration)
         while self.get_clock().now() < end:
             self.publisher.publish(message)
@@ -188,12 +172,7 @@ class TimerLoop(_LoopNode):
     """Publish in the callback of an rclpy timer."""
 
     def hold(self, message: Twist, duration: float) -> None:
-        """
-        Publish until the time is over.
-
-        :param message: what to publish
-        :param duration: how long [s]
-        """
+        """Publish a message for a duration [s]."""
         over = Future()
         end = self.end_of(duration)
 
@@ -210,15 +189,9 @@ class TimerLoop(_LoopNode):
 
 
 class RateLoop(_LoopNode):
-    """Publish, then sleep by an rclpy Rate, while another thread spins the node."""
+    """Publish, then sleep by an rclpy Rate, which needs another thread that spins the node."""
 
     def __init__(self, rate: float, namespace: str) -> None:
-        """
-        Make the node, and the thread that a Rate cannot do without.
-
-        :param rate: how often a velocity is sent [Hz]
-        :param namespace: where the robot is
-        """
         super().__init__(rate, namespace)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
@@ -226,12 +199,7 @@ class RateLoop(_LoopNode):
         self._thread.start()
 
     def hold(self, message: Twist, duration: float) -> None:
-        """
-        Publish until the time is over.
-
-        :param message: what to publish
-        :param duration: how long [s]
-        """
+        """Publish a message for a duration [s]."""
         end = self.end_of(duration)
         rate = self.create_rate(1.0 / self.period)
         while self.get_clock().now() < end:
@@ -240,7 +208,7 @@ class RateLoop(_LoopNode):
         self.destroy_rate(rate)
 
     def close(self) -> None:
-        """Take the node down, after the thread that spins it."""
+        """End the thread, and destroy the node."""
         self._executor.shutdown(timeout_sec=0.0)
         self._thread.join(5.0)
         self.destroy_node()
@@ -252,18 +220,13 @@ class RateLoop(_LoopNode):
 
 class Floor(_LoopNode):
     """
-    The least that a Python program can do: the kernel's own sleep, and ready-made bytes.
+    The least that a Python program can do: the kernel's own sleep, and serialized messages.
 
-    It cannot be interrupted, checks nothing and logs nothing; no contender can be below it.
+    It cannot be interrupted, checks nothing and logs nothing; no loop can be below it.
     """
 
     def move(self, velocity: float, duration: float) -> None:
-        """
-        Hold a velocity for a time, then send a zero.
-
-        :param velocity: forward [m/s]
-        :param duration: how long [s]
-        """
+        """Hold a forward velocity [m/s] for a duration [s], then send a zero."""
         message = Twist()
         message.linear.x = velocity
         moving, zero = serialize_message(message), serialize_message(Twist())
@@ -276,5 +239,5 @@ class Floor(_LoopNode):
 
 
 LOOPS = {'ours': Ours, 'lesson': LessonLoop, 'timer': TimerLoop, 'rate': RateLoop, 'floor': Floor}
-#: What a loop may raise when a movement is given up.
+#: The exceptions that end a movement.
 GIVEN_UP = ControlError

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Name the machine and the versions that a run was made with."""
+"""Describe the machine and the versions that a run was made with."""
 
 from __future__ import annotations
 
@@ -25,11 +25,7 @@ DISTROS = ('humble', 'jazzy', 'kilted')
 
 
 def describe() -> dict[str, str]:
-    """
-    Describe where this runs, without the names of people, hosts or folders.
-
-    :returns: lines for a table
-    """
+    """Return lines for a table, without the names of people, hosts or folders."""
     return {
         'processor': processor(),
         'cores': str(len(os.sched_getaffinity(0))),
@@ -41,34 +37,21 @@ def describe() -> dict[str, str]:
 
 
 def processor() -> str:
-    """
-    Return the model of the processor.
-
-    :returns: its name, or the architecture where Linux does not tell
-    """
+    """Return the model of the processor, or the architecture if Linux does not give it."""
     lines = Path('/proc/cpuinfo').read_text().splitlines()
     names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
     return names[0] if names else platform.machine()
 
 
 def distro() -> str:
-    """
-    Return the name of the ROS distro.
-
-    :returns: the one that is sourced, or else the one whose packages are installed
-    """
+    """Return the ROS distro that is sourced, or else the one whose packages are installed."""
     sourced = os.environ.get('ROS_DISTRO')
     installed = [name for name in DISTROS if version(f'ros-{name}-rclpy')]
     return sourced or (installed[0] if installed else 'unknown')
 
 
 def version(package: str) -> str:
-    """
-    Return the version of a package.
-
-    :param package: its name
-    :returns: name and version; nothing if it is not installed
-    """
+    """Return name and version of a package; empty if it is not installed."""
     try:
         return f'{package} {metadata.version(package)}'
     except metadata.PackageNotFoundError:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Sleep to an absolute deadline in the kernel, which Python's own library cannot."""
+"""Sleep until an absolute deadline in the kernel, which Python's library does not offer."""
 
 from __future__ import annotations
 
@@ -35,14 +35,13 @@ _sleep.argtypes = [
 
 def sleep_until(deadline: int) -> None:
     """
-    Sleep until a time on the steady clock.
+    Sleep until a time on the clock of ``time.monotonic_ns`` [ns].
 
-    :param deadline: when to wake, as ``time.monotonic_ns`` tells it [ns]
     :raises OSError: if the kernel refuses
     """
-    wanted = _Timespec(*divmod(deadline, BILLION))
+    request = _Timespec(*divmod(deadline, BILLION))
     code = errno.EINTR
     while code == errno.EINTR:
-        code = _sleep(time.CLOCK_MONOTONIC, TIMER_ABSTIME, ctypes.byref(wanted), None)
+        code = _sleep(time.CLOCK_MONOTONIC, TIMER_ABSTIME, ctypes.byref(request), None)
     if code:
         raise OSError(code, os.strerror(code))

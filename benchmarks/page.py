@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Keep the measured part of a page up to date, and leave the rest to people; pure."""
+"""Replace the measured part of a page; pure."""
 
 from __future__ import annotations
 
@@ -21,13 +21,8 @@ END = '<!-- measured: end -->'
 
 def updated(page: str, measured: str, begin: str = BEGIN, end: str = END) -> str:
     """
-    Return a page with its measured part replaced.
+    Return a page with the part between two lines replaced.
 
-    :param page: the page as it is
-    :param measured: the new part, without the marks around it
-    :param begin: the line before it
-    :param end: the line after it
-    :returns: the page as it should be
     :raises ValueError: if the page has not one such part
     """
     if page.count(begin) != 1 or page.count(end) != 1 or page.index(end) < page.index(begin):

@@ -31,8 +31,8 @@ from benchmarks.tables import NAMES
 
 mpl.use('agg')
 
-#: Colours of Okabe and Ito, which the colour-blind can tell apart; marks differ as well.
-LOOKS = {
+#: Colours of Okabe and Ito, distinct for the colour-blind; markers differ as well.
+STYLES = {
     'ours': {'color': '#0072B2', 'marker': 'o'},
     'lesson': {'color': '#D55E00', 'marker': 's'},
     'timer': {'color': '#009E73', 'marker': '^'},
@@ -42,12 +42,7 @@ LOOKS = {
 
 
 def draw_errors(axes: Axes, run: dict[str, Any]) -> None:
-    """
-    Draw the error of each single movement.
-
-    :param axes: where
-    :param run: what the run left
-    """
+    """Draw the error of each movement."""
     entries = [entry for entry in run['timing'] if not entry['busy']]
     rates = sorted({entry['rate'] for entry in entries})
     for entry in entries:
@@ -57,29 +52,22 @@ def draw_errors(axes: Axes, run: dict[str, Any]) -> None:
         axes.plot(
             _spread(middle, 0.1, len(errors)), errors, linestyle='', markersize=3.5, alpha=0.7,
             label=NAMES[entry['loop']] if entry['rate'] == rates[0] else None,
-            **LOOKS[entry['loop']])
+            **STYLES[entry['loop']])
     axes.set_xticks(range(len(rates)), [f'{rate} Hz' for rate in rates])
     axes.set_yscale('log')
     axes.set(title='Error of each 1 s movement, on the wire', ylabel='displacement error [%]')
 
 
 def draw_by_rate(
-        title: str, label: str, whats: Sequence[str]) -> Callable[[Axes, dict[str, Any]], None]:
-    """
-    Return what draws figures over the rate.
-
-    :param title: the picture's title
-    :param label: what stands at its upright axis
-    :param whats: the figures to add up
-    :returns: a function that draws
-    """
+        title: str, label: str, names: Sequence[str]) -> Callable[[Axes, dict[str, Any]], None]:
+    """Return a function that draws the sum of some figures over the rate."""
     def draw(axes: Axes, run: dict[str, Any]) -> None:
         found = figures(run)
         rates = sorted({entry['rate'] for entry in run['timing'] if not entry['busy']})
         for loop in LOOPS_DRAWN:
-            values = [sum(_value(found, f'{what} {where(rate, 0)}', loop) for what in whats)
+            values = [sum(_value(found, f'{what} {where(rate, 0)}', loop) for what in names)
                       for rate in rates]
-            axes.plot(rates, values, label=NAMES[loop], markersize=5, **LOOKS[loop])
+            axes.plot(rates, values, label=NAMES[loop], markersize=5, **STYLES[loop])
         axes.set_xscale('log')
         axes.set_xticks(rates, [str(rate) for rate in rates])
         axes.minorticks_off()
@@ -89,12 +77,7 @@ def draw_by_rate(
 
 
 def draw_signals(axes: Axes, run: dict[str, Any]) -> None:
-    """
-    Draw after what time which part of the programs had sent a zero.
-
-    :param axes: where
-    :param run: what the run left
-    """
+    """Draw the share of the programs that have sent a zero, over the time."""
     groups = {
         f'{NAMES[loop]}: {" or ".join(names)}{", loaded" if busy else ""}':
             (loop, zeros(run['starts'], loop, busy, names))
@@ -106,7 +89,7 @@ def draw_signals(axes: Axes, run: dict[str, Any]) -> None:
         came = sorted(1e3 * value for value in times if math.isfinite(value))
         parts = [100.0 * (number + 1) / len(times) for number in range(len(came))]
         axes.step([0.1, *came, 1500.0], [0.0, *parts, parts[-1] if parts else 0.0], where='post',
-                  label=label if came else f'{label} (never)', color=LOOKS[loop]['color'],
+                  label=label if came else f'{label} (never)', color=STYLES[loop]['color'],
                   linestyle=next(styles.get(loop, iter(['-']))))
     axes.set_xscale('log')
     axes.set(title='From a signal to the first zero', xlabel='time after the signal [ms]',
@@ -114,18 +97,13 @@ def draw_signals(axes: Axes, run: dict[str, Any]) -> None:
 
 
 def draw_firsts(axes: Axes, run: dict[str, Any]) -> None:
-    """
-    Draw what arrived of the lesson's first movement.
-
-    :param axes: where
-    :param run: what the run left
-    """
+    """Draw what arrived of the lesson's first movement."""
     places = [(late, loop) for late in (False, True) for loop in ('ours', 'lesson')]
     for number, (late, loop) in enumerate(places):
         arrived = [entry['arrived'] for entry in run['firsts']
                    if (entry['late'], entry['loop']) == (late, loop)]
         axes.plot(_spread(number, 0.3, len(arrived)), arrived, linestyle='', alpha=0.7,
-                  markersize=6, **LOOKS[loop])
+                  markersize=6, **STYLES[loop])
     axes.axhline(0.1, color='#999999', linewidth=1.0, linestyle='--', zorder=0)
     axes.set_xticks(range(len(places)), [
         f'{NAMES[loop]},\nrobot {"later" if late else "there before"}' for late, loop in places])
@@ -133,7 +111,7 @@ def draw_firsts(axes: Axes, run: dict[str, Any]) -> None:
              ylabel='displacement [m]; asked for: 0.1', ylim=(-0.005, 0.12), xlim=(-0.5, 3.5))
 
 
-LOOPS_DRAWN = tuple(LOOKS)
+LOOPS_DRAWN = tuple(STYLES)
 PICTURES = {
     'bench_error.png': draw_errors,
     'bench_jitter.png': draw_by_rate(
@@ -150,12 +128,7 @@ PICTURES = {
 
 
 def draw_all(run: dict[str, Any], folder: Path) -> None:
-    """
-    Draw every picture of a run.
-
-    :param run: what the run left
-    :param folder: where the pictures go
-    """
+    """Draw all pictures of a run into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, draw in PICTURES.items():
         picture = Picture(figsize=(7.5, 4.2), layout='constrained')
@@ -172,11 +145,7 @@ def draw_all(run: dict[str, Any], folder: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """
-    Draw the run that the arguments name.
-
-    :param arguments: the arguments without the program's name; None for those of the process
-    """
+    """Draw the run that the arguments name."""
     parser = argparse.ArgumentParser(
         prog='benchmarks.plots', description='Draw a run of the benchmarks.')
     parser.add_argument('run', type=Path)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Show how far a run is."""
+"""Show the progress of a run."""
 
 from __future__ import annotations
 
@@ -19,13 +19,7 @@ import sys
 
 
 def show(text: str, number: int, count: int) -> None:
-    """
-    Show what is being done: counted in place on a terminal, one line elsewhere.
-
-    :param text: what
-    :param number: the how many-th of it, from 1 on
-    :param count: of how many
-    """
+    """Print number (from 1 on) and count: in place on a terminal, elsewhere at the end alone."""
     if sys.stdout.isatty():
         print(f'\r{text}: {number} of {count}', end='' if number < count else '\n', flush=True)
     elif number == count:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a piece of work costs: CPU of its thread and of its process, messages, memory."""
+"""CPU time, messages and memory that a piece of work uses."""
 
 from __future__ import annotations
 
@@ -22,34 +22,33 @@ from typing import Any
 from rclpy.publisher import Publisher
 
 
-class Meter:
+class ResourceMeter:
     """
-    Adds up what happens between entering and leaving it; made before any publisher is used.
+    Measures its ``with`` block, with the messages of all publishers of the process.
 
-    Helpers are the processes that this one has started, such as a guardian.
+    It must be made before any publisher is used.  Helpers are child processes, such as a guardian.
     """
 
     def __init__(self) -> None:
-        """Count every message that any publisher of this process sends from now on."""
         self._sent = 0
         self._marks: tuple[float, ...] = ()
         self._publish = Publisher.publish
         Publisher.publish = self._counted()  # type: ignore[method-assign]
 
     def __enter__(self) -> None:
-        """Begin."""
+        """Start measuring."""
         self._marks = self._now()
 
     def __exit__(self, *error: object) -> None:
-        """End; ``report`` tells what was in between."""
+        """Stop measuring."""
         self._marks = tuple(new - old for new, old in zip(self._now(), self._marks))
 
     def report(self) -> dict[str, float]:
         """
-        Return what the work cost.
+        Return what the block used.
 
-        :returns: CPU of the thread, of the process and of its helpers [s], messages sent, and
-            the most memory that process and helpers have held so far [MB]
+        :returns: CPU time of thread, process and helpers [s], number of messages sent, and peak
+            memory of process and helpers so far [MB]
         """
         names = ('sent', 'thread', 'process', 'helpers')
         return {
@@ -70,22 +69,13 @@ class Meter:
 
 
 def children() -> list[str]:
-    """
-    Return the processes that this one has started and that are still there.
-
-    :returns: their ids
-    """
+    """Return the ids of the child processes that have not ended."""
     tasks = Path('/proc/self/task').glob('*/children')
     return [child for task in tasks for child in task.read_text().split()]
 
 
 def process_time(pid: str) -> float:
-    """
-    Return how much CPU another process has had.
-
-    :param pid: its id
-    :returns: the time [s]; 0 if it has ended
-    """
+    """Return the CPU time of another process [s]; 0 if it has ended."""
     try:
         # How Linux names the CPU clock of a process; see clock_getcpuclockid(3).
         return time.clock_gettime((~int(pid) << 3) | 2)
@@ -94,12 +84,7 @@ def process_time(pid: str) -> float:
 
 
 def peak_memory(pid: str) -> float:
-    """
-    Return the most memory that a process has held.
-
-    :param pid: its id, or ``self``
-    :returns: the peak of its resident set [MB]; 0 if it has ended
-    """
+    """Return the peak resident set of a process, an id or ``self`` [MB]; 0 if it has ended."""
     try:
         status = Path(f'/proc/{pid}/status').read_text()
     except OSError:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The independent observer: the robot of the tests, in a process that none of the loops is in."""
+"""The independent observer: the robot of the tests, in another process than the loops."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ import time
 from benchmarks.wire import Row
 
 TESTS = Path(__file__).resolve().parent.parent / 'test'
-sys.path.append(str(TESTS))  # where the listener is
+sys.path.append(str(TESTS))  # has the module listener
 
-from listener import Heard, Listener  # noqa: E402
+from listener import Listener, SentVelocity  # noqa: E402
 
-#: How long a robot has been there before a program is started [s].
-AT_HOME = 2.0
+#: A robot has been there for so long before a program is started [s].
+SETTLING_TIME = 2.0
 _NUMBERS = itertools.count(1)
 
 
@@ -37,94 +37,66 @@ class Robot(Listener):
     """
     Subscribes as the official bridge does: best effort, a queue of five.
 
-    Times are those that DDS stamps on a message when it is sent, so that how fast this process
-    reads does not matter.  Each robot has a namespace of its own: a program that was killed is
-    still seen on the graph for a while, and counts as somebody else who drives.
+    Times are the source timestamps of DDS, so that delays of this process do not matter.  Each
+    robot has a namespace of its own: a program that was killed stays on the graph for a while, and
+    counts as another publisher.
+
+    :param namespace: of the robot; None for a new one
     """
 
     def __init__(self, namespace: str | None = None) -> None:
-        """
-        Be there, and listen from entering the ``with`` block on.
-
-        :param namespace: where; None for a new one
-        """
         self.namespace = namespace or new_namespace()
         super().__init__(self.namespace)
 
-    def rows(self, mark: int = 0) -> list[Row]:
-        """
-        Return what was heard.
+    def __enter__(self) -> Robot:
+        """Subscribe."""
+        super().__enter__()
+        return self
 
-        :param mark: how many messages to leave out
-        :returns: time and forward velocity of each message
-        """
+    def rows(self, mark: int = 0) -> list[Row]:
+        """Return time and forward velocity of each message after the first ``mark``."""
         return [Row(heard.time, heard.linear_x) for heard in self.heard[mark:]]
 
     def first(
-            self, condition: Callable[[Heard], bool], mark: int, timeout: float) -> Heard | None:
+            self, condition: Callable[[SentVelocity], bool], mark: int,
+            timeout: float) -> SentVelocity | None:
         """
-        Return the first message that fits, as soon as it is there.
+        Wait for a message.
 
-        :param condition: what fits
-        :param mark: how many messages to leave out
-        :param timeout: how long to wait for one [s]
-        :returns: the message; None if none came in time
+        :param condition: returns whether a message is the one
+        :param mark: number of messages to leave out
+        :param timeout: how long to wait [s]
+        :returns: the first that meets the condition; None if none came in time
         """
         end = time.monotonic() + timeout
         while time.monotonic() < end:
             heard = self.heard[mark:]
             mark += len(heard)
-            fitting = [message for message in heard if condition(message)]
-            if fitting:
-                return fitting[0]
+            if (first := next(filter(condition, heard), None)) is not None:
+                return first
             time.sleep(0.005)
         return None
 
     @property
     def publishers(self) -> int:
-        """Return how many publishers of velocities this robot knows of."""
+        """Return the number of publishers of velocities that this robot has discovered."""
         return self._node.count_publishers(self._subscription.topic_name)
 
 
 def new_namespace() -> str:
-    """
-    Return a namespace that no robot has had.
-
-    :returns: the namespace
-    """
+    """Return a namespace that no robot has had."""
     return f'bench_{next(_NUMBERS)}'
 
 
 def robots(count: int, lasting: bool) -> Iterator[Robot]:
     """
-    Have a robot for each of several programs; each has been there for a while when it is met.
+    Yield a robot for each of several programs, after it has been there for a while.
 
-    :param count: how many programs
-    :param lasting: whether one robot serves all of them; a program that was killed is still seen
-        for a while, so that the next one needs a robot of its own
-    :returns: the robots; each ends when the next is asked for
+    :param count: number of programs
+    :param lasting: whether one robot serves all; after a program that is killed the next one needs
+        a robot of its own
     """
     for _ in range(1 if lasting else count):
         with Robot() as robot:
-            time.sleep(AT_HOME)
+            time.sleep(SETTLING_TIME)
             yield from itertools.repeat(robot, count if lasting else 1)
-
-
-def moves(heard: Heard) -> bool:
-    """
-    Tell whether a message asks for motion.
-
-    :param heard: the message
-    :returns: whether it does
-    """
-    return heard.moves
-
-
-def rests(heard: Heard) -> bool:
-    """
-    Tell whether a message asks for rest.
-
-    :param heard: the message
-    :returns: whether it does
-    """
-    return not heard.moves

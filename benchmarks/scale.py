@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How much is measured."""
+"""The number of measurements of a run."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class Scale:
     """
-    The extent of a run.
+    The number of measurements of each kind.
 
-    :param moves: for each rate [Hz], how many movements of one second each loop makes
-    :param loaded: the same, while the machine is busy
-    :param busy: how many busy processes make it so
-    :param turn: how many movements a loop makes before it is the next one's turn
-    :param starts: how many times our program is started and then stopped by a signal
-    :param killed: how many times it is killed, and how many times it is frozen
-    :param others: how many times each of the other programs gets a signal
-    :param signals: how many signals one process gets
-    :param firsts: how often the beginning of the lesson is played to a robot that is there
-    :param late: how often to a robot that comes late
-    :param plans: how long the motions are that are planned [s]
+    :param moves: by the rate [Hz], the movements of one second that each loop makes
+    :param loaded: the same, on a loaded machine
+    :param busy: the busy processes that load it
+    :param turn: the movements of a loop until it is the next one's turn
+    :param starts: the starts of our program that a signal ends
+    :param killed: the times it is killed, and the times it is frozen
+    :param others: the starts of each other program that a signal ends
+    :param signals: the signals sent to one process
+    :param firsts: the starts of the lesson with a robot that is there
+    :param late: the starts of the lesson with a robot that comes late
+    :param plans: the durations of the motions that are planned [s]
     """
 
     moves: dict[int, int]

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The second half of the run: how programs find the robot, and how they leave it."""
+"""How long programs take from their start to the first velocity, and from a signal to a zero."""
 
 from __future__ import annotations
 
@@ -23,35 +23,31 @@ import time
 from typing import Any
 
 from benchmarks.load import busy
-from benchmarks.process import Contender
+from benchmarks.process import LoopProcess
 from benchmarks.progress import show
-from benchmarks.robot import moves, new_namespace, rests, Robot, robots
+from benchmarks.robot import new_namespace, Robot, robots
 from benchmarks.scale import Scale
 from benchmarks.wire import displacement, movements
 
 RATE = 10
-#: How long a zero is waited for before it counts as never sent [s].
-NEVER = 1.5
-#: How long a program may take to make the robot move [s].
-PATIENCE = 30.0
-#: How often the robot looks whether it has met another publisher [s].
-GLANCE = 0.02
-#: What no program can catch.
-HARD = ['SIGKILL', 'SIGSTOP']
+#: A zero that is not sent within this time counts as never sent [s].
+ZERO_TIMEOUT = 1.5
+#: A program may take so long to make the robot move [s].
+MOTION_TIMEOUT = 30.0
+#: The robot counts publishers with this period [s].
+POLL_PERIOD = 0.02
+#: Signals that no program can handle.
+UNCATCHABLE = ['SIGKILL', 'SIGSTOP']
 OTHERS = ('lesson', 'timer', 'rate')
 
 
 def measure_starts(scale: Scale) -> list[dict[str, Any]]:
-    """
-    Start programs, and stop them in mid-motion; on an idle machine, and ours on a busy one.
-
-    :param scale: how often
-    :returns: an entry for each process
-    """
+    """Start programs, and stop them in mid-motion; ours on a loaded machine, too."""
     def in_turn(count: int) -> list[str]:
         return [*itertools.islice(itertools.cycle(['SIGINT', 'SIGTERM']), count)]
 
-    entries = stopped('ours', in_turn(scale.starts), 0) + stopped('ours', HARD * scale.killed, 0)
+    entries = stopped('ours', in_turn(scale.starts), 0)
+    entries += stopped('ours', UNCATCHABLE * scale.killed, 0)
     for name in OTHERS:
         entries += stopped(name, in_turn(scale.others), 0)
     with busy(scale.busy):
@@ -65,62 +61,59 @@ def stopped(name: str, names: Sequence[str], load: int) -> list[dict[str, Any]]:
 
     :param name: the loop
     :param names: the signals
-    :param load: how many busy processes run beside it
+    :param load: number of busy processes beside it
     :returns: an entry for each process
     """
     entries = []
-    end_well = name == 'ours' and not set(names) & set(HARD)
+    end_well = name == 'ours' and not set(names) & set(UNCATCHABLE)
     for number, (robot, signum) in enumerate(zip(robots(len(names), end_well), names), 1):
         show(f'{name}: processes stopped in mid-motion', number, len(names))
         mark = len(robot.heard)
-        with Contender(name, 'drive', RATE, robot.namespace) as contender:
+        with LoopProcess(name, 'drive', RATE, robot.namespace) as process:
             entries.append({
-                'loop': name, 'busy': load, 'signal': signum, **start_of(contender, robot, mark),
-                'zero': zero_after(contender, robot, signal.Signals[signum])})
+                'loop': name, 'busy': load, 'signal': signum, **start_of(process, robot, mark),
+                'zero': zero_after(process, robot, signal.Signals[signum])})
             if not end_well:
-                contender.process.kill()
+                process.process.kill()
     return entries
 
 
-def start_of(contender: Contender, robot: Robot, mark: int) -> dict[str, float | None]:
+def start_of(process: LoopProcess, robot: Robot, mark: int) -> dict[str, float | None]:
     """
     Wait for the first velocity of a program that was just started.
 
-    :param contender: the program
-    :param robot: who waits
-    :param mark: how many messages that robot had heard before
-    :returns: the time from the start of the process to t = 0, and to t = 0 from the last match:
-        the program's with the robot (ours: its guardian's, too), or the robot's with the last
-        publisher that it met [s]
+    :param process: the program
+    :param robot: its robot
+    :param mark: number of messages that the robot had received before
+    :returns: the time from the start of the process to t = 0, and from the last match to t = 0:
+        of the program with the robot (ours: and of its guardian), or of the robot with a
+        publisher [s]
     """
-    known, matched = 0, contender.started
-    end = time.monotonic() + PATIENCE
-    while (first := robot.first(moves, mark, GLANCE)) is None:
+    known, matched = 0, process.started
+    end = time.monotonic() + MOTION_TIMEOUT
+    while (first := robot.first(lambda heard: heard.moves, mark, POLL_PERIOD)) is None:
         if time.monotonic() > end:
             return {'start': None, 'match': None}
         if robot.publishers > known:
             known, matched = robot.publishers, time.time()
-    matched = max(matched, contender.hear())
+    matched = max(matched, process.read())
     return {
-        'start': round(first.time - contender.started, 6),
+        'start': round(first.time - process.started, 6),
         'match': round(first.time - matched, 6)}
 
 
-def zero_after(contender: Contender, robot: Robot, signum: int) -> float | None:
+def zero_after(process: LoopProcess, robot: Robot, signum: int) -> float | None:
     """
     Send a signal in mid-motion, and wait for the first zero.
 
-    :param contender: who gets the signal
-    :param robot: who waits for the zero
-    :param signum: the signal
     :returns: the time between the two [s]; None if no zero came; 0 if the movement had ended by
         itself just before
     """
-    # At any time between two messages: what is asked for is the worst of them.
+    # At a random time between two messages, to meet the worst, too.
     time.sleep(random.uniform(0.2, 0.4))
     mark = len(robot.heard)
-    sent = contender.send(signum)
-    zero = robot.first(rests, mark, NEVER)
+    sent = process.send(signum)
+    zero = robot.first(lambda heard: not heard.moves, mark, ZERO_TIMEOUT)
     return None if zero is None else max(0.0, round(zero.time - sent, 6))
 
 
@@ -128,27 +121,21 @@ def measure_signals(scale: Scale) -> list[float | None]:
     """
     Send many signals to one process, which moves again after each of them.
 
-    :param scale: how many
     :returns: the time from each signal to the first zero [s]; None where no zero came
     """
     times: list[float | None] = []
-    with Robot() as robot, Contender('ours', 'signals', RATE, robot.namespace) as contender:
+    with Robot() as robot, LoopProcess('ours', 'signals', RATE, robot.namespace) as process:
         for number in range(1, scale.signals + 1):
             show('ours: signals to one process', number, scale.signals)
-            if robot.first(moves, len(robot.heard), PATIENCE) is None:
+            if robot.first(lambda heard: heard.moves, len(robot.heard), MOTION_TIMEOUT) is None:
                 break
-            times.append(zero_after(contender, robot, signal.SIGINT))
-        contender.process.kill()
+            times.append(zero_after(process, robot, signal.SIGINT))
+        process.process.kill()
     return times
 
 
 def measure_firsts(scale: Scale) -> list[dict[str, Any]]:
-    """
-    Play the beginning of the lesson, and see what arrives of its first movement.
-
-    :param scale: how often
-    :returns: an entry for each process
-    """
+    """Start the lesson, and measure how much of its first movement arrives."""
     entries = []
     for late, count in ((False, scale.firsts), (True, scale.late)):
         names, measure = ['lesson', 'ours'] * count, late_firsts if late else plain_firsts
@@ -159,42 +146,29 @@ def measure_firsts(scale: Scale) -> list[dict[str, Any]]:
 
 
 def plain_firsts(names: Sequence[str]) -> Iterator[float]:
-    """
-    Play the beginning of the lesson to robots that have been there for a while.
-
-    :param names: the loops, in order
-    :returns: for each the displacement that arrived [m]
-    """
+    """Start the lesson of each loop with a robot that is there; yield what arrived [m]."""
     for name, robot in zip(names, robots(len(names), lasting=False)):
-        with Contender(name, 'lesson', RATE, robot.namespace) as contender:
-            contender.wait(PATIENCE)
+        with LoopProcess(name, 'lesson', RATE, robot.namespace) as process:
+            process.wait(MOTION_TIMEOUT)
         yield moved(robot)
 
 
 def late_firsts(names: Sequence[str]) -> Iterator[float]:
     """
-    Play the beginning of the lesson to robots that come 1.5 s after the program.
+    Start the lesson of each loop 1.5 s before its robot; yield what arrived [m].
 
     By then the lesson's loop is in the middle of its first movement.
-
-    :param names: the loops, in order
-    :returns: for each the displacement that arrived [m]
     """
     for name in names:
         namespace = new_namespace()
-        with Contender(name, 'lesson', RATE, namespace) as contender:
-            contender.hear()
+        with LoopProcess(name, 'lesson', RATE, namespace) as process:
+            process.read()
             time.sleep(1.5)
             with Robot(namespace) as robot:
-                contender.wait(PATIENCE)
+                process.wait(MOTION_TIMEOUT)
             yield moved(robot)
 
 
 def moved(robot: Robot) -> float:
-    """
-    Add up what a robot was told.
-
-    :param robot: the robot
-    :returns: the displacement [m]
-    """
+    """Return the displacement that a robot was sent [m]."""
     return sum(displacement(rows) for rows in movements(robot.rows()))

@@ -32,24 +32,14 @@ NAMES = {
 
 @dataclass(frozen=True)
 class Table:
-    """
-    A table.
-
-    :param title: what it shows
-    :param head: the names of the columns
-    :param rows: the cells
-    """
+    """A table with a title, the names of the columns, and rows of cells."""
 
     title: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
     def text(self) -> str:
-        """
-        Return the table for a terminal.
-
-        :returns: lines of text
-        """
+        """Return the table for a terminal."""
         grid = [self.head, *self.rows]
         widths = [max(len(row[column]) for row in grid) for column in range(len(self.head))]
         grid.insert(1, tuple('-' * width for width in widths))
@@ -58,38 +48,23 @@ class Table:
         return '\n'.join([self.title, *lines, ''])
 
     def markdown(self) -> str:
-        """
-        Return the table for a page.
-
-        :returns: lines of Markdown
-        """
+        """Return the table in Markdown."""
         grid = [self.head, tuple('---' for _ in self.head), *self.rows]
         lines = [f'| {" | ".join(row)} |' for row in grid]
         return '\n'.join([f'**{self.title}**', '', *lines, ''])
 
 
 def tables(run: dict[str, Any]) -> list[Table]:
-    """
-    Put a run as tables.
-
-    :param run: what the run left
-    :returns: the tables, in the order to read them in
-    """
+    """Return the tables of a run."""
     found = figures(run)
     return [
-        _bars(judge(found)), *_timing(found, run['timing']), _memory(found, run['timing']),
+        _thresholds(judge(found)), *_timing(found, run['timing']), _memory(found, run['timing']),
         _firsts(found), _starts(found), _signals(run),
         _planning(run.get('planning', [])), _exactness(run.get('exactness', [])), _machine(run)]
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """
-    Write a number with as many digits as mean something.
-
-    :param value: the number; None for none
-    :param digits: how many digits
-    :returns: text
-    """
+    """Return a number with so many significant digits; ``-`` for None, ``never`` for inf."""
     if value is None:
         return '-'
     if math.isinf(value):
@@ -100,19 +75,19 @@ def number(value: float | None, digits: int = 3) -> str:
     return f'{value:.{min(decimals, digits)}f}'
 
 
-def _bars(verdicts: list[Verdict]) -> Table:
+def _thresholds(verdicts: list[Verdict]) -> Table:
     return Table('What we promise of our own figures', ('figure', 'bar', 'measured', ''), tuple(
-        (verdict.bar.what, _limit(verdict), _with_unit(verdict.value, verdict.unit),
-         'held' if verdict.is_held else 'MISSED')
+        (verdict.threshold.what, _limit(verdict), _with_unit(verdict.value, verdict.unit),
+         'held' if verdict.is_met else 'MISSED')
         for verdict in verdicts))
 
 
 def _limit(verdict: Verdict) -> str:
-    bar = verdict.bar
-    if bar.beside is None:
-        return f'at most {_with_unit(bar.limit, verdict.unit)}'
+    threshold = verdict.threshold
+    if threshold.relative_to is None:
+        return f'at most {_with_unit(threshold.limit, verdict.unit)}'
     own = _with_unit(verdict.limit, verdict.unit)
-    return f'at most {bar.limit:g} of {NAMES[bar.beside]}: {own}'
+    return f'at most {threshold.limit:g} of {NAMES[threshold.relative_to]}: {own}'
 
 
 def _with_unit(value: float | None, unit: str) -> str:

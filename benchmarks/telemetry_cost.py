@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-What it costs to be watched: display and report on and off, in turn; ``python -m`` runs this.
+What display and report cost a drive: each on and off, in turn; ``python -m`` runs this.
 
-Each drive is one of the real command with a simulated robot, at a terminal.  An independent
-subscriber hears the velocities, and goes by the times that DDS stamps on them.
+Each drive is the command with a simulated robot, at a terminal.  An independent subscriber records
+the velocities with the source timestamps of DDS.
 """
 
 from __future__ import annotations
@@ -48,25 +48,25 @@ from benchmarks.wire import jitters, movements, relative_error, Row
 
 ROOT = Path(__file__).resolve().parent.parent
 RATE = 50
-#: How long each movement takes [s]; forwards and backwards in turn.
+#: Duration of each movement [s]; forwards and backwards in turn.
 DURATION = 1.0
 VELOCITY = 0.1
-#: How many movements a drive has that are left out at its beginning: all have to settle.
-SETTLING = 2
-#: How long a drive may take beyond its movements [s].
-PATIENCE = 60.0
+#: Movements at the beginning of a drive that are not measured.
+SETTLING_COUNT = 2
+#: A drive may take so much longer than its movements [s].
+DRIVE_TIMEOUT = 60.0
 HELPERS = {'display': 'display.display_process', 'reporter': 'report.report_process',
            'guardian': 'guardian_process'}
 
 
 @dataclass(frozen=True)
-class Way:
+class Telemetry:
     """
-    A way of driving.
+    What observes a drive.
 
     :param name: for the table
-    :param display: whether the drive is shown
-    :param report: whether it is recorded
+    :param display: whether there is a display
+    :param report: whether there is a report
     """
 
     name: str
@@ -74,14 +74,7 @@ class Way:
     report: bool
 
     def command(self, motion: Path, folder: Path, namespace: str) -> list[str]:
-        """
-        Return the command.
-
-        :param motion: the motion's file
-        :param folder: where a report may go
-        :param namespace: where the robot is
-        :returns: program and arguments
-        """
+        """Return the command for a motion file; a report is written to the folder."""
         return [
             sys.executable, '-m', 'kachaka_simple_control', str(motion), '--sim',
             *([] if self.display else ['--quiet']),
@@ -89,20 +82,20 @@ class Way:
             '--ros-args', '-p', f'robot_namespace:=/{namespace}']
 
 
-WAYS = (Way('neither', False, False), Way('display', True, False),
-        Way('report', False, True), Way('both', True, True))
+CHOICES = (Telemetry('neither', False, False), Telemetry('display', True, False),
+           Telemetry('report', False, True), Telemetry('both', True, True))
 
 
 @dataclass
-class Tally:
+class DriveStatistics:
     """
-    What the drives of one way were like.
+    Measurements of all drives with the same telemetry.
 
-    :param errors: of each movement, relative
+    :param errors: relative error of each movement
     :param jitters: of each message [s]
     :param rounds: the 99th percentile of the jitter of each drive [s]
-    :param worst: the worst error of each drive, relative
-    :param cpu: of each process, for each second of each drive, by the process's name
+    :param worst: the worst relative error of each drive
+    :param cpu: CPU time per second of each drive [s], by the name of the process
     """
 
     errors: list[float] = field(default_factory=list)
@@ -112,12 +105,7 @@ class Tally:
     cpu: dict[str, list[float]] = field(default_factory=dict)
 
     def add(self, found: Sequence[Sequence[Row]], cpu: dict[str, float]) -> None:
-        """
-        Take note of a drive.
-
-        :param found: its movements, as heard
-        :param cpu: what each process had, for each second
-        """
+        """Add a drive: its movements as received, and the CPU time of each process."""
         errors = [abs(relative_error(rows, DURATION)) for rows in found]
         late = [jitter for rows in found for jitter in jitters(rows, 1.0 / RATE)]
         self.errors += errors
@@ -133,7 +121,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--quick', action='store_true', help='two short drives each way')
     options = parser.parse_args()
-    # Before anything loads rclpy: no robot, and no other run, may hear this one.
+    # Before anything loads rclpy: no robot and no other run may receive what is sent here.
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     from kachaka_simple_control.ros.dds_transport import use_localhost_only
     use_localhost_only()
@@ -142,65 +130,60 @@ def main() -> None:
         print(f'\n{table.text()}', end='')
 
 
-def measure(rounds: int, count: int) -> dict[str, Tally]:
+def measure(rounds: int, count: int) -> dict[str, DriveStatistics]:
     """
-    Drive each way in turn, each round in another order.
+    Drive with each telemetry in turn, each round in another order.
 
-    :param rounds: how often
-    :param count: how many movements each drive has
-    :returns: what they were like, by the way's name
+    :param rounds: number of rounds
+    :param count: number of movements of each drive
+    :returns: the measurements by the name of the telemetry
     """
     has_reporter = importlib.util.find_spec('kachaka_simple_control.report.report_process')
-    ways = [way for way in WAYS if has_reporter or not way.report]
-    tallies = {way.name: Tally() for way in ways}
+    choices = [one for one in CHOICES if has_reporter or not one.report]
+    statistics = {one.name: DriveStatistics() for one in choices}
     for turn in range(rounds):
         show('rounds', turn + 1, rounds)
-        start = turn % len(ways)
-        for way in ways[start:] + ways[:start]:
-            tallies[way.name].add(*drive(way, count))
-    return tallies
+        start = turn % len(choices)
+        for telemetry in choices[start:] + choices[:start]:
+            statistics[telemetry.name].add(*drive(telemetry, count))
+    return statistics
 
 
-def drive(way: Way, count: int) -> tuple[list[list[Row]], dict[str, float]]:
+def drive(telemetry: Telemetry, count: int) -> tuple[list[list[Row]], dict[str, float]]:
     """
     Drive once.
 
-    :param way: how
-    :param count: how many movements
-    :returns: the movements as heard, and the CPU of each process for each second
-    :raises RuntimeError: if a drive did not go well
+    :param telemetry: what observes the drive
+    :param count: number of movements
+    :returns: the movements as received, and the CPU time per second of each process
+    :raises RuntimeError: if the drive fails
     """
     from benchmarks.robot import Listener, new_namespace
     namespace = f'{new_namespace()}_{os.getpid()}'
     with tempfile.TemporaryDirectory() as folder, Listener(namespace, serves=False) as observer:
-        def heard() -> list[list[Row]]:
+        def received() -> list[list[Row]]:
             return movements(Row(one.time, one.linear_x) for one in observer.heard)
 
         motion = Path(folder) / 'motion.yaml'
         motion.write_text(motion_text(count))
-        with at_terminal(way.command(motion, Path(folder), namespace)) as process:
-            wait_for(lambda: len(heard()) > SETTLING, process, PATIENCE)
+        with at_terminal(telemetry.command(motion, Path(folder), namespace)) as process:
+            wait_for(lambda: len(received()) > SETTLING_COUNT, process, DRIVE_TIMEOUT)
             pids, begin = processes(process.pid), time.monotonic()
             before = {name: process_time(str(pid)) for name, pid in pids.items()}
-            wait_for(lambda: len(heard()) == count, process, PATIENCE + count)
+            wait_for(lambda: len(received()) == count, process, DRIVE_TIMEOUT + count)
             length = time.monotonic() - begin
             cpu = {name: (process_time(str(pid)) - before[name]) / length
                    for name, pid in pids.items()}
-            if process.wait(PATIENCE) != 0:
-                raise RuntimeError(f'{way.name}: the drive ended with {process.returncode}')
-        found = heard()
+            if process.wait(DRIVE_TIMEOUT) != 0:
+                raise RuntimeError(f'{telemetry.name}: the drive ended with {process.returncode}')
+        found = received()
     if len(found) != count:
-        raise RuntimeError(f'{way.name}: {len(found)} of {count} movements were heard')
-    return found[SETTLING:], cpu
+        raise RuntimeError(f'{telemetry.name}: {len(found)} of {count} movements were heard')
+    return found[SETTLING_COUNT:], cpu
 
 
 def motion_text(count: int) -> str:
-    """
-    Return a motion of movements forwards and backwards, in turn.
-
-    :param count: how many
-    :returns: its file
-    """
+    """Return a motion file of so many movements forwards and backwards, in turn."""
     steps = [f'  - move: {{linear_x: {VELOCITY * (-1) ** place} m/s, angular_z: 0 rad/s, '
              f'duration: {DURATION} s}}' for place in range(count)]
     return '\n'.join(['name: there and back', f'rate: {RATE} Hz', 'steps:', *steps, ''])
@@ -208,19 +191,14 @@ def motion_text(count: int) -> str:
 
 @contextlib.contextmanager
 def at_terminal(command: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
-    """
-    Run a program at a terminal that nobody looks at.
-
-    :param command: the program
-    :returns: a context manager for its process
-    """
+    """Run a program at a pseudo terminal, whose output is discarded."""
     leader, follower = pty.openpty()
     fcntl.ioctl(leader, termios.TIOCSWINSZ, struct.pack('HHHH', 30, 100, 0, 0))
     process = subprocess.Popen(
         command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=follower, stderr=follower,
         start_new_session=True, env={**os.environ, 'TERM': 'xterm-256color'})
     os.close(follower)
-    reader = threading.Thread(target=swallow, args=(leader,), daemon=True)
+    reader = threading.Thread(target=discard_output, args=(leader,), daemon=True)
     reader.start()
     try:
         yield process
@@ -228,17 +206,13 @@ def at_terminal(command: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
         if process.poll() is None:
             with contextlib.suppress(ProcessLookupError):
                 process.send_signal(signal.SIGTERM)
-            process.wait(PATIENCE)
-        reader.join(PATIENCE)
+            process.wait(DRIVE_TIMEOUT)
+        reader.join(DRIVE_TIMEOUT)
         os.close(leader)
 
 
-def swallow(leader: int) -> None:
-    """
-    Read what a terminal is written to, until nobody is left who writes.
-
-    :param leader: the terminal's other end
-    """
+def discard_output(leader: int) -> None:
+    """Read from the leader of a pseudo terminal until all followers are closed."""
     with contextlib.suppress(OSError):
         while os.read(leader, 65536):
             pass
@@ -247,12 +221,9 @@ def swallow(leader: int) -> None:
 def wait_for(
         condition: Callable[[], bool], process: subprocess.Popen[bytes], timeout: float) -> None:
     """
-    Wait until something is so.
+    Wait for a condition.
 
-    :param condition: tells whether it is
-    :param process: what must go on meanwhile
-    :param timeout: how long to wait [s]
-    :raises RuntimeError: if it does not become so
+    :raises RuntimeError: if it is not true within the timeout [s], or the process ends before
     """
     end = time.monotonic() + timeout
     while not condition():
@@ -262,12 +233,7 @@ def wait_for(
 
 
 def processes(pid: int) -> dict[str, int]:
-    """
-    Return the processes of a drive, but for its robot.
-
-    :param pid: the one that drives
-    :returns: their ids by name
-    """
+    """Return the ids of a drive's processes by name, without its robot."""
     found = {'drive': pid}
     files = Path(f'/proc/{pid}/task').glob('*/children')
     for child in [child for file in files for child in file.read_text().split()]:
@@ -276,14 +242,9 @@ def processes(pid: int) -> dict[str, int]:
     return found
 
 
-def tables(tallies: dict[str, Tally]) -> list[Table]:
-    """
-    Put what was measured as tables.
-
-    :param tallies: what the drives were like, by the way's name
-    :returns: the tables
-    """
-    plain = tallies['neither']
+def tables(statistics: dict[str, DriveStatistics]) -> list[Table]:
+    """Return the tables."""
+    plain = statistics['neither']
     names = ['drive', *HELPERS]
     return [
         Table(
@@ -293,41 +254,34 @@ def tables(tallies: dict[str, Tally]) -> list[Table]:
              'worst error of a drive, least to most [%]',
              'p99 of a drive, least to most [ms]', 'beside neither'),
             tuple((
-                name, str(len(tally.rounds)),
+                name, str(len(drives.rounds)),
                 ' / '.join(number(100.0 * of) for of in (
-                    median(tally.errors), max(tally.errors))),
-                ' / '.join(number(1000.0 * quantile(tally.jitters, part))
+                    median(drives.errors), max(drives.errors))),
+                ' / '.join(number(1000.0 * quantile(drives.jitters, part))
                            for part in (0.5, 0.99, 1.0)),
-                span(tally.worst, 100.0), span(tally.rounds, 1000.0), verdict(tally, plain))
-                for name, tally in tallies.items())),
+                span(drives.worst, 100.0), span(drives.rounds, 1000.0), verdict(drives, plain))
+                for name, drives in statistics.items())),
         Table(
             'CPU for each second of a drive [ms]', ('', *names), tuple(
-                (name, *(number(1000.0 * median(tally.cpu[one])) if one in tally.cpu else '-'
+                (name, *(number(1000.0 * median(drives.cpu[one])) if one in drives.cpu else '-'
                          for one in names))
-                for name, tally in tallies.items()))]
+                for name, drives in statistics.items()))]
 
 
 def span(values: Sequence[float], factor: float) -> str:
-    """
-    Return the least and the most of some figures.
-
-    :param values: the figures
-    :param factor: for their unit
-    :returns: text
-    """
+    """Return the least and the most of some values, scaled by a factor, as text."""
     return f'{number(factor * min(values))} to {number(factor * max(values))}'
 
 
-def verdict(tally: Tally, plain: Tally) -> str:
+def verdict(drives: DriveStatistics, plain: DriveStatistics) -> str:
     """
-    Tell whether being watched can be told from noise.
+    Compare drives with telemetry with those without.
 
-    :param tally: the drives of one way
-    :param plain: those that nobody watched
-    :returns: within noise, if its middle lies within the extremes of theirs, or what does not
+    :returns: ``within noise`` if the medians lie within the extremes of ``plain``, else what does
+        not
     """
     worse = [name for name, own, others in (
-        ('error', tally.worst, plain.worst), ('jitter', tally.rounds, plain.rounds))
+        ('error', drives.worst, plain.worst), ('jitter', drives.rounds, plain.rounds))
         if median(own) > max(others)]
     return f'worse: {" and ".join(worse)}' if worse else 'within noise'
 

@@ -15,9 +15,9 @@
 Where a motion ends that goes through three processes: robot over gRPC, bridge, node.
 
 Each is a process of its own, as with a real Kachaka: ``kachaka_sim``, ``kachaka_bridge --address``
-and ``kachaka_simple_control``.  The robot itself is asked where it is, before and after, by its
-odometry; that is held against the pose that the plan ends at.  ``python -m
-benchmarks.three_processes`` prints the table of ``docs/kachaka.md``.
+and ``kachaka_simple_control``.  The robot's odometry before and after is compared with the pose at
+the end of the plan.  ``python -m benchmarks.three_processes`` prints the table of
+``docs/kachaka.md``.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ from benchmarks.progress import show
 from benchmarks.tables import number, Table
 
 MOTIONS, RUNS = ('lesson', 'square'), 10
-#: The bars, of the median: position [m] and heading [rad].
-POSITION, HEADING = 0.003, math.radians(0.5)
-#: A run takes this much longer than its motion, at most: start, discovery, stop [s].
-MEETING = 60.0
-#: After a run the robot comes to rest for certain [s].
-REST = 0.5
+#: Thresholds of the median: position [m] and heading [rad].
+MAX_OFFSET, MAX_ANGLE = 0.003, math.radians(0.5)
+#: A run takes at most this much longer than its motion: start, discovery, stop [s].
+MAX_OVERHEAD = 60.0
+#: A robot is at rest so long after a run [s].
+REST_TIME = 0.5
 HEAD = ('motion', 'runs to the end', 'position off [mm], median / worst',
         'heading off [degrees], median / worst')
 
@@ -60,12 +60,12 @@ HEAD = ('motion', 'runs to the end', 'position off [mm], median / worst',
 @dataclass(frozen=True)
 class Run:
     """
-    One run.
+    The result of one run.
 
-    :param motion: which
-    :param position: how far from the plan's end pose the robot came to rest [m]
-    :param heading: how far from its heading, without a sign [rad]
-    :param failure: why it did not come to its end; nothing if it did
+    :param motion: its name
+    :param position: distance from the plan's end [m]
+    :param heading: absolute difference from the plan's heading at the end [rad]
+    :param failure: why it did not come to its end; empty if it did
     """
 
     motion: str
@@ -75,13 +75,7 @@ class Run:
 
 
 def measure(motions: Sequence[str] = MOTIONS, runs: int = RUNS) -> list[Run]:
-    """
-    Drive motions.
-
-    :param motions: which
-    :param runs: how often each
-    :returns: every run
-    """
+    """Drive library motions, each so many times; return the results."""
     use_localhost_only()
     domain = os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
     robot = GrpcRobot('kachaka', int(domain))
@@ -98,12 +92,7 @@ def measure(motions: Sequence[str] = MOTIONS, runs: int = RUNS) -> list[Run]:
 
 
 def planned_as_driven(motion: str) -> Plan:
-    """
-    Plan a motion as the command does for a Kachaka.
-
-    :param motion: its name
-    :returns: the plan
-    """
+    """Plan a library motion as the command does for a Kachaka."""
     file = find(motion)
     return plan(file.motion, file.check(KACHAKA.limits, KACHAKA.name), file.rate or DEFAULT_RATE)
 
@@ -126,12 +115,7 @@ def errors(start: Pose, end: Pose, planned: Pose) -> tuple[float, float]:
 
 
 def table(runs: Sequence[Run]) -> Table:
-    """
-    Put the runs as a table.
-
-    :param runs: what ``measure`` returned
-    :returns: the table, a row for each motion
-    """
+    """Return the table, with a row for each motion."""
     return Table(
         'Where the robot ended, by its odometry', HEAD,
         tuple(_row(motion, [run for run in runs if run.motion == motion])
@@ -139,20 +123,15 @@ def table(runs: Sequence[Run]) -> Table:
 
 
 def missed(runs: Sequence[Run]) -> list[str]:
-    """
-    Tell what was not as it should be.
-
-    :param runs: what ``measure`` returned
-    :returns: sentences; nothing if all was
-    """
+    """Return a sentence for each failed run and each missed threshold."""
     found = [f'{run.motion}: {run.failure}' for run in runs if run.failure]
     for motion in dict.fromkeys(run.motion for run in runs):
         ended = [run for run in runs if run.motion == motion and not run.failure]
-        if ended and median([run.position for run in ended]) > POSITION:
-            found.append(f'{motion}: more than {1e3 * POSITION:g} mm off at the median')
-        if ended and median([run.heading for run in ended]) > HEADING:
+        if ended and median([run.position for run in ended]) > MAX_OFFSET:
+            found.append(f'{motion}: more than {1e3 * MAX_OFFSET:g} mm off at the median')
+        if ended and median([run.heading for run in ended]) > MAX_ANGLE:
             found.append(
-                f'{motion}: more than {math.degrees(HEADING):g} degrees off at the median')
+                f'{motion}: more than {math.degrees(MAX_ANGLE):g} degrees off at the median')
     return found
 
 
@@ -170,13 +149,13 @@ def _both(values: Sequence[float]) -> str:
 
 def _drive(robot: GrpcRobot, motion: str, planned: Plan) -> Run:
     start = robot.pose()
-    failure = _command(motion, planned.duration + MEETING)
-    time.sleep(REST)
+    failure = _command(motion, planned.duration + MAX_OVERHEAD)
+    time.sleep(REST_TIME)
     return Run(motion, *errors(start, robot.pose(), planned.pose), failure)
 
 
 def _command(motion: str, timeout: float) -> str:
-    """Run the command, and return why it failed; nothing if it did not."""
+    """Run the command; return why it failed, empty if it did not."""
     command = [*processes.python_command('kachaka_simple_control.__main__'), motion, '--quiet']
     done = subprocess.run(
         command, cwd=ROOT, env=processes.child_environment(), stdin=subprocess.DEVNULL, text=True,
@@ -187,12 +166,7 @@ def _command(motion: str, timeout: float) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """
-    Measure, print, and judge.
-
-    :param arguments: the arguments without the program's name; None for those of the process
-    :returns: the exit code: 1 if a bar was missed, or a run did not come to its end
-    """
+    """Measure and print; return 1 if a threshold was missed or a run failed, else 0."""
     parser = argparse.ArgumentParser(prog='benchmarks.three_processes', description=__doc__)
     parser.add_argument('--runs', type=int, default=RUNS, help='of each motion (default: 10)')
     parser.add_argument('--motions', nargs='+', default=MOTIONS, metavar='NAME',
@@ -200,7 +174,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     runs = measure(options.motions, options.runs)
     print(table(runs).markdown())
-    print(f'The bar, at the median: {1e3 * POSITION:g} mm and {math.degrees(HEADING):g} degrees')
+    print(f'The bar, at the median: {1e3 * MAX_OFFSET:g} mm '
+          f'and {math.degrees(MAX_ANGLE):g} degrees')
     found = missed(runs)
     print('\n'.join(['Missed:', *found]) if found else 'Held')
     return 1 if found else 0

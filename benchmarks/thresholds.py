@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What this project promises of its own figures, and whether a run keeps it; pure."""
+"""Thresholds of our own figures, and whether a run meets them; pure."""
 
 from __future__ import annotations
 
@@ -25,70 +25,66 @@ MANY = 'SIGINT to first zero, many in one process'
 
 
 @dataclass(frozen=True)
-class Bar:
+class Threshold:
     """
-    A figure of ours and its limit.
+    The upper limit of one of our figures.
 
     :param what: the figure
-    :param limit: what it may be at most, in the figure's unit; or as a part of ``beside``
-    :param beside: the loop whose figure the limit is a part of; None for a plain limit
+    :param limit: in the figure's unit, or relative to that of another loop
+    :param relative_to: the loop whose figure the limit is relative to; None for an absolute limit
     """
 
     what: str
     limit: float
-    beside: str | None = None
+    relative_to: str | None = None
 
 
-BARS = (
-    Bar('displacement error, median, at 10 Hz', 0.1),
-    Bar('displacement error, worst, at 10 Hz', 0.5),
-    Bar('CPU a command, the loop, at 100 Hz', 0.5, 'lesson'),
-    Bar(f'{BOTH}, worst', 20.0),
-    Bar(f'{MANY}, p99', 20.0),
-    Bar('SIGKILL to first zero, worst', 50.0),
-    Bar('SIGSTOP to first zero, worst', 150.0),
-    Bar('later match to t = 0, worst', 1.0),
-    Bar('start to t = 0, worst', 4.0),
-    Bar('planning at 50 Hz, 1 h of motion', 1.0),
+THRESHOLDS = (
+    Threshold('displacement error, median, at 10 Hz', 0.1),
+    Threshold('displacement error, worst, at 10 Hz', 0.5),
+    Threshold('CPU a command, the loop, at 100 Hz', 0.5, 'lesson'),
+    Threshold(f'{BOTH}, worst', 20.0),
+    Threshold(f'{MANY}, p99', 20.0),
+    Threshold('SIGKILL to first zero, worst', 50.0),
+    Threshold('SIGSTOP to first zero, worst', 150.0),
+    Threshold('later match to t = 0, worst', 1.0),
+    Threshold('start to t = 0, worst', 4.0),
+    Threshold('planning at 50 Hz, 1 h of motion', 1.0),
 )
 
 
 @dataclass(frozen=True)
 class Verdict:
     """
-    A bar and what a run has to say to it.
+    Whether a run meets a threshold.
 
-    :param bar: the bar
+    :param threshold: the threshold
     :param value: the run's figure; None if it was not measured
     :param limit: the limit in the figure's unit; None if it was not measured
     :param unit: the unit
     """
 
-    bar: Bar
+    threshold: Threshold
     value: float | None
     limit: float | None
     unit: str
 
     @property
-    def is_held(self) -> bool:
-        """Return whether the bar is held; what was not measured is missed."""
+    def is_met(self) -> bool:
+        """Return whether the threshold is met; what was not measured does not meet it."""
         return self.value is not None and self.limit is not None and self.value <= self.limit
 
 
 def judge(found: Sequence[Figure]) -> list[Verdict]:
-    """
-    Hold the figures of a run against the bars.
-
-    :param found: the figures
-    :returns: a verdict for each bar
-    """
-    return [_judge_one(found, bar) for bar in BARS]
+    """Compare the figures of a run with the thresholds; return a verdict for each."""
+    return [_judge_one(found, threshold) for threshold in THRESHOLDS]
 
 
-def _judge_one(found: Sequence[Figure], bar: Bar) -> Verdict:
-    units = [figure.unit for figure in found if figure.what == bar.what]
-    limit: float | None = bar.limit
-    if bar.beside is not None:
-        other = find(found, bar.what, bar.beside)
-        limit = None if other is None else bar.limit * other
-    return Verdict(bar, find(found, bar.what, 'ours'), limit, units[0] if units else '')
+def _judge_one(found: Sequence[Figure], threshold: Threshold) -> Verdict:
+    units = [figure.unit for figure in found if figure.what == threshold.what]
+    limit: float | None = threshold.limit
+    if threshold.relative_to is not None:
+        other = find(found, threshold.what, threshold.relative_to)
+        limit = None if other is None else threshold.limit * other
+    value = find(found, threshold.what, 'ours')
+    return Verdict(threshold, value, limit, units[0] if units else '')

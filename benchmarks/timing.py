@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The first half of the run: how exactly each loop keeps time, and at what cost."""
+"""How exact the timing of each loop is, and what it costs."""
 
 from __future__ import annotations
 
@@ -26,29 +26,24 @@ from kachaka_simple_control.report.metrics import quantile
 from benchmarks.figures import where
 from benchmarks.load import busy
 from benchmarks.loops import LOOPS
-from benchmarks.process import Contender
+from benchmarks.process import LoopProcess
 from benchmarks.progress import show
 from benchmarks.robot import Robot
 from benchmarks.scale import Scale
 from benchmarks.wire import jitters, movements, relative_error, Row, ticks
 
 DURATION = 1.0
-#: Between two turns [s]: our stop takes 0.4 s, and nobody is measured during it.
+#: Between two turns [s]: our stop takes 0.4 s, in which no loop is measured.
 PAUSE = 0.6
-#: After the last contender has come [s]: while programs discover each other, DDS may keep one
-#: that publishes waiting for some hundred milliseconds, whichever loop it has.
-SETTLING = 4.0
+#: After the start of the last loop [s]: while programs discover each other, DDS may delay a
+#: publisher by some hundred milliseconds, whichever loop it is of.
+SETTLING_TIME = 4.0
 COSTS = ('sent', 'thread', 'process', 'helpers')
 PEAKS = ('memory', 'helper_memory')
 
 
 def measure_timing(scale: Scale) -> list[dict[str, Any]]:
-    """
-    Measure each loop at each rate, idle and loaded.
-
-    :param scale: how much
-    :returns: an entry for each loop, rate and load
-    """
+    """Measure each loop at each rate, idle and loaded; return an entry for each of these."""
     entries: list[dict[str, Any]] = []
     for load, moves in ((0, scale.moves), (scale.busy, scale.loaded)):
         for rate, count in moves.items():
@@ -60,8 +55,8 @@ def at_rate(rate: int, count: int, turn: int, load: int) -> list[dict[str, Any]]
     """
     Measure each loop at one rate.
 
-    The loops take turns, each time in another order, so that whatever the machine does meanwhile
-    hits all of them alike.
+    The loops take turns, each time in another order, so that other work of the machine affects
+    all of them alike.
 
     :param rate: the rate [Hz]
     :param count: how many movements each loop makes
@@ -69,51 +64,45 @@ def at_rate(rate: int, count: int, turn: int, load: int) -> list[dict[str, Any]]
     :param load: how many busy processes run beside them
     :returns: an entry for each loop
     """
-    tallies = {name: Tally(name, rate, load) for name in LOOPS}
-    with contenders(rate) as present, busy(load):
+    statistics = {name: LoopStatistics(name, rate, load) for name in LOOPS}
+    with loop_processes(rate) as started, busy(load):
         for number in range(-(-count // turn)):
             done = min(count, (number + 1) * turn)
             show(f'{where(rate, load)}: movements by each loop'.removeprefix('at '), done, count)
-            start = number % len(present)
-            for contender, robot in present[start:] + present[:start]:
+            start = number % len(started)
+            for process, robot in started[start:] + started[:start]:
                 mark = len(robot.heard)
-                costs = contender.ask([DURATION] * min(turn, count - number * turn))
+                costs = process.move([DURATION] * min(turn, count - number * turn))
                 time.sleep(PAUSE)
-                tallies[contender.name].add(costs, movements(robot.rows(mark)))
-    return [tally.entry() for tally in tallies.values()]
+                statistics[process.name].add(costs, movements(robot.rows(mark)))
+    return [one.entry() for one in statistics.values()]
 
 
 @contextlib.contextmanager
-def contenders(rate: int) -> Iterator[list[tuple[Contender, Robot]]]:
-    """
-    Start one contender for each loop, and wait until each has met its robot.
-
-    :param rate: their rate [Hz]
-    :returns: the contenders and their robots
-    """
+def loop_processes(rate: int) -> Iterator[list[tuple[LoopProcess, Robot]]]:
+    """Start a process for each loop, at a rate [Hz], and wait until each has found its robot."""
     with contextlib.ExitStack() as stack:
-        present = []
+        started = []
         for name in LOOPS:
             robot = stack.enter_context(Robot())
-            contender = Contender(name, 'serve', rate, robot.namespace)
-            present.append((stack.enter_context(contender), robot))
-        for contender, _ in present:
-            contender.hear()
-        time.sleep(SETTLING)
-        yield present
+            process = LoopProcess(name, 'serve', rate, robot.namespace)
+            started.append((stack.enter_context(process), robot))
+        for process, _ in started:
+            process.read()
+        time.sleep(SETTLING_TIME)
+        yield started
 
 
-class Tally:
-    """What is known of one loop at one rate."""
+class LoopStatistics:
+    """
+    What was measured of one loop at one rate.
+
+    :param name: the loop
+    :param rate: its rate [Hz]
+    :param load: number of busy processes beside it
+    """
 
     def __init__(self, name: str, rate: int, load: int) -> None:
-        """
-        Know nothing yet.
-
-        :param name: the loop
-        :param rate: its rate [Hz]
-        :param load: how many busy processes run beside it
-        """
         self._head = {'loop': name, 'rate': rate, 'busy': load}
         self._period = 1.0 / rate
         self._costs = dict.fromkeys(COSTS, 0.0)
@@ -125,12 +114,7 @@ class Tally:
         self._seen = 0
 
     def add(self, costs: dict[str, Any], found: list[list[Row]]) -> None:
-        """
-        Take note of a turn.
-
-        :param costs: what the contender says of it
-        :param found: the movements that the robot saw
-        """
+        """Add a turn: what it cost, and the movements that the robot received."""
         for name in COSTS:
             self._costs[name] += costs[name]
         for name in PEAKS:
@@ -144,11 +128,7 @@ class Tally:
                 self._ticks[name] += number
 
     def entry(self) -> dict[str, Any]:
-        """
-        Return all of it.
-
-        :returns: plain data
-        """
+        """Return all of it as plain data."""
         return {
             **self._head, 'errors': [round(error, 7) for error in self._errors], **self._ticks,
             'seen': self._seen, 'jitter': {

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a receiver was told, worked out from the messages it saw; pure."""
+"""Movements, displacement and timing, from the messages that a receiver got; pure."""
 
 from __future__ import annotations
 
@@ -25,12 +25,7 @@ from kachaka_simple_control.report.metrics import LATE, LOST
 
 
 class Row(NamedTuple):
-    """
-    One message.
-
-    :param time: when it was sent [s]
-    :param velocity: what it carried [m/s]
-    """
+    """A message: when it was sent [s], and its forward velocity [m/s]."""
 
     time: float
     velocity: float
@@ -39,11 +34,11 @@ class Row(NamedTuple):
 @dataclass(frozen=True)
 class Ticks:
     """
-    How the messages of a movement stand to the times at which they were due.
+    The ticks of a movement, one every period from the first message on.
 
-    :param due: how many there should be, one every period from the first on
-    :param late: how many came, but a quarter of a period or more from their time
-    :param lost: for how many nothing came within half a period of their time
+    :param due: number of ticks
+    :param late: number with the nearest message a quarter of a period or more from its time
+    :param lost: number without a message within half a period of its time
     """
 
     due: int
@@ -53,11 +48,10 @@ class Ticks:
 
 def movements(rows: Iterable[Row]) -> list[list[Row]]:
     """
-    Cut messages into movements.
+    Cut messages into movements of one velocity other than zero.
 
     :param rows: the messages, in order of time
-    :returns: for each stretch of one velocity other than zero its messages, and the one after
-        them that ended it; a stretch that nothing ended is left as it is
+    :returns: of each movement its messages and, if there is one, the next, which ended it
     """
     found: list[list[Row]] = []
     current: list[Row] | None = None
@@ -74,44 +68,40 @@ def movements(rows: Iterable[Row]) -> list[list[Row]]:
 
 def displacement(rows: Sequence[Row]) -> float:
     """
-    Return how far a receiver goes that holds each velocity until the next.
+    Return the displacement of a receiver that holds each velocity until the next [m].
 
     :param rows: the messages, in order; the last one only ends the one before
-    :returns: the sum of velocity times interval [m]
     """
     return math.fsum(one.velocity * (two.time - one.time) for one, two in pairwise(rows))
 
 
 def relative_error(rows: Sequence[Row], duration: float) -> float:
     """
-    Return by how much a movement is too long (positive) or too short.
+    Return the relative error of the displacement of a movement; positive if it is too long.
 
     :param rows: its messages and the one that ended it
-    :param duration: how long it should be held [s]
-    :returns: the error of the displacement, as a part of the displacement asked for
+    :param duration: of the movement asked for [s]
     """
     return displacement(rows) / (rows[0].velocity * duration) - 1.0
 
 
 def jitters(rows: Sequence[Row], period: float) -> list[float]:
     """
-    Return how far each interval is from the period.
+    Return the absolute differences between intervals and period [s].
 
     :param rows: the messages of a movement and the one that ended it, which is no tick
-    :param period: how long an interval should be [s]
-    :returns: the differences, all positive [s]
+    :param period: the time between two ticks [s]
     """
     return [abs(two.time - one.time - period) for one, two in pairwise(rows[:-1])]
 
 
 def ticks(rows: Sequence[Row], period: float, duration: float) -> Ticks:
     """
-    Count what came when it was due.
+    Count the ticks of a movement.
 
-    :param rows: the messages of a movement and the one that ended it
+    :param rows: the messages of the movement and the one that ended it
     :param period: the time between two ticks [s]
-    :param duration: how long the movement should be held [s]
-    :returns: the counts
+    :param duration: of the movement asked for [s]
     """
     due = round(duration / period)
     nearest = [math.inf] * due

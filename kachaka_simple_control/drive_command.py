@@ -24,7 +24,8 @@ from kachaka_simple_control.cli import Options
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
 from kachaka_simple_control.display.terminal import DisplayProcess, should_display
 from kachaka_simple_control.errors import ControlError, UsageError
-from kachaka_simple_control.files.robot_profile import KACHAKA, profile_of
+from kachaka_simple_control.files.robot_file import find_robot
+from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.preview_command import check_rate
 from kachaka_simple_control.report.report_directory import missing_libraries, prepare_report_dir
@@ -117,7 +118,7 @@ def _motion_file(options: Options) -> MotionFile | None:
         from kachaka_simple_control.files.library import find
         motion_file = find(options.motions[0] if options.motions else 'lesson')
         robot = robot or motion_file.robot
-    profile = profile_of(robot or KACHAKA.name)
+    profile = find_robot(robot or KACHAKA.name)
     if options.starts_bridge and profile.velocity_topic != KACHAKA.velocity_topic:
         raise UsageError(
             f'--sim and --address bring a kachaka along, not a {profile.name}: leave out that '

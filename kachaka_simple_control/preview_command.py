@@ -23,7 +23,8 @@ from kachaka_simple_control.control.plan_runner import min_rate
 from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find, library
-from kachaka_simple_control.files.robot_profile import KACHAKA, profile_of, RobotProfile
+from kachaka_simple_control.files.robot_file import find_robot
+from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.plan_plot import check_plot_file, save_plot
 from kachaka_simple_control.report.plan_view import PlanView
@@ -89,7 +90,7 @@ def _print(text: str) -> None:
 
 def _preview(name: str, options: Options) -> PlanView:
     motion_file = find(name)
-    profile = profile_of(options.robot or motion_file.robot or KACHAKA.name)
+    profile = find_robot(options.robot or motion_file.robot or KACHAKA.name)
     limits = motion_file.check(profile.limits, profile.name)
     rate = next(
         rate for rate in (options.rate, motion_file.rate, DEFAULT_RATE) if rate is not None)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What all tests share: a ROS domain of their own, and a robot that notes what it is told."""
+"""What all tests share: a ROS domain of their own, and fixtures for robot and nodes."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ import signal
 from kachaka_simple_control.ros.dds_transport import use_localhost_only
 import pytest
 
-# Before anything loads rclpy: no other robot, and no other test run, may hear this one.
+# Before anything loads rclpy: no robot and no other test run may receive what is sent here.
 os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
 if (worker := os.environ.get('PYTEST_XDIST_WORKER')) is not None:
-    # Beside each other, too: one domain for each of gw0, gw1, ...
+    # Parallel workers, gw0, gw1, ..., have a domain each.
     number = int(os.environ['ROS_DOMAIN_ID']) + int(worker.removeprefix('gw'))
     os.environ['ROS_DOMAIN_ID'] = str(number % 101)
 use_localhost_only()
-# In the background of a shell Ctrl+C is ignored, and so it would be by all that is started here.
+# Ctrl+C is ignored in the background of a shell, and by all that is started there.
 for signum in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
     if signal.getsignal(signum) == signal.SIG_IGN:
         signal.signal(signum, signal.SIG_DFL)
@@ -37,7 +37,7 @@ for signum in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
 
 @pytest.fixture
 def listener():
-    """Yield something that listens and answers as the official bridge does."""
+    """Yield a robot that subscribes and responds as the official bridge does."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
     from listener import Listener
     with Listener() as listener:
@@ -45,17 +45,17 @@ def listener():
 
 
 @pytest.fixture
-def watcher():
-    """Yield somebody who looks at what a node shows."""
+def observer():
+    """Yield a subscriber to the topics of a node."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
-    from topic_observer import Watcher
-    with Watcher() as watcher:
-        yield watcher
+    from topic_observer import TopicObserver
+    with TopicObserver() as observer:
+        yield observer
 
 
 @pytest.fixture
 def make():
-    """Yield a function that makes nodes, with arguments of ROS; they are taken down in the end."""
+    """Yield a function that makes nodes, with ROS arguments; they are destroyed in the end."""
     rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
     from kachaka_simple_control import KachakaSimpleControl
     rclpy.init(args=[])
@@ -77,10 +77,10 @@ def make():
 
 def pytest_collection_modifyitems(items):
     """
-    Give the tests in real time a second try, and say so in the summary.
+    Give real-time tests a second try, which the summary shows.
 
-    They meet other processes over DDS on a machine that may be busy with anything.  What is
-    broken fails twice; without the plug-in, the mark means nothing.
+    They use other processes over DDS on a machine that may be loaded.  What is broken fails twice;
+    without the plug-in, the mark has no effect.
     """
     for item in items:
         if item.get_closest_marker('ros'):

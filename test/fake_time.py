@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A steady clock that only tests move."""
+"""A clock that only tests advance, and a publisher that records."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from collections.abc import Callable
 
 
 class FakeTime:
-    """Time that passes when somebody sleeps, and by so much only."""
+    """A clock that advances by the duration of each sleep."""
 
     def __init__(self, start: float = 1000.0) -> None:
-        """Begin anywhere but at zero, where mistakes hide."""
+        # Not zero, where errors would not show.
         self.now = start
         self.on_sleep: Callable[[], None] = lambda: None
 
@@ -31,19 +31,18 @@ class FakeTime:
         return self.now
 
     def sleep(self, duration: float) -> None:
-        """Let time pass [s]."""
+        """Advance the clock [s]."""
         self.now += duration
         self.on_sleep()
 
 
-class Wire:
-    """What left an edge, as (time [s], velocity)."""
+class FakePublisher:
+    """Records what a velocity gate sends, as (time [s], velocity)."""
 
     def __init__(self, time: FakeTime) -> None:
-        """Note nothing yet."""
         self.sent: list[tuple[float, object]] = []
         self._time = time
 
     def transmit(self, velocity: object) -> None:
-        """Take a velocity."""
+        """Record a velocity."""
         self.sent.append((self._time.now, velocity))

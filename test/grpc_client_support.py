@@ -23,7 +23,8 @@ import sys
 import threading
 import time
 
-from ros_support import BridgeProcess, environment, wait_until
+from program import environment
+from ros_support import BridgeProcess, wait_until
 
 
 class FaultyRobot:

@@ -28,15 +28,15 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from std_srvs.srv import SetBool, Trigger
 
-#: Humble does not tell a callback when a message was sent; there the time of arrival must do.
+#: Humble gives callbacks no source timestamp; there, the time of arrival is used.
 KNOWS_SOURCE_TIME = hasattr(Subscription, 'CallbackType')
 
-#: Best effort, as the bridge; but deeper than its 5, so that a busy machine loses nothing here.
+#: Best effort, as the bridge, but deeper than its 5: a loaded machine must lose nothing here.
 QUALITY = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 @dataclass(frozen=True)
-class Heard:
+class SentVelocity:
     """A velocity, and when it was sent [s, system clock]."""
 
     time: float
@@ -50,7 +50,7 @@ class Heard:
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldVelocity:
     """A velocity and how long it was held [s], in how many messages."""
 
     linear_x: float
@@ -67,16 +67,16 @@ class Listener:
             delay: float = 0.0, reason: str = 'not today',
             quality: QoSProfile = QUALITY) -> None:
         """
-        Note nothing yet.
+        Make the node, which spins within the ``with`` block.
 
-        :param namespace: where the robot is
-        :param serves: whether there is a service at all
-        :param grants: what the service answers
-        :param delay: how long the service takes to answer [s]
-        :param reason: what it says when it refuses
-        :param quality: what the subscription asks for
+        :param namespace: of the robot
+        :param serves: whether there is a service
+        :param grants: whether the service succeeds
+        :param delay: of its response [s]
+        :param reason: its message when it fails
+        :param quality: QoS of the subscription
         """
-        self.heard: list[Heard] = []
+        self.heard: list[SentVelocity] = []
         self.answered: list[tuple[float, bool]] = []
         self._grants, self._delay, self._reason = grants, delay, reason
         self._context = Context()
@@ -86,7 +86,7 @@ class Listener:
             start_parameter_services=False)
         self._subscription = self._node.create_subscription(
             Twist, 'manual_control/cmd_vel',
-            self._hear_with_info if KNOWS_SOURCE_TIME else self._hear, quality)
+            self._on_velocity_with_info if KNOWS_SOURCE_TIME else self._on_velocity, quality)
         if serves:
             self._node.create_service(SetBool, 'manual_control/set_enabled', self._answer)
         self._executor = SingleThreadedExecutor(context=self._context)
@@ -94,23 +94,23 @@ class Listener:
         self._thread = threading.Thread(target=self._spin, daemon=True)
 
     def __enter__(self) -> Listener:
-        """Listen."""
+        """Spin."""
         self._thread.start()
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Listen no more."""
+        """Destroy the node."""
         self._executor.shutdown(timeout_sec=0.0)
         self._thread.join(5.0)
         self._node.destroy_node()
         self._context.try_shutdown()
 
     def leave(self) -> None:
-        """Say goodbye properly: the subscription goes away."""
+        """Destroy the subscription."""
         self._node.destroy_subscription(self._subscription)
 
     def call(self, name: str) -> Trigger.Response:
-        """Call a service of the node under test; fail if it does not answer."""
+        """Call a service of the node under test; fail without a response."""
         client = self._node.create_client(Trigger, f'/kachaka_simple_control/{name}')
         try:
             assert client.wait_for_service(10.0), f'there is no service {client.srv_name}'
@@ -123,9 +123,9 @@ class Listener:
             self._node.destroy_client(client)
 
     def wait_for(
-            self, condition: Callable[[Heard], bool], timeout: float = 20.0,
-            after: int = 0) -> Heard:
-        """Return the first velocity that fits, from a place on; fail if none comes in time."""
+            self, condition: Callable[[SentVelocity], bool], timeout: float = 20.0,
+            after: int = 0) -> SentVelocity:
+        """Return the first velocity that meets a condition; fail if none comes in time."""
         end, seen = time.monotonic() + timeout, after
         while time.monotonic() < end:
             while seen < len(self.heard):
@@ -135,20 +135,20 @@ class Listener:
             time.sleep(0.002)
         raise AssertionError(f'no such velocity within {timeout} s')
 
-    def held(self) -> list[Held]:
-        """Fold equal velocities that follow each other, each held until the next."""
-        runs: list[list[Heard]] = []
+    def held(self) -> list[HeldVelocity]:
+        """Return runs of equal velocities, each held until the next velocity."""
+        runs: list[list[SentVelocity]] = []
         for heard in self.heard:
             if runs and same(runs[-1][0], heard):
                 runs[-1].append(heard)
             else:
                 runs.append([heard])
         ends = [run[0].time for run in runs[1:]] + [runs[-1][-1].time] if runs else []
-        return [Held(run[0].linear_x, run[0].angular_z, end - run[0].time, len(run))
+        return [HeldVelocity(run[0].linear_x, run[0].angular_z, end - run[0].time, len(run))
                 for run, end in zip(runs, ends)]
 
-    def moves(self) -> list[Held]:
-        """Return what was held, rests left out."""
+    def moves(self) -> list[HeldVelocity]:
+        """Return the runs of velocities other than zero."""
         return [held for held in self.held() if held.linear_x or held.angular_z]
 
     @property
@@ -158,14 +158,14 @@ class Listener:
 
     @property
     def released(self) -> list[float]:
-        """When manual control was taken back [s, system clock]."""
+        """When manual control was released [s, system clock]."""
         return [at for at, enabled in self.answered if not enabled]
 
-    def _hear(self, message: Twist) -> None:
-        self.heard.append(Heard(time.time(), message.linear.x, message.angular.z))
+    def _on_velocity(self, message: Twist) -> None:
+        self.heard.append(SentVelocity(time.time(), message.linear.x, message.angular.z))
 
-    def _hear_with_info(self, message: Twist, info: dict[str, int]) -> None:
-        self.heard.append(Heard(
+    def _on_velocity_with_info(self, message: Twist, info: dict[str, int]) -> None:
+        self.heard.append(SentVelocity(
             info['source_timestamp'] / 1e9, message.linear.x, message.angular.z))
 
     def _answer(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
@@ -178,6 +178,6 @@ class Listener:
         self._executor.spin()
 
 
-def same(one: Heard, two: Heard) -> bool:
-    """Tell whether two velocities are equal."""
+def same(one: SentVelocity, two: SentVelocity) -> bool:
+    """Return whether two velocities are equal."""
     return (one.linear_x, one.angular_z) == (two.linear_x, two.angular_z)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Motions of any kind, and the texts of files, for the tests of files."""
+"""Random motions and the texts of motion files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from kachaka_simple_control.files.diagnostics import MotionFileError
 from kachaka_simple_control.files.motion_file import loads
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 
-#: Every kind of step, in a form that has everything it may have.
+#: Every kind of step, with all its fields.
 EVERYTHING = """\
 name: everything
 description: One of each.
@@ -56,13 +56,13 @@ SIMPLE = st.one_of(
 STEPS = st.recursive(
     SIMPLE, lambda steps: st.builds(Repeat, st.integers(0, 9), st.lists(steps, max_size=3)),
     max_leaves=8)
-#: Half a character is no text that a file could hold.
+#: A file cannot have lone surrogates.
 TEXTS = st.text(st.characters(exclude_categories=['Cs']), max_size=20)
 MOTIONS = st.builds(Motion, TEXTS, st.lists(STEPS, max_size=6), TEXTS)
 
 
 def refusal(text: str, name: str = 'bad.yaml') -> list[str]:
-    """Return the lines in which a text is refused."""
+    """Return the lines of the error of a text."""
     try:
         file = loads(text, name)
     except MotionFileError as error:
@@ -71,7 +71,7 @@ def refusal(text: str, name: str = 'bad.yaml') -> list[str]:
 
 
 def step_refusal(step: str) -> str:
-    """Return the one line in which a motion of one step is refused, without its place."""
+    """Return the one-line error of a motion of one step, without its location."""
     lines = refusal(f'steps:\n  - {step}\n')
     assert len(lines) == 1, lines
     start = 'bad.yaml:2: steps[0]'

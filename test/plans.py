@@ -11,19 +11,19 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Plans to look at: motions whose figures school geometry tells, and some out of proportion."""
+"""Motions with simple geometry, and some very long ones."""
 
 import math
 
-from kachaka_simple_control.files.robot_profile import Box, Disc
+from kachaka_simple_control.motion.geometry import Box, Disc
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 from kachaka_simple_control.report.plan_view import PlanView
 
-#: At full speed at once: a step takes its length over its speed.
+#: Without acceleration limits: a step takes its length over its speed.
 ABRUPT = Limits(0.25, 1.0)
-#: With ramps, and so with a velocity of its own in many a tick.
+#: With acceleration and jerk limits.
 GENTLE = Limits(0.3, 1.57, 0.5, 2.5, 2.0, 10.0)
 BOX = Box(length=0.4, width=0.2, ahead=0.05)
 DISC = Disc(radius=0.2)
@@ -43,5 +43,5 @@ HOUR = Motion('hour', [Repeat(250, SQUARE.steps)])
 
 
 def preview(motion, limits=GENTLE, rate=20.0, footprint=BOX, robot='kachaka'):
-    """Return a motion's plan, ready to be looked at."""
+    """Return the view of a motion's plan."""
     return PlanView(motion.name, robot, plan(motion, limits, rate), limits, footprint)

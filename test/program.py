@@ -59,14 +59,14 @@ class Program:
             time.sleep(0.01)
 
     def end(self, timeout: float = 30.0) -> int:
-        """Wait for its end; return its exit code as a shell tells it."""
+        """Wait for its end; return its exit code as a shell gives it."""
         code = self.process.wait(timeout)
         return 128 - code if code < 0 else code
 
 
 def fill(pipe: int) -> None:
-    """Fill a pipe that nobody reads; those who hold it go on waiting for room, or not."""
-    # Opened anew: the flag not to wait belongs to all that share the opened file.
+    """Fill a pipe; other writers go on waiting for room, or not."""
+    # Opened again: O_NONBLOCK belongs to all that share the open file.
     filler = os.open(f'/proc/self/fd/{pipe}', os.O_WRONLY | os.O_NONBLOCK)
     try:
         for size in (4096, 1):
@@ -77,16 +77,16 @@ def fill(pipe: int) -> None:
         os.close(filler)
 
 
-def environment() -> dict[str, str]:
-    """Return an environment in which the package under test is found first."""
+def environment(**more: str) -> dict[str, str]:
+    """Return an environment in which the package under test is found first, with variables."""
     paths = [str(ROOT), os.environ.get('PYTHONPATH', '')]
-    return {**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths))}
+    return {**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths)), **more}
 
 
 @contextlib.contextmanager
 def program(
         command: list[str], scratch: Path, folder: Path | None = None) -> Iterator[Program]:
-    """Run a command, in a folder if one is given, and leave nothing of it behind."""
+    """Run a command, in a folder if one is given; kill it and its children in the end."""
     started = Program(command, scratch / 'log.txt', folder)
     try:
         yield started
@@ -98,14 +98,14 @@ def program(
         with contextlib.suppress(ProcessLookupError):
             os.killpg(started.process.pid, signal.SIGKILL)
         started.process.wait()
-        # A guardian stops the robot after its node was killed; the next test's must not hear it.
+        # A guardian sends zeros after its node was killed: not into the next test.
         end = time.monotonic() + 3.0
         while any(map(is_running, children)) and time.monotonic() < end:
             time.sleep(0.02)
 
 
 def children_of(pid: int) -> list[int]:
-    """Return the processes that a process started and has not reaped."""
+    """Return the ids of the child processes that a process has not reaped."""
     files = Path(f'/proc/{pid}/task').glob('*/children')
     with contextlib.suppress(FileNotFoundError, ProcessLookupError):
         return [int(child) for file in files for child in file.read_text().split()]
@@ -113,7 +113,7 @@ def children_of(pid: int) -> list[int]:
 
 
 def is_running(pid: int) -> bool:
-    """Tell whether a process is there and no zombie."""
+    """Return whether a process exists and is no zombie."""
     try:
         return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
     except (FileNotFoundError, ProcessLookupError):

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A drive that is told to a recording, without a process of its own."""
+"""A drive whose events go to a recorder in this process."""
 
 import math
 from pathlib import Path
@@ -34,28 +34,27 @@ PLANNED = MotionPlanned(Motion('bend', (Move(0.1, 0.5, 3.0),)), LIMITS, 10.0)
 
 
 class RecordedDrive:
-    """Events told to a record and to a bag in a folder."""
+    """Publishes events to a log and to a recorder in a folder."""
 
     def __init__(self, folder, opened=TWIST):
-        """Begin one."""
         self.folder, self.opened = Path(folder), opened
         self.file = self.folder / 'run.mcap'
-        self.record = DriveLog()
-        self.bag = McapRecorder(self.folder, self.record)
-        self.tell(opened, PLANNED)
+        self.drive_log = DriveLog()
+        self.recorder = McapRecorder(self.folder, self.drive_log)
+        self.publish(opened, PLANNED)
 
-    def tell(self, *events):
-        """Tell events."""
+    def publish(self, *events):
+        """Publish events."""
         for event in events:
-            self.record.on_event(event)
-            self.bag.on_event(event)
+            self.drive_log.on_event(event)
+            self.recorder.on_event(event)
 
     def send(self, first, count, velocity=0.1):
-        """Tell velocities, one each 0.1 s."""
-        self.tell(*(VelocitySent(first + number / 10.0, Velocity(velocity, 0.0))
+        """Publish velocities, one every 0.1 s."""
+        self.publish(*(VelocitySent(first + number / 10.0, Velocity(velocity, 0.0))
                     for number in range(count)))
 
     def expected(self, until=math.inf):
-        """Return what is to be in the file."""
-        return [velocity for velocity in sent_velocities(self.record.sent, self.opened)
+        """Return the velocities that the file must have."""
+        return [velocity for velocity in sent_velocities(self.drive_log.sent, self.opened)
                 if velocity[0] <= (until if until == math.inf else stamp_of(self.opened, until))]

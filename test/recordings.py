@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read recordings as others do: with the readers that the public uses, none of them ours."""
+"""Read recordings by public libraries."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Read(NamedTuple):
 
 
 def read_with_mcap(file: Path) -> list[Read]:
-    """Return what the library of the format's makers finds in a file."""
+    """Return the messages that the mcap library finds in a file."""
     make_reader = pytest.importorskip('mcap.reader').make_reader
     decoder = pytest.importorskip('mcap_ros2.decoder').DecoderFactory()
     with file.open('rb') as stream:
@@ -45,7 +45,7 @@ def read_with_mcap(file: Path) -> list[Read]:
 
 
 def read_with_rosbags(path: Path) -> list[Read]:
-    """Return what rosbags finds in a file or in a folder, by the definitions it finds there."""
+    """Return the messages that rosbags finds in a file or folder, by the definitions there."""
     pytest.importorskip('numpy')
     highlevel = pytest.importorskip('rosbags.highlevel')
     with highlevel.AnyReader([path]) as reader:
@@ -57,7 +57,7 @@ READERS = [read_with_mcap, read_with_rosbags]
 
 
 def velocities(found: list[Read], opened: SessionStarted) -> list[tuple[int, float, float]]:
-    """Return stamp, linear and angular velocity of all that was sent, in the order of a file."""
+    """Return stamp, linear and angular velocity of all velocities, in the order of a file."""
     messages = [read for read in found if read.topic == opened.velocity_topic]
     twists = [getattr(read.message, 'twist', read.message) for read in messages]
     for read, twist in zip(messages, twists):
@@ -82,6 +82,6 @@ def stamp_of(opened: SessionStarted, time: float) -> int:
 
 def sent_velocities(sent: list[VelocitySent], opened: SessionStarted) -> list[
         tuple[int, float, float]]:
-    """Return stamp, linear and angular velocity of what was sent, in the order it was sent in."""
+    """Return stamp, linear and angular velocity of sent velocities, in order of time."""
     return sorted((stamp_of(opened, one.time), one.velocity.linear_x, one.velocity.angular_z)
                   for one in sent)

@@ -11,26 +11,25 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the tests with real ROS share: a probe, and processes."""
+"""Processes and a node for tests with ROS."""
 
 from __future__ import annotations
 
 import contextlib
 import math
-import os
-from pathlib import Path
 import subprocess
 import sys
 import threading
 import time
 
-#: The first discovery on a machine may take 3 s, and there may be other work on it.
-PATIENCE = 15.0
-ROOT = Path(__file__).resolve().parent.parent
+from program import environment
+
+#: Discovery may take 3 s, and longer on a loaded machine [s].
+TIMEOUT = 15.0
 
 
-def wait_until(condition, timeout=PATIENCE):
-    """Wait for a condition, and answer whether it came true."""
+def wait_until(condition, timeout=TIMEOUT):
+    """Wait for a condition; return whether it became true."""
     deadline = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > deadline:
@@ -39,26 +38,11 @@ def wait_until(condition, timeout=PATIENCE):
     return True
 
 
-def environment(**more):
-    """Return the environment of a child that finds this package, installed or not."""
-    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])])
-    return {**os.environ, 'PYTHONPATH': path, **more}
-
-
-def is_running(pid):
-    """Tell whether a process is there and no zombie, which its parent may never collect."""
-    try:
-        status = Path(f'/proc/{pid}/stat').read_text()
-    except (FileNotFoundError, ProcessLookupError):
-        return False
-    return status.rpartition(')')[2].split()[0] != 'Z'
-
-
 class BridgeProcess:
-    """A bridge as a user starts it, and what it says."""
+    """A bridge as a user starts it, and its log."""
 
     def __init__(self, *options, **more):
-        """Start it; with further arguments of Popen."""
+        """Start it; ``more`` goes to Popen."""
         self.process = subprocess.Popen(
             [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command', *options],
             stderr=subprocess.PIPE, text=True, env=environment(), **more)
@@ -71,17 +55,17 @@ class BridgeProcess:
 
     @property
     def text(self):
-        """Return everything it has said."""
+        """Return all that it has logged."""
         return ''.join(self.lines)
 
-    def wait(self, timeout=PATIENCE):
-        """Wait for its end, and return its exit code."""
+    def wait(self, timeout=TIMEOUT):
+        """Wait for its end; return its exit code."""
         code = self.process.wait(timeout)
         self._reader.join(timeout)
         return code
 
     def end(self):
-        """End it, whatever state it is in."""
+        """Kill it."""
         self.process.kill()
         self.wait()
         for pipe in filter(None, (self.process.stdin, self.process.stderr)):
@@ -99,10 +83,9 @@ def bridge(*options, **more):
 
 
 class Probe:
-    """A node that drives a bridge and hears its odometry; spins in a thread of its own."""
+    """A node that sends velocities and receives odometry; it spins in a thread of its own."""
 
     def __init__(self):
-        """Join the domain."""
         from geometry_msgs.msg import Twist
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
@@ -122,7 +105,7 @@ class Probe:
             self._executor.spin_once(timeout_sec=0.05)
 
     def close(self):
-        """Leave the domain."""
+        """Destroy the node."""
         import rclpy
         self._over.set()
         self._thread.join()
@@ -131,17 +114,17 @@ class Probe:
         rclpy.shutdown(context=self.context)
 
     def publisher(self, namespace, process):
-        """Return a publisher of velocities that a bridge listens to for certain."""
+        """Return a publisher of velocities that a bridge has matched for certain."""
         publisher = self.node.create_publisher(
             self._twist, f'{namespace}/manual_control/cmd_vel', 10)
 
-        def is_heard():
-            # The reader may match later than the writer.  What is no number is refused aloud,
-            # and changes nothing.
+        def has_matched():
+            # The reader may match later than the writer.  NaN is refused with a log line, and
+            # changes nothing.
             self.send(publisher, math.nan)
             return 'the robot refused' in process.text
 
-        assert wait_until(is_heard)
+        assert wait_until(has_matched)
         return publisher
 
     def send(self, publisher, linear_x, angular_z=0.0):
@@ -162,10 +145,10 @@ class Probe:
         return heard
 
     def set_enabled(self, namespace, enabled):
-        """Call the service, and return its answer."""
+        """Call the service; return its response."""
         client = self.node.create_client(
             self._set_bool, f'{namespace}/manual_control/set_enabled')
-        assert client.wait_for_service(PATIENCE)
+        assert client.wait_for_service(TIMEOUT)
         future = client.call_async(self._set_bool.Request(data=enabled))
         assert wait_until(future.done)
         return future.result()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Records of drives in simulated time: the real plan, the simulated robot, and no clock."""
+"""Logs of drives in simulated time: the real plan, the simulated robot, and no clock."""
 
 from __future__ import annotations
 
@@ -38,16 +38,17 @@ from kachaka_simple_control.telemetry.events import (
     VelocitySent,
 )
 
-#: A robot that drives a little wrong, always in the same way.
+#: A robot with constant errors.
 IMPERFECT = SimulationParameters(lag=0.05, linear_gain=0.985, angular_gain=1.012)
 #: On 2026-11-21.
 EPOCH = 1_795_219_200.0
+#: Times of the zeros of a stop [s].
 STOP = [0.0] * 10 + [0.04 * number for number in range(1, 11)]
 
 
-class Rehearsal:
+class SimulatedDrive:
     """
-    A program that drives in simulated time, and the record that hears it.
+    A program that drives in simulated time, and the log of its events.
 
     :param rate: how often a velocity is sent [Hz]
     :param lateness: how late a message is, given its number [s]; by default a fraction of a ms
@@ -58,9 +59,9 @@ class Rehearsal:
     def __init__(
             self, rate: float = 10.0, lateness: Callable[[int], float] | None = None,
             parameters: SimulationParameters = IMPERFECT, odometry_period: float | None = 0.02,
-            title: str = 'rehearsal') -> None:
+            title: str = 'simulated') -> None:
         """Open the record; the robot stands somewhere and looks somewhere."""
-        self.record, self.events, self.now = DriveLog(), [], 5000.0
+        self.drive_log, self.events, self.now = DriveLog(), [], 5000.0
         self._rate, self._late = rate, lateness or jitter()
         self._robot = SimulatedKachaka(self.now, parameters)
         self._robot.set_manual_control(True, self.now)
@@ -69,30 +70,30 @@ class Rehearsal:
         self._count = 0
         self._is_stopped = True
         self.limits = KACHAKA.limits
-        self.tell(SessionStarted(
+        self.publish(SessionStarted(
             title, KACHAKA.name, self.limits, KACHAKA.hold, EPOCH,
             '/kachaka/manual_control/cmd_vel', '/kachaka/odometry/odometry',
             footprint=KACHAKA.footprint,
             settings={'robot': 'kachaka', 'rate': rate, 'guardian': True},
             versions={'kachaka_simple_control': '0.1.0', 'ROS': 'jazzy'}))
 
-    def tell(self, event: Event) -> None:
-        """Let the record hear an event."""
+    def publish(self, event: Event) -> None:
+        """Add an event to the log."""
         self.events.append(event)
-        self.record.on_event(event)
+        self.drive_log.on_event(event)
 
     def drive(self, motion: Motion, until: float = math.inf, reason: str | None = None,
               is_fault: bool = True, lost: tuple[float, float] | None = None) -> None:
         """
         Drive a motion.
 
-        :param until: when it ends before its end [s after t = 0]
-        :param reason: why; None if nobody tells
-        :param is_fault: whether something went wrong
+        :param until: when it is interrupted [s after t = 0]
+        :param reason: why; None for no event of its end
+        :param is_fault: whether that is a fault
         :param lost: from when to when nothing is sent [s after t = 0]
         """
         planned = plan(motion, self.limits, self._rate)
-        self.tell(MotionPlanned(motion, self.limits, self._rate))
+        self.publish(MotionPlanned(motion, self.limits, self._rate))
         for _ in range(0 if self._count else 10):
             self._send(self.now + 0.05, ZERO)
         start = self.now + 0.0005
@@ -103,7 +104,7 @@ class Rehearsal:
             late = 0.0 if not began else self._late(self._count)
             if not began:
                 self._pass(start)
-                self.tell(MotionStarted(start))
+                self.publish(MotionStarted(start))
                 began = True
             self._send(start + due + late, velocity)
         if until <= planned.duration and reason is None:
@@ -113,29 +114,29 @@ class Rehearsal:
         else:
             self._send(start + planned.duration + self._late(self._count), ZERO)
             self._is_stopped = False
-        self.tell(MotionEnded(self.now, reason, is_fault))
+        self.publish(MotionEnded(self.now, reason, is_fault))
 
     def stop(self, time: float) -> None:
-        """Send a whole stop."""
+        """Send all zeros of a stop."""
         self._is_stopped = True
         for after in STOP:
             self._send(max(self.now, time + after + 0.0002), ZERO)
 
     def close(self, still_after: float | None = 0.12, signal: int | None = None,
               error: str | None = None, rest: float = 0.4) -> DriveLog:
-        """Stop unless that was done, let the robot come to rest, and tell the end."""
+        """Stop if necessary, let the robot come to rest, and end the session; return the log."""
         if not self._is_stopped:
             self.stop(self.now + 1.0 / self._rate)
         self._pass(self.now + rest)
-        self.tell(SessionEnded(self.now, still_after, signal, error))
-        return self.record
+        self.publish(SessionEnded(self.now, still_after, signal, error))
+        return self.drive_log
 
     @staticmethod
     def _ticks(planned: object, until: float) -> Iterator[tuple[float, Velocity]]:
-        player, time = TickScheduler(planned), 0.0
-        while time < until and (due := player.due(time)) is not None:
-            yield time, due.velocity
-            time = due.deadline
+        scheduler, time = TickScheduler(planned), 0.0
+        while time < until and (tick := scheduler.due(time)) is not None:
+            yield time, tick.velocity
+            time = tick.deadline
 
     def _send(self, time: float, velocity: Velocity) -> None:
         self._pass(time)
@@ -145,19 +146,19 @@ class Rehearsal:
         self._robot.set_robot_velocity(
             velocity.linear_x / limits.max_linear_velocity,
             velocity.angular_z / limits.max_angular_velocity, self.now)
-        self.tell(VelocitySent(self.now, velocity))
+        self.publish(VelocitySent(self.now, velocity))
 
     def _pass(self, time: float) -> None:
         while self._odometry <= time:
             pose, velocity = self._robot.odometry(self._odometry)
             wrapped = type(pose)(pose.x, pose.y, math.remainder(pose.theta, math.tau))
-            self.tell(OdometryReceived(self._odometry + 0.003, wrapped, velocity))
+            self.publish(OdometryReceived(self._odometry + 0.003, wrapped, velocity))
             self._odometry += self._period
         self.now = max(self.now, time)
 
 
 def jitter(scale: float = 0.0002, seed: int = 7) -> Callable[[int], float]:
-    """Return how late messages are: always a little, seldom much, each time the same."""
+    """Return the lateness of messages by number [s]: mostly small, and reproducible."""
     generator = random.Random(seed)
     return lambda number: min(0.009, generator.expovariate(1.0 / scale))
 

@@ -33,24 +33,24 @@ from kachaka_simple_control.motion.steps import (
     Wait,
 )
 
-#: What the makers of a Kachaka allow, and a gentle ramp.
+#: The velocity limits of a Kachaka, with gentle accelerations.
 KACHAKA = Limits(0.3, 1.57, 0.3, 1.5, 1.5, 8.0)
 
 
 def spread(low: float, high: float) -> st.SearchStrategy[float]:
-    """Return numbers of every order of magnitude between two."""
+    """Return numbers between two, uniform in their logarithm."""
     return st.floats(math.log10(low), math.log10(high)).map(lambda power: 10.0 ** power)
 
 
 def or_infinite(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[float]:
-    """Return numbers, and infinity now and then."""
+    """Return numbers, and sometimes infinity."""
     return st.one_of(numbers, numbers, numbers, st.just(math.inf))
 
 
-#: A plan has thousands of ticks, and the machine may be busy.
+#: A plan has thousands of ticks, and the machine may be loaded.
 UNHURRIED = settings(deadline=None)
 
-#: From a creeping robot to a racing one.
+#: From a very slow robot to a very fast one.
 LIMITS = st.builds(
     Limits,
     max_linear_velocity=spread(0.05, 5.0), max_angular_velocity=spread(0.1, 10.0),
@@ -65,15 +65,15 @@ RATES = spread(1.0, 100.0)
 ANGLES = st.floats(-7.0, 7.0)
 RADII = st.one_of(spread(0.01, 100.0), spread(0.01, 100.0).map(lambda radius: -radius))
 
-#: Goals without a speed of their own: every robot can drive them.
+#: Steps without a speed of their own: every robot can drive them.
 GOALS = st.one_of(
     st.builds(Forward, st.floats(-3.0, 3.0)),
     st.builds(Turn, ANGLES),
     st.builds(
         lambda radius, part: Arc(radius, part * min(7.0, 3.0 / abs(radius))),
         RADII, st.floats(-1.0, 1.0)))
-#: The slowest robot of all can drive these; none turns so little that a circle's centre, which
-#: the closed form goes by, is out of sight.
+#: The slowest robot can drive these; none turns so little that the closed form, by the circle's
+#: centre, is inexact.
 MOVES = st.builds(
     Move, st.floats(-0.04, 0.04),
     st.just(0.0) | st.floats(0.001, 0.09) | st.floats(-0.09, -0.001), st.floats(0.0, 20.0))
@@ -82,7 +82,7 @@ WAITS = st.builds(Wait, st.floats(0.0, 20.0))
 
 def motions(
         leaves: st.SearchStrategy[Step], most: int = 4) -> st.SearchStrategy[Motion]:
-    """Return motions made of some steps, with repeats in them."""
+    """Return motions of some steps, with repeats."""
     repeats = st.builds(Repeat, st.integers(0, 3), st.lists(leaves, max_size=2))
     nested = st.builds(Repeat, st.integers(0, 2), st.lists(leaves | repeats, max_size=2))
     steps = st.lists(st.one_of(leaves, leaves, repeats, nested), max_size=most)
@@ -92,17 +92,17 @@ def motions(
 MOTIONS = motions(st.one_of(GOALS, GOALS, MOVES, WAITS))
 
 
-def written_out(steps: Iterable[Step]) -> list[Step]:
-    """Return steps with their repeats written out."""
+def expand(steps: Iterable[Step]) -> list[Step]:
+    """Return steps with their repeats expanded."""
     return [leaf for step in steps for leaf in (
-        written_out(step.steps) * step.times if isinstance(step, Repeat) else [step])]
+        expand(step.steps) * step.times if isinstance(step, Repeat) else [step])]
 
 
 def closed_form(steps: Iterable[Step], start: Pose = ORIGIN) -> Pose:
-    """Return where some steps lead, by school geometry: lines, and circles about their centre."""
+    """Return the pose after some steps, by lines and by circles about their centre."""
     x, y, theta = start.x, start.y, start.theta
-    for step in written_out(steps):
-        length, radius, angle = drawn(step)
+    for step in expand(steps):
+        length, radius, angle = line_or_circle(step)
         if math.isinf(radius):
             x, y = x + length * math.cos(theta), y + length * math.sin(theta)
         else:
@@ -113,8 +113,8 @@ def closed_form(steps: Iterable[Step], start: Pose = ORIGIN) -> Pose:
     return Pose(x, y, theta)
 
 
-def drawn(step: Step) -> tuple[float, float, float]:
-    """Return length, radius and angle of the line or circle that a step draws."""
+def line_or_circle(step: Step) -> tuple[float, float, float]:
+    """Return length, radius and angle of the line or circle of a step."""
     if isinstance(step, Forward):
         return step.distance, math.inf, 0.0
     if isinstance(step, Turn):

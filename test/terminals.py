@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A terminal to look at: what programs write to it, and what stands in it then."""
+"""A terminal emulator, and programs that run in it."""
 
 from __future__ import annotations
 
@@ -36,13 +36,12 @@ SEQUENCE = re.compile(r'\x1b(?:\[([?0-9;]*)([A-Za-z])|([78]))')
 
 
 class Screen:
-    """Understands as much of what is written to a terminal as our programs write."""
+    """A screen that implements the escape sequences that our programs use."""
 
     def __init__(self, columns: int, rows: int) -> None:
-        """Be empty."""
         self.columns, self.rows = columns, rows
         self.lines = [''] * rows
-        #: lines that were scrolled out at the top
+        #: lines that have scrolled out at the top
         self.history: list[str] = []
         self.row = self.column = 0
         self.bottom = rows
@@ -50,17 +49,17 @@ class Screen:
         self._saved = (0, 0)
 
     def write(self, text: str) -> None:
-        """Write to it."""
+        """Write text and escape sequences."""
         place = 0
         for match in SEQUENCE.finditer(text):
             self._print(text[place:match.start()])
-            self._obey(*match.groups())
+            self._execute(*match.groups())
             place = match.end()
         self._print(text[place:])
 
     @property
     def above(self) -> list[str]:
-        """Return what was written by others than the panel, from the first line on."""
+        """Return the lines above the panel, from the first on."""
         lines = [*self.history, *self.lines[:self.bottom]]
         while lines and not lines[-1].strip():
             lines.pop()
@@ -87,7 +86,7 @@ class Screen:
         else:
             self.row = min(self.row + 1, self.rows - 1)
 
-    def _obey(self, numbers: str | None, letter: str | None, digit: str | None) -> None:
+    def _execute(self, numbers: str | None, letter: str | None, digit: str | None) -> None:
         if digit == '7':
             self._saved = self.row, self.column
         elif digit == '8':
@@ -108,14 +107,14 @@ class Screen:
         elif numbers == '?25':
             self.cursor_is_shown = letter == 'h'
         else:
-            assert letter == 'm', f'nobody told of ESC {numbers}{letter}'
+            assert letter == 'm', f'unknown: ESC {numbers}{letter}'
 
 
 class TerminalProgram:
     """A process at a terminal of its own."""
 
     def __init__(self, command: list[str], columns: int, rows: int) -> None:
-        """Start it; Ctrl+C at its terminal reaches it."""
+        """Start it with the terminal as its controlling one, so that Ctrl+C reaches it."""
         self._leader, follower = pty.openpty()
         self.screen = Screen(columns, rows)
         self._rest = b''
@@ -130,7 +129,7 @@ class TerminalProgram:
         os.close(follower)
 
     def resize(self, columns: int, rows: int) -> None:
-        """Make the terminal as large."""
+        """Set the size of the terminal."""
         size = struct.pack('HHHH', rows, columns, 0, 0)
         fcntl.ioctl(self._leader, termios.TIOCSWINSZ, size)
 
@@ -138,15 +137,15 @@ class TerminalProgram:
         """Press keys."""
         os.write(self._leader, keys)
 
-    def look(self, seconds: float) -> None:
-        """Let it write for a while."""
+    def read_for(self, seconds: float) -> None:
+        """Read what it writes for a while."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             if not select.select([self._leader], [], [], left)[0] or not self._read():
                 return
 
-    def look_for(self, text: str, timeout: float = 20.0) -> None:
-        """Let it write until a text stands in the terminal."""
+    def wait_for_text(self, text: str, timeout: float = 20.0) -> None:
+        """Read what it writes until a text is on the screen."""
         end = time.monotonic() + timeout
         while not any(text in line for line in (*self.screen.history, *self.screen.lines)):
             assert time.monotonic() < end, f'{text!r} never came:\n{self}'
@@ -154,25 +153,25 @@ class TerminalProgram:
                 raise AssertionError(f'{text!r} never came, and it is over:\n{self}')
 
     def end(self, timeout: float = 30.0) -> int:
-        """Let it write until its end; return its exit code as a shell tells it."""
+        """Read what it writes until its end; return its exit code as a shell gives it."""
         end = time.monotonic() + timeout
         while self.process.poll() is None:
             assert time.monotonic() < end, f'it does not end:\n{self}'
-            self.look(0.05)
-        self.look(0.3)
+            self.read_for(0.05)
+        self.read_for(0.3)
         code = self.process.returncode
         return 128 - code if code < 0 else code
 
     def display(self) -> int:
-        """Return the process that draws."""
+        """Return the id of the display process."""
         for child in children_of(self.process.pid):
             with contextlib.suppress(FileNotFoundError):
                 if b'display.display_process' in Path(f'/proc/{child}/cmdline').read_bytes():
                     return child
-        raise AssertionError(f'nobody draws:\n{self}')
+        raise AssertionError(f'there is no display process:\n{self}')
 
     def close(self) -> None:
-        """Leave nothing of it behind."""
+        """Kill it and its children."""
         for child in [self.process.pid, *children_of(self.process.pid)]:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(child, signal.SIGKILL)
@@ -180,15 +179,15 @@ class TerminalProgram:
         os.close(self._leader)
 
     def __str__(self) -> str:
-        """Return what stands in the terminal."""
+        """Return the text of the terminal."""
         return '\n'.join([*self.screen.history, '-' * 20, *self.screen.lines])
 
     def _read(self) -> bool:
         try:
             data = self._rest + os.read(self._leader, 65536)
-        except OSError:  # nobody is there any more
+        except OSError:  # all followers are closed
             return False
-        # A sign or a sequence may be cut in two.
+        # A character or a sequence may be cut in two.
         text = data.decode(errors='ignore')
         cut = text.rfind('\x1b')
         if cut >= 0 and not SEQUENCE.match(text, cut):

@@ -105,12 +105,12 @@ def test_by_the_service_it_drives_and_stops(listener, tmp_path):
     assert 'Traceback' not in started.text
 
 
-def test_standing_by_a_stop_is_confirmed_as_well(watcher, tmp_path):
+def test_standing_by_a_stop_is_confirmed_as_well(observer, tmp_path):
     """Although the main thread, which served odometry, is busy with the signal."""
     from std_srvs.srv import Trigger
     with program([*COMMAND, 'straight', '--wait', '--sim'], tmp_path) as started:
         started.wait_for_text('Standing by')
-        assert watcher.call(Trigger, '/kachaka_simple_control/run', Trigger.Request()).success
+        assert observer.call(Trigger, '/kachaka_simple_control/run', Trigger.Request()).success
         started.wait_for_text('step 1 of 1')
         time.sleep(0.5)
         started.send(signal.SIGINT)

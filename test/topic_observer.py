@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Look at what a node shows, as RViz and the like do: a node of its own that subscribes."""
+"""Subscribe to the topics of a node, as RViz does."""
 
 from __future__ import annotations
 
@@ -24,41 +24,40 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
-from ros_support import PATIENCE, wait_until
+from ros_support import TIMEOUT, wait_until
 
 NODE = '/kachaka_simple_control'
 ODOMETRY = '/kachaka/odometry/odometry'
 VELOCITY = '/kachaka/manual_control/cmd_vel'
 SHOWN = ('~/planned_path', '~/driven_path', '~/commanded_velocity', '/diagnostics')
-KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+TRANSIENT_LOCAL = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class Watcher:
-    """Subscribes to topics, and keeps what comes."""
+class TopicObserver:
+    """A node that subscribes to topics, and keeps their messages."""
 
     def __init__(self):
-        """Join the domain."""
         self._context = Context()
         self._context.init(args=[])
-        self.node = Node('watcher', context=self._context, start_parameter_services=False)
+        self.node = Node('observer', context=self._context, start_parameter_services=False)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
 
     def __enter__(self):
-        """Look."""
+        """Spin."""
         self._thread.start()
         return self
 
     def __exit__(self, *error):
-        """Look no more."""
+        """Destroy the node."""
         self._executor.shutdown(timeout_sec=0.0)
         self._thread.join(5.0)
         self.node.destroy_node()
         self._context.try_shutdown()
 
-    def watch(self, kind, topic, quality, matched=True):
-        """Return a list that grows by what comes; by default once somebody publishes it."""
+    def subscribe(self, kind, topic, quality, matched=True):
+        """Return a list that messages are added to; by default, wait for a publisher."""
         seen = []
         self.node.create_subscription(kind, topic, seen.append, quality)
         if matched:
@@ -66,32 +65,32 @@ class Watcher:
         return seen
 
     def planned(self, node=NODE, **more):
-        """Watch the planned path."""
-        return self.watch(Path, f'{node}/planned_path', KEPT, **more)
+        """Subscribe to the planned path."""
+        return self.subscribe(Path, f'{node}/planned_path', TRANSIENT_LOCAL, **more)
 
     def driven(self, node=NODE, **more):
-        """Watch the driven path."""
-        return self.watch(Path, f'{node}/driven_path', 1, **more)
+        """Subscribe to the driven path."""
+        return self.subscribe(Path, f'{node}/driven_path', 1, **more)
 
     def velocities(self, node=NODE, **more):
-        """Watch the velocities that were sent."""
-        return self.watch(
+        """Subscribe to the sent velocities."""
+        return self.subscribe(
             TwistStamped, f'{node}/commanded_velocity', qos_profile_sensor_data, **more)
 
-    def diagnoses(self, **more):
-        """Watch the diagnostics."""
-        return self.watch(DiagnosticArray, '/diagnostics', 10, **more)
+    def diagnostics(self, **more):
+        """Subscribe to the diagnostics."""
+        return self.subscribe(DiagnosticArray, '/diagnostics', 10, **more)
 
     def call(self, kind, service, request):
-        """Call a service, and return its answer."""
+        """Call a service; return its response."""
         client = self.node.create_client(kind, service)
-        assert client.wait_for_service(PATIENCE), service
+        assert client.wait_for_service(TIMEOUT), service
         future = client.call_async(request)
         assert wait_until(future.done), service
         return future.result()
 
-    def tell_odometry(self, topic, x, y, z, w, frame):
-        """Tell where a robot is, 20 times a second; return where to change it."""
+    def publish_odometry(self, topic, x, y, z, w, frame):
+        """Publish a pose at 20 Hz; return it, to be changed."""
         publisher = self.node.create_publisher(Odometry, topic, qos_profile_sensor_data)
         message = Odometry()
         message.header.frame_id = frame
@@ -101,12 +100,12 @@ class Watcher:
         return message.pose.pose
 
 
-def figures(diagnosis):
-    """Return the figures of a diagnosis by name."""
-    (status,) = diagnosis.status
+def figures(message):
+    """Return the values of a diagnostic message by key."""
+    (status,) = message.status
     return {value.key: value.value for value in status.values}
 
 
-def places(path):
-    """Return where a path goes."""
+def positions(path):
+    """Return the positions of a path."""
     return [(pose.pose.position.x, pose.pose.position.y) for pose in path.poses]

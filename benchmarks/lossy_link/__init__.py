@@ -12,8 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Node and robot in two network namespaces: what a bad link does to stops and to movements.
+Measurements with node and robot in two network namespaces, and loss between them.
 
-``python -m benchmarks.lossy_link`` measures.  What touches ROS is in ``driver`` and ``robot``,
-what touches the machine's network in ``network`` alone; ``observed`` and ``tables`` are pure.
+``python -m benchmarks.lossy_link`` runs them.  Only ``driver`` and ``robot`` use ROS, and only
+``network`` changes the machine's network; ``observed`` and ``tables`` are pure.
 """

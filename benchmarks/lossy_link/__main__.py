@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Measure over a bad link, keep the data, print the tables; ``make lossy-link`` runs this."""
+"""Measure over a bad link, and print the tables; ``make lossy-link`` runs this."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ import time
 from typing import Any
 
 from benchmarks import machine
-from benchmarks.lossy_link.network import why_not
-from benchmarks.lossy_link.tables import broken, tables
+from benchmarks.lossy_link.network import unavailable_reason
+from benchmarks.lossy_link.tables import find_violations, tables
 from benchmarks.page import updated
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -37,54 +37,50 @@ RESULTS = ROOT / 'benchmarks' / 'results'
 PAGE = ROOT / 'docs' / 'lossy_link.md'
 BEGIN = '<!-- measured: written by make lossy-link, changes here are lost -->'
 PARTS = ('stops', 'moves', 'answers', 'cable')
+#: Shares of the packets that are lost [%].
 LOSSES = (0, 10, 30, 50)
-#: How often each part is measured, in full and for a first look.
+#: Number of measurements of each part.
 FULL = {'stops': 200, 'moves': 20, 'answers': 15, 'cable': 5}
 QUICK = {'stops': 5, 'moves': 3, 'answers': 2, 'cable': 1}
 
 
 def measure(parts: Sequence[str], losses: Sequence[int], counts: dict[str, int]) -> dict[str, Any]:
     """
-    Measure.
+    Run the measurements.
 
     :param parts: which parts
-    :param losses: how many of a hundred packets are lost
-    :param counts: how often each part is measured
+    :param losses: shares of the packets that are lost [%]
+    :param counts: number of measurements of each part
     :returns: the run, plain data
     """
-    # Before anything is started that loads rclpy: no other robot hears these.
+    # Before anything is started that loads rclpy: no other robot may receive what is sent here.
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    from benchmarks.lossy_link.disconnect_test import measure_cable
-    from benchmarks.lossy_link.fixture import rig
-    from benchmarks.lossy_link.motion_test import measure_moves, RATES
-    from benchmarks.lossy_link.service_test import measure_answers
+    from benchmarks.lossy_link.disconnect_test import measure_disconnects
+    from benchmarks.lossy_link.fixture import fixture
+    from benchmarks.lossy_link.motion_test import measure_motions, RATES
+    from benchmarks.lossy_link.service_test import measure_service
     from benchmarks.lossy_link.stop_test import measure_stops
     run: dict[str, Any] = {
         'date': f'{datetime.now(timezone.utc):%Y-%m-%d}', 'machine': machine.describe(),
         **{part: [] for part in PARTS}}
     for percent in losses:
         if 'stops' in parts:
-            with rig() as made:
+            with fixture() as made:
                 run['stops'].append(measure_stops(made, percent, counts['stops']))
         for rate in RATES if 'moves' in parts else ():
-            with rig() as made:
-                run['moves'].append(measure_moves(made, percent, rate, counts['moves']))
+            with fixture() as made:
+                run['moves'].append(measure_motions(made, percent, rate, counts['moves']))
         if 'answers' in parts:
-            with rig() as made:
-                run['answers'].append(measure_answers(made, percent, counts['answers']))
+            with fixture() as made:
+                run['answers'].append(measure_service(made, percent, counts['answers']))
     if 'cable' in parts:
-        with rig() as made:
-            run['cable'] = measure_cable(made, counts['cable'])
+        with fixture() as made:
+            run['cable'] = measure_disconnects(made, counts['cable'])
     return run
 
 
 def joined(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """
-    Put the runs of several parts together.
-
-    :param runs: the runs
-    :returns: one run, its series in order of loss; date and machine are the last one's
-    """
+    """Return the runs of several parts as one; date and machine are those of the last."""
     found = {part: [one for run in runs for one in run[part]] for part in PARTS}
     for part in PARTS[:-1]:
         found[part].sort(key=lambda one: (one['percent'], one.get('rate', 0)))
@@ -92,37 +88,28 @@ def joined(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def write_page(run: dict[str, Any]) -> None:
-    """
-    Put the tables of a run on the page.
-
-    :param run: the run
-    """
+    """Write the tables of a run to the page."""
     text = '\n'.join([
         f'Measured on {run["date"]}.', '', *(table.markdown() for table in tables(run))])
     PAGE.write_text(updated(PAGE.read_text(), text, begin=BEGIN))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """
-    Do what the arguments say.
-
-    :param arguments: the arguments without the program's name; None for those of the process
-    :returns: the exit code: 1 if a promise was not kept
-    """
+    """Measure as the arguments ask; return 1 if not all went as expected, else 0."""
     options = _options(arguments)
     if options.of:
         run = joined([json.loads(file.read_text()) for file in options.of])
         write_page(run)
     else:
-        if (reason := why_not()) is not None:
+        if (reason := unavailable_reason()) is not None:
             print(f'skipped: {reason}')
             return 0
-        # So that what was made here is also removed when this program is asked to end.
+        # These signals, too, must remove the network.
         for signum in (signal.SIGTERM, signal.SIGHUP):
             signal.signal(signum, lambda number, _: sys.exit(128 + number))
         run = _measured(options)
     print('\n'.join(table.text() for table in tables(run)))
-    lines = broken(run)
+    lines = find_violations(run)
     print('\n'.join(lines) if lines else 'Every promise was kept')
     return 1 if lines else 0
 

@@ -14,22 +14,22 @@
 """
 The program that drives; ``python -m benchmarks.lossy_link.driver RATE``.
 
-It leaves the service for manual control alone, which answers late when packets are lost: the
-bridge switches manual control on with the first zero that it gets.
+It does not enable manual control by the service, whose responses are late with loss: the bridge
+enables it with the first zero that it receives.
 
-A user's program as the README shows it, which does what it is told on its standard input, a JSON
-array a line, and answers in the same way:
+It reads commands from standard input, a JSON array a line, and writes a response to each but
+``move``:
 
 ``["move", V, T]``
-    moves in a thread, and does not answer
+    moves in a thread; no response
 ``["stop"]``
-    stops the robot; answers when that began, and how the movement ended
+    stops the robot; when that began, and how the movement ended
 ``["wait"]``
-    waits for the end of the movement; answers how it ended
-``["ask", REPEATEDLY]``
-    asks for manual control, once or as the node does at the start; answers how long that took
-``["renew"]``
-    makes a new node; answers nothing of interest
+    waits for the end of the movement; how it ended
+``["request_control", REPEATEDLY]``
+    requests manual control, once or as the node does at its start; how long that took
+``["renew_node"]``
+    makes a new node; null
 """
 
 from __future__ import annotations
@@ -47,31 +47,21 @@ import rclpy
 from rclpy.parameter import Parameter
 
 SERVICE = f'{KACHAKA.namespace}/{KACHAKA.manual_control_service}'
-#: How long an answer is waited for: as long as the node does by default [s].
-ANSWER = 10.0
+#: A response is awaited for as long as the node does by default [s].
+RESPONSE_TIMEOUT = 10.0
 
 
 class Driver:
-    """A node, and the movement it makes."""
+    """A node that sends velocities at a rate [Hz], and its movement."""
 
     def __init__(self, rate: float) -> None:
-        """
-        Make the node.
-
-        :param rate: how often it sends a velocity [Hz]
-        """
         self._rate = rate
         self._thread: threading.Thread | None = None
         self._ended_by: str | None = None
         self._make()
 
     def move(self, linear_x: float, duration: float) -> None:
-        """
-        Begin to move, in a thread.
-
-        :param linear_x: forward velocity [m/s]
-        :param duration: how long [s]
-        """
+        """Start a movement forward [m/s] of a duration [s], in a thread."""
         self._ended_by = None
         self._thread = threading.Thread(target=self._move, args=(linear_x, duration))
         self._thread.start()
@@ -80,8 +70,8 @@ class Driver:
         """
         Stop the robot.
 
-        :returns: when that began [s], after how long odometry confirmed it [s], and why the
-            movement ended
+        :returns: when that began [s], time until odometry confirmed it [s], and why the movement
+            ended
         """
         began = time.monotonic()
         self.node.stop_robot()
@@ -89,42 +79,39 @@ class Driver:
         return {'began': began, 'confirmed': confirmed, **self.wait()}
 
     def wait(self) -> dict[str, object]:
-        """
-        Wait for the end of the movement.
-
-        :returns: why it ended; None if it was whole
-        """
+        """Wait for the end of the movement; return why it ended, None if it was complete."""
         assert self._thread is not None
         self._thread.join()
         return {'ended by': self._ended_by}
 
-    def ask(self, repeatedly: bool) -> float | None:
+    def request_control(self, repeatedly: bool) -> float | None:
         """
-        Ask for manual control.
+        Request manual control.
 
         :param repeatedly: as the node does before its first movement; else once, as it does in
             a long one
-        :returns: how long the answer took [s]; None if it did not come
+        :returns: the time to the response [s]; None if it did not come
         """
         begin = time.monotonic()
         if repeatedly:
             try:
-                self._service.enable(ANSWER)
+                self._service.enable(RESPONSE_TIMEOUT)
             except ControlError:
                 return None
             return time.monotonic() - begin
-        answer = self._service.request(True)
-        return time.monotonic() - begin if wait_until(lambda: answer.done, ANSWER) else None
+        response = self._service.request(True)
+        came = wait_until(lambda: response.done, RESPONSE_TIMEOUT)
+        return time.monotonic() - begin if came else None
 
-    def renew(self) -> None:
-        """Make a new node: some faults end one for good."""
+    def renew_node(self) -> None:
+        """Make a new node: some faults are final."""
         self.node.destroy_node()
         self._make()
 
     def _make(self) -> None:
-        wanted = {'rate': self._rate, 'manual_control': False}
+        parameters = {'rate': self._rate, 'manual_control': False}
         self.node = KachakaSimpleControl(parameter_overrides=[
-            Parameter(name, value=value) for name, value in wanted.items()])
+            Parameter(name, value=value) for name, value in parameters.items()])
         self._service = ManualControlClient(self.node, SERVICE, lambda: None)
 
     def _move(self, linear_x: float, duration: float) -> None:
@@ -135,14 +122,14 @@ class Driver:
 
 
 def main() -> None:
-    """Do what is asked for, until nobody asks any more."""
+    """Execute commands until standard input ends."""
     rclpy.init()
     driver = Driver(float(sys.argv[1]))
     for line in sys.stdin:
         name, *arguments = json.loads(line)
-        answer = getattr(driver, name)(*arguments)
+        response = getattr(driver, name)(*arguments)
         if name != 'move':
-            print(json.dumps(answer), flush=True)
+            print(json.dumps(response), flush=True)
     driver.node.destroy_node()
     rclpy.try_shutdown()
 

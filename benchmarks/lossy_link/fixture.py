@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What every measurement needs: the network, a robot at its end, and what that robot says."""
+"""What every measurement needs: the network, a robot at its end, and the log of that robot."""
 
 from __future__ import annotations
 
@@ -21,89 +21,84 @@ from dataclasses import dataclass
 import time
 
 from benchmarks.lossy_link.network import Network, NODE, ROBOT
-from benchmarks.lossy_link.observed import Log, Told
-from benchmarks.lossy_link.process import EndedError, Process
+from benchmarks.lossy_link.observed import ReceivedVelocity, RobotLog
+from benchmarks.lossy_link.process import NetworkProcess
+from benchmarks.process import EndedError
 
-#: How long a robot may take to begin [s].
-PATIENCE = 20.0
-#: How long a robot has been there before a program is started [s].
-AT_HOME = 2.0
-#: What reached the robot, it has said, and this program has read, after this time [s].
-SAID = 0.1
-#: How long after a movement a robot stands still for good: its hold, and more [s].
-STILL = 0.6
+#: A robot may take so long to start [s].
+START_TIMEOUT = 20.0
+#: A robot has been there for so long before a program is started [s].
+SETTLING_TIME = 2.0
+#: What reached the robot is in its log after this time [s].
+LOG_LATENCY = 0.1
+#: A robot is at rest so long after a movement: its command timeout, and more [s].
+REST_TIME = 0.6
 
 
 @dataclass
-class Rig:
+class Fixture:
     """
     A network with a robot at one end.
 
     :param network: the network
-    :param log: what the robot says
-    :param robot: the robot's program
+    :param log: what the robot reports
     """
 
     network: Network
-    log: Log
-    robot: Process
+    log: RobotLog
 
-    def driver(self, rate: float) -> Process:
+    def start_driver(self, rate: float) -> NetworkProcess:
+        """Start the driver at the node's end; it sends a velocity at a rate [Hz]."""
+        return NetworkProcess(
+            self.network, NODE, ['-m', 'benchmarks.lossy_link.driver', str(rate)])
+
+    def connect(self, driver: NetworkProcess) -> None:
         """
-        Start a program that drives.
+        Let a driver find the robot.
 
-        :param rate: how often it sends a velocity [Hz]
-        :returns: its process, at the node's end
-        """
-        return Process(self.network, NODE, ['-m', 'benchmarks.lossy_link.driver', str(rate)])
-
-    def meet(self, driver: Process) -> None:
-        """
-        Let a program that drives find the robot.
-
-        :param driver: the program
         :raises EndedError: if it does not
         """
-        driver.tell('move', 0.0, 0.2)
+        driver.write(['move', 0.0, 0.2])
         ended_by = driver.ask('wait')['ended by']
         if ended_by is not None:
             raise EndedError(f'the robot was not met: {ended_by}')
 
-    def motion(
+    def wait_for_motion(
             self, since: float, timeout: float,
-            fits: Callable[[Told], bool] = lambda _: True) -> Told | None:
+            condition: Callable[[ReceivedVelocity], bool] = lambda _: True,
+            ) -> ReceivedVelocity | None:
         """
-        Wait for a motion command that reaches the robot.
+        Wait for a motion command to reach the robot.
 
         :param since: not one before this time [s]
         :param timeout: how long [s]
-        :param fits: which one
-        :returns: the first that fits; None if none came
+        :param condition: returns whether a command is the one
+        :returns: the first that meets the condition; None if none came in time
         """
         end = time.monotonic() + timeout
         while time.monotonic() < end:
-            found = [told for told in self.log.motions_from(since) if fits(told)]
-            if found:
-                return found[0]
+            found = filter(condition, self.log.motions_since(since))
+            if (first := next(found, None)) is not None:
+                return first
             time.sleep(0.002)
         return None
 
 
 @contextlib.contextmanager
-def rig() -> Iterator[Rig]:
+def fixture() -> Iterator[Fixture]:
     """
-    Have a robot at its end of a new network, for some time already.
+    Make a network with a robot, and wait until the robot has been there for a while.
 
-    :returns: both
     :raises NetworkError: if the network cannot be made
+    :raises EndedError: if the robot does not start
     """
-    log = Log()
+    log = RobotLog()
     with (Network() as network,
-          Process(network, ROBOT, ['-m', 'benchmarks.lossy_link.robot'], log.add) as robot):
-        end = time.monotonic() + PATIENCE
+          NetworkProcess(network, ROBOT, ['-m', 'benchmarks.lossy_link.robot'], log.add) as robot):
+        end = time.monotonic() + START_TIMEOUT
         while not log.is_ready:
             if time.monotonic() > end or robot.process.poll() is not None:
                 raise EndedError(f'the robot does not begin; it printed:\n{robot.text}')
             time.sleep(0.02)
-        time.sleep(AT_HOME)
-        yield Rig(network, log, robot)
+        time.sleep(SETTLING_TIME)
+        yield Fixture(network, log)

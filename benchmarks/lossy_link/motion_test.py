@@ -11,14 +11,14 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Move for a second, again and again: how far the robot drove."""
+"""How far the robot drives in movements of 1 s, with loss."""
 
 from __future__ import annotations
 
 import time
 from typing import Any
 
-from benchmarks.lossy_link.fixture import Rig, STILL
+from benchmarks.lossy_link.fixture import Fixture, REST_TIME
 from benchmarks.progress import show
 
 VELOCITY = 0.1
@@ -26,33 +26,33 @@ DURATION = 1.0
 RATES = (10, 50)
 
 
-def measure_moves(rig: Rig, percent: int, rate: int, count: int) -> dict[str, Any]:
+def measure_motions(fixture: Fixture, percent: int, rate: int, count: int) -> dict[str, Any]:
     """
-    Make movements, on a link that began to lose packets after the match.
+    Make movements; packets are lost from the end of discovery on.
 
-    :param rig: network and robot
-    :param percent: how many of a hundred packets are lost
+    :param fixture: network and robot
+    :param percent: of the packets that are lost
     :param rate: how often a velocity is sent [Hz]
-    :param count: how many movements
-    :returns: for each movement what was driven, as a part of what was asked for; and why
+    :param count: number of movements
+    :returns: of each movement the distance driven relative to the one asked for, and why
         movements were given up
     """
     driven: list[float] = []
     faults: list[str] = []
-    rig.network.lose(0)
-    with rig.driver(rate) as driver:
-        rig.meet(driver)
-        rig.network.lose(percent)
+    fixture.network.set_loss(0)
+    with fixture.start_driver(rate) as driver:
+        fixture.connect(driver)
+        fixture.network.set_loss(percent)
         while len(driven) < count and len(faults) < count:
             begin = time.monotonic()
-            driver.tell('move', VELOCITY * (-1) ** len(driven), DURATION)
+            driver.write(['move', VELOCITY * (-1) ** len(driven), DURATION])
             ended_by = driver.ask('wait')['ended by']
-            time.sleep(STILL)
+            time.sleep(REST_TIME)
             if ended_by is None:
-                driven.append(rig.log.driven(begin)[0] / (VELOCITY * DURATION))
+                driven.append(fixture.log.driven(begin)[0] / (VELOCITY * DURATION))
                 show(f'movements at {percent} % loss and {rate} Hz', len(driven), count)
             else:
                 faults.append(ended_by)
-                driver.ask('renew')
-        rig.network.lose(0)
+                driver.ask('renew_node')
+        fixture.network.set_loss(0)
     return {'percent': percent, 'rate': rate, 'driven': driven, 'faults': faults}

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Two network namespaces and the cable between them; made here, and removed whatever happens."""
+"""Two network namespaces and a link between them, which are removed whatever happens."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ import shutil
 import subprocess
 from types import TracebackType
 
-#: All namespaces are called this, the number of the process that made them, and their end.
+#: A namespace is named by this, the id of the process that made it, and its end.
 PREFIX = 'kachaka_lossy'
 NODE, ROBOT = 'node', 'robot'
-#: Addresses that are set aside for measuring networks (RFC 2544); nobody outside sees them.
+#: Addresses reserved for network benchmarks (RFC 2544).
 ADDRESSES = {NODE: '198.18.0.1', ROBOT: '198.18.0.2'}
-INTERFACE = 'cable'
-#: The commands that are needed, and the packages they are in.
+INTERFACE = 'link'
+#: The required commands, and their packages.
 TOOLS = {'ip': 'iproute2', 'nft': 'nftables'}
 NAMESPACES = Path('/run/netns')
 
-#: Only what came through the cable is in the lottery: a multicast also comes back to its sender.
+#: Only packets from the peer are dropped: a multicast also comes back to its sender.
 RULES = """
 table ip loss {{
     chain arriving {{
         type filter hook input priority 0; policy accept;
-        ip saddr {peer} jump lottery
+        ip saddr {peer} jump loss_rule
     }}
-    chain lottery {{
-        {lottery}
+    chain loss_rule {{
+        {loss_rule}
         counter
     }}
 }}
@@ -50,19 +50,18 @@ table ip loss {{
 
 
 class NetworkError(RuntimeError):
-    """Such a network cannot be made, here or by this user; says why."""
+    """The network cannot be made, here or by this user; the text says why."""
 
 
 class Network:
-    """A node's end and a robot's end, joined by a cable; enter it to have it."""
+    """A node's end and a robot's end, which exist within the ``with`` block."""
 
     def __init__(self) -> None:
-        """Name the ends; nothing is made yet."""
         self._names = {end: f'{PREFIX}-{os.getpid()}-{end}' for end in ADDRESSES}
 
     def __enter__(self) -> Network:
         """
-        Make it, and remove what earlier runs that were killed have left.
+        Make the network, and remove those of earlier runs that were killed.
 
         :raises NetworkError: if it cannot be made; nothing is left of it
         """
@@ -81,32 +80,18 @@ class Network:
         self._remove()
 
     def command(self, end: str, command: Sequence[str]) -> list[str]:
-        """
-        Return what runs a command at one end.
-
-        :param end: which one
-        :param command: the command
-        :returns: the command, which keeps the number of the process that is started
-        """
+        """Return what runs a command at one end, in the process that is started."""
         return [_tool('ip'), 'netns', 'exec', self._names[end], *command]
 
-    def lose(self, percent: int) -> None:
-        """
-        Lose a part of the packets from now on, in both directions, each one by itself.
-
-        :param percent: how many of a hundred
-        """
+    def set_loss(self, percent: int) -> None:
+        """Drop a share of the packets [%] from now on, at random, in both directions."""
         for end, peer in ((NODE, ROBOT), (ROBOT, NODE)):
-            lottery = f'numgen random mod 100 < {percent} counter drop' if percent else ''
+            loss_rule = f'numgen random mod 100 < {percent} counter drop' if percent else ''
             self._nft(end, 'flush ruleset')
-            self._nft(end, RULES.format(peer=ADDRESSES[peer], lottery=lottery))
+            self._nft(end, RULES.format(peer=ADDRESSES[peer], loss_rule=loss_rule))
 
-    def counts(self) -> tuple[int, int]:
-        """
-        Count the packets since ``lose``, of both directions.
-
-        :returns: how many were lost, and how many arrived
-        """
+    def packet_counts(self) -> tuple[int, int]:
+        """Return how many packets were lost and how many arrived since ``set_loss``."""
         lost = arrived = 0
         for end in ADDRESSES:
             for rule in self._rules(end):
@@ -117,12 +102,12 @@ class Network:
                     arrived += packets
         return lost, arrived
 
-    def pull(self) -> None:
-        """Pull the cable, at the robot's end: there the interface is down, here it is dead."""
+    def disconnect(self) -> None:
+        """Disconnect the ends: the robot's interface goes down, the node's loses its carrier."""
         self._ip(ROBOT, 'link', 'set', INTERFACE, 'down')
 
-    def plug(self) -> None:
-        """Put the cable back."""
+    def connect(self) -> None:
+        """Connect the ends again."""
         self._up(ROBOT)
 
     def _make(self) -> None:
@@ -158,12 +143,8 @@ class Network:
                 if 'rule' in entry]
 
 
-def why_not() -> str | None:
-    """
-    Return what keeps this machine from having such a network, after trying.
-
-    :returns: the reason, and what to do; None if there is none
-    """
+def unavailable_reason() -> str | None:
+    """Try to make a network; return why that is impossible and what to do, None if it works."""
     for tool, package in TOOLS.items():
         if shutil.which(tool, path=_path()) is None:
             return f'the command {tool} is missing: install the package {package}'
@@ -171,14 +152,14 @@ def why_not() -> str | None:
         return 'only root may make network namespaces'
     try:
         with Network() as network:
-            network.lose(50)
+            network.set_loss(50)
     except NetworkError as error:
         return str(error)
     return None
 
 
 def remove_leftovers() -> None:
-    """Remove the namespaces of runs that were killed, and no others."""
+    """Remove the namespaces of runs that were killed."""
     for file in sorted(NAMESPACES.glob(f'{PREFIX}-*-*')):
         pid = file.name.split('-')[1]
         if pid.isdigit() and not Path('/proc', pid).exists():
@@ -187,7 +168,7 @@ def remove_leftovers() -> None:
 
 
 def _path() -> str:
-    # Where these commands are is not on everybody's path.
+    # These commands may not be on a user's path.
     return os.pathsep.join([os.environ.get('PATH', os.defpath), '/usr/sbin', '/sbin'])
 
 
@@ -202,6 +183,6 @@ def _run(tool: str, *arguments: str, text: str = '') -> str:
     except OSError as error:
         raise NetworkError(f'{" ".join(command)}: {error}') from None
     if done.returncode != 0:
-        said = ' '.join(done.stderr.split()) or f'exit code {done.returncode}'
-        raise NetworkError(f'{" ".join(command)}: {said}')
+        reason = ' '.join(done.stderr.split()) or f'exit code {done.returncode}'
+        raise NetworkError(f'{" ".join(command)}: {reason}')
     return done.stdout

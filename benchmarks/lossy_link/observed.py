@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What reached the robot and what it did, from what it said of itself; pure."""
+"""What reached the robot and how it moved, from its own reports; pure."""
 
 from __future__ import annotations
 
@@ -21,47 +21,42 @@ import math
 from typing import Any, NamedTuple
 
 
-class Told(NamedTuple):
+class ReceivedVelocity(NamedTuple):
     """
     A velocity that reached the robot.
 
     :param time: when [s, steady clock]
     :param linear_x: forward [m/s]
     :param angular_z: to the left [rad/s]
-    :param taken: whether manual control was on; if not, the bridge has switched it on
+    :param enabled: whether manual control was enabled; if not, the bridge has enabled it then
     """
 
     time: float
     linear_x: float
     angular_z: float
-    taken: bool
+    enabled: bool
 
     @property
     def moves(self) -> bool:
-        """Whether it asks for motion."""
+        """Return whether it is not zero."""
         return self.linear_x != 0.0 or self.angular_z != 0.0
 
 
-class Switched(NamedTuple):
-    """
-    Manual control was switched.
-
-    :param time: when [s, steady clock]
-    :param enabled: on or off
-    """
+class ManualControlChange(NamedTuple):
+    """Manual control was enabled or disabled at a time [s, steady clock]."""
 
     time: float
     enabled: bool
 
 
-class Seen(NamedTuple):
+class PoseSample(NamedTuple):
     """
-    Where the robot was.
+    A pose relative to the first one.
 
     :param time: when [s, steady clock]
-    :param x: forward of where it began [m]
-    :param y: left of where it began [m]
-    :param theta: turned to the left since then [rad], counting whole turns
+    :param x: forward [m]
+    :param y: to the left [m]
+    :param theta: to the left [rad], not wrapped
     """
 
     time: float
@@ -70,109 +65,77 @@ class Seen(NamedTuple):
     theta: float
 
 
-class Log:
-    """All that a robot said, in order of time; another thread may be adding to it."""
+class RobotLog:
+    """All reports of a robot, in order of time; another thread may add to it."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
-        self.told: list[Told] = []
-        self.switched: list[Switched] = []
-        self.seen: list[Seen] = []
+        self._velocities: list[ReceivedVelocity] = []
+        self._changes: list[ManualControlChange] = []
+        self._poses: list[PoseSample] = []
         self.is_ready = False
 
-    def add(self, said: Sequence[Any]) -> None:
-        """
-        Take note.
-
-        :param said: what it said: the kind, the time, and the rest
-        """
-        kind, *rest = said
+    def add(self, report: Sequence[Any]) -> None:
+        """Add a report: its kind, the time, and the rest."""
+        kind, *rest = report
         if kind == 'velocity':
-            self.told.append(Told(*rest))
+            self._velocities.append(ReceivedVelocity(*rest))
         elif kind == 'manual control':
-            self.switched.append(Switched(*rest))
+            self._changes.append(ManualControlChange(*rest))
         elif kind == 'pose':
-            self.seen.append(Seen(*rest))
+            self._poses.append(PoseSample(*rest))
         self.is_ready = self.is_ready or kind == 'ready'
 
-    def told_from(self, begin: float) -> list[Told]:
-        """
-        Return what reached the robot.
+    def velocities_since(self, begin: float) -> list[ReceivedVelocity]:
+        """Return the velocities that reached the robot from a time on [s]."""
+        return [velocity for velocity in self._velocities if velocity.time >= begin]
 
-        :param begin: from when on [s]
-        :returns: the velocities
-        """
-        return [told for told in self.told if told.time >= begin]
+    def motions_since(self, begin: float) -> list[ReceivedVelocity]:
+        """Return the velocities other than zero that reached the robot from a time on [s]."""
+        return [velocity for velocity in self.velocities_since(begin) if velocity.moves]
 
-    def motions_from(self, begin: float) -> list[Told]:
-        """
-        Return the velocities that asked for motion.
+    def enabled_since(self, begin: float) -> list[ManualControlChange]:
+        """Return the changes by which manual control was enabled from a time on [s]."""
+        return [change for change in self._changes if change.time >= begin and change.enabled]
 
-        :param begin: from when on [s]
-        :returns: the velocities
-        """
-        return [told for told in self.told_from(begin) if told.moves]
-
-    def enabled_from(self, begin: float) -> list[Switched]:
-        """
-        Return how often manual control was switched on.
-
-        :param begin: from when on [s]
-        :returns: the times
-        """
-        return [one for one in self.switched if one.time >= begin and one.enabled]
-
-    def at(self, time: float) -> Seen:
-        """
-        Return where the robot was.
-
-        :param time: when [s]
-        :returns: its place, in a straight line between two that it told
-        """
-        seen = self.seen or [Seen(time, 0.0, 0.0, 0.0)]
-        place = bisect_right([one.time for one in seen], time)
-        one, two = seen[max(place - 1, 0)], seen[min(place, len(seen) - 1)]
+    def pose_at(self, time: float) -> PoseSample:
+        """Return the pose at a time [s], interpolated."""
+        poses = self._poses or [PoseSample(time, 0.0, 0.0, 0.0)]
+        index = bisect_right([pose.time for pose in poses], time)
+        one, two = poses[max(index - 1, 0)], poses[min(index, len(poses) - 1)]
         part = (time - one.time) / (two.time - one.time) if two.time > one.time else 0.0
-        return Seen(time, *(a + part * (b - a) for a, b in zip(one[1:], two[1:])))
+        return PoseSample(time, *(a + part * (b - a) for a, b in zip(one[1:], two[1:])))
 
     def driven(self, begin: float, end: float = math.inf) -> tuple[float, float]:
-        """
-        Return how far the robot got.
-
-        :param begin: from when on [s]
-        :param end: until when [s]
-        :returns: how far away it is in the end [m], and by how much it has turned [rad], to the
-            left positive
-        """
-        one = self.at(begin)
-        two = self.at(end) if end < math.inf else (self.seen[-1] if self.seen else one)
+        """Return distance [m] and angle [rad, left positive] between the poses at two times."""
+        one = self.pose_at(begin)
+        two = self.pose_at(end) if end < math.inf else (self._poses[-1] if self._poses else one)
         return math.hypot(two.x - one.x, two.y - one.y), two.theta - one.theta
 
-    def still_from(self, begin: float, end: float) -> float:
+    def at_rest_since(self, begin: float, end: float) -> float:
         """
-        Return since when the robot stood still.
+        Return since when the robot was at rest at a time.
 
         :param begin: not before this time [s]
-        :param end: when it is looked at [s]
-        :returns: when it was last seen in another place before, or ``begin`` [s]
+        :param end: the time [s]
+        :returns: when it last reported a new pose before, or ``begin`` [s]
         """
-        return max([begin, *(seen.time for seen in self.seen if seen.time <= end)])
+        return max([begin, *(pose.time for pose in self._poses if pose.time <= end)])
 
 
-def after_stop(log: Log, began: float) -> dict[str, Any]:
+def evaluate_stop(log: RobotLog, begin: float) -> dict[str, Any]:
     """
-    Judge a stop.
+    Return what came of a stop.
 
-    :param log: what the robot said, until now
-    :param began: when the program was told to stop [s]
-    :returns: how many zeros reached the robot, after how long the first [s], how many motion
-        commands came after it, and how far the robot drove since ``began`` [m]
+    :param log: the robot's reports until now
+    :param begin: when the program was asked to stop [s]
+    :returns: number of zeros that reached the robot, time to the first [s], number of motion
+        commands after it, and distance driven since ``begin`` [m]
     """
-    since = log.told_from(began)
-    zeros = [told.time for told in since if not told.moves]
+    velocities = log.velocities_since(begin)
+    zeros = [velocity.time for velocity in velocities if not velocity.moves]
     first = zeros[0] if zeros else math.inf
     return {
         'zeros': len(zeros),
-        'first': first - began if zeros else None,
-        'motions': sum(told.moves and told.time > first for told in since),
-        'driven': log.driven(began)[0]}
+        'first': first - begin if zeros else None,
+        'motions': sum(velocity.moves and velocity.time > first for velocity in velocities),
+        'driven': log.driven(begin)[0]}

@@ -14,9 +14,8 @@
 """
 The robot's program; ``python -m benchmarks.lossy_link.robot``; ends with its standard input.
 
-It is the bridge with the simulated robot, and says what reached it and where it was, each as one
-line of JSON.  A second subscription beside the bridge's would not do: each one's messages are lost
-by themselves.
+The bridge with a simulated robot that reports what reached it and where it was, a JSON array a
+line.  A second subscription beside the bridge's would not do: it would lose other messages.
 """
 
 from __future__ import annotations
@@ -37,84 +36,61 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 
-class TellingKachaka(SimulatedKachaka):
-    """The simulated robot, which says what happens to it."""
+class ReportingKachaka(SimulatedKachaka):
+    """A simulated robot that reports velocities, manual control and poses."""
 
     def __init__(self) -> None:
-        """Stand still, from now on."""
         super().__init__(time.monotonic())
         self._newest: tuple[float, Pose] | None = None
-        self._told: tuple[float, Pose] | None = None
+        self._reported: tuple[float, Pose] | None = None
 
     def set_robot_velocity(self, linear: float, angular: float, now: float) -> int:
-        """
-        Drive, and say so.
-
-        :param linear: forward velocity, as a part of the largest
-        :param angular: turning velocity, as a part of the largest
-        :param now: the time [s]
-        :returns: 0, or the code of the error
-        """
-        self._tell_pose(now)
+        """Drive, and report it; the arguments are those of the simulated robot."""
+        self._report_pose(now)
         code = super().set_robot_velocity(linear, angular, now)
         limits = KACHAKA.limits
-        say('velocity', now, linear * limits.max_linear_velocity,
+        report('velocity', now, linear * limits.max_linear_velocity,
             angular * limits.max_angular_velocity, code == SUCCESS)
         return code
 
     def set_manual_control(self, enabled: bool, now: float) -> int:
-        """
-        Switch manual control, and say so.
-
-        :param enabled: whether velocities are taken from now on
-        :param now: the time [s]
-        :returns: 0
-        """
-        say('manual control', now, enabled)
+        """Enable or disable manual control, and report it."""
+        report('manual control', now, enabled)
         return super().set_manual_control(enabled, now)
 
     def odometry(self, now: float) -> tuple[Pose, Velocity]:
-        """
-        Return pose and velocity, and say them.
-
-        :param now: the time [s]
-        :returns: pose and velocity
-        """
-        self._tell_pose(now)
+        """Return pose and velocity, and report the pose."""
+        self._report_pose(now)
         return super().odometry(now)
 
-    def _tell_pose(self, now: float) -> None:
-        """Say where the robot is, and where it last was before; nothing while it stands still."""
+    def _report_pose(self, now: float) -> None:
+        """Report this pose and the one before; nothing while the robot is at rest."""
         before, self._newest = self._newest, (now, self.state(now)[0])
-        if self._told is not None and self._told[1] == self._newest[1]:
+        if self._reported is not None and self._reported[1] == self._newest[1]:
             return
         for sample in (before, self._newest):
-            if sample is not None and sample != self._told:
-                self._told = sample
-                say('pose', sample[0], sample[1].x, sample[1].y, sample[1].theta)
+            if sample is not None and sample != self._reported:
+                self._reported = sample
+                report('pose', sample[0], sample[1].x, sample[1].y, sample[1].theta)
 
 
-def say(*words: object) -> None:
-    """
-    Tell the process that started this one.
-
-    :param words: what
-    """
+def report(*words: object) -> None:
+    """Write a report to standard output."""
     print(json.dumps(words), flush=True)
 
 
 def end_with_input() -> None:
-    """Shut ROS down when nobody holds the other end of standard input any more."""
+    """Shut ROS down when standard input ends."""
     sys.stdin.read()
     rclpy.try_shutdown()
 
 
 def main() -> None:
-    """Be a robot."""
+    """Run bridge and robot."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = SimulatedBridge(TellingKachaka(), KACHAKA.namespace)
+    node = SimulatedBridge(ReportingKachaka(), KACHAKA.namespace)
     threading.Thread(target=end_with_input, daemon=True).start()
-    say('ready', time.monotonic())
+    report('ready', time.monotonic())
     with contextlib.suppress(ExternalShutdownException):
         rclpy.spin(node)
     node.destroy_node()

@@ -11,36 +11,36 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Ask for manual control on a link that loses packets: a service answers late there."""
+"""How long a request for manual control takes, with loss."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.lossy_link.fixture import Rig
+from benchmarks.lossy_link.fixture import Fixture
 from benchmarks.progress import show
 
 RATE = 10
 
 
-def measure_answers(rig: Rig, percent: int, count: int) -> dict[str, Any]:
+def measure_service(fixture: Fixture, percent: int, count: int) -> dict[str, Any]:
     """
-    Ask once, as a long run does that renews manual control, and as a node does at the start.
+    Request manual control once, as a long run renews it, and repeatedly, as a node at its start.
 
-    :param rig: network and robot
-    :param percent: how many of a hundred packets are lost
-    :param count: how often in each way
-    :returns: how long each answer took [s]; None where none came
+    :param fixture: network and robot
+    :param percent: of the packets that are lost
+    :param count: number of requests of each kind
+    :returns: the time to each response [s]; None where none came
     """
     times: dict[bool, list[float | None]] = {False: [], True: []}
-    rig.network.lose(0)
-    with rig.driver(RATE) as driver:
-        rig.meet(driver)
-        driver.ask('ask', True)
-        rig.network.lose(percent)
+    fixture.network.set_loss(0)
+    with fixture.start_driver(RATE) as driver:
+        fixture.connect(driver)
+        driver.ask('request_control', True)
+        fixture.network.set_loss(percent)
         for number in range(1, count + 1):
             for repeatedly, taken in times.items():
-                taken.append(driver.ask('ask', repeatedly))
+                taken.append(driver.ask('request_control', repeatedly))
             show(f'answers at {percent} % loss', number, count)
-        rig.network.lose(0)
+        fixture.network.set_loss(0)
     return {'percent': percent, 'once': times[False], 'repeatedly': times[True]}

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Stop in mid-motion, again and again, from one process, and see what reaches the robot."""
+"""What reaches the robot of a stop in mid-motion, with loss; all stops from one process."""
 
 from __future__ import annotations
 
@@ -19,65 +19,65 @@ import random
 import time
 from typing import Any
 
-from benchmarks.lossy_link.fixture import Rig, SAID
-from benchmarks.lossy_link.observed import after_stop
-from benchmarks.lossy_link.process import Process
+from benchmarks.lossy_link.fixture import Fixture, LOG_LATENCY
+from benchmarks.lossy_link.observed import evaluate_stop
+from benchmarks.lossy_link.process import NetworkProcess
 from benchmarks.progress import show
 
 RATE = 10
 VELOCITY = 0.1
-#: Longer than anybody waits: the movement is to be ended by the stop [s].
-LONG = 20.0
-#: How long the robot may take to be found, taken and moved [s].
-PATIENCE = 25.0
+#: Of a movement that the stop ends [s].
+DURATION = 20.0
+#: The robot may take so long to be found and moved [s].
+MOTION_TIMEOUT = 25.0
 
 
-def measure_stops(rig: Rig, percent: int, count: int) -> dict[str, Any]:
+def measure_stops(fixture: Fixture, percent: int, count: int) -> dict[str, Any]:
     """
-    Stop many times, on a link that began to lose packets after the match.
+    Stop many times; packets are lost from the end of discovery on.
 
-    :param rig: network and robot
-    :param percent: how many of a hundred packets are lost
-    :param count: how many stops
-    :returns: the packets counted, an entry for each stop, and why movements ended by themselves
+    :param fixture: network and robot
+    :param percent: of the packets that are lost
+    :param count: number of stops
+    :returns: packet counts, an entry for each stop, and why movements ended by themselves
     """
     entries: list[dict[str, Any]] = []
     faults: list[str] = []
-    rig.network.lose(0)
-    with rig.driver(RATE) as driver:
-        rig.meet(driver)
-        rig.network.lose(percent)
+    fixture.network.set_loss(0)
+    with fixture.start_driver(RATE) as driver:
+        fixture.connect(driver)
+        fixture.network.set_loss(percent)
         while len(entries) < count and len(faults) < count:
-            entry = stop_once(rig, driver)
+            entry = stop_once(fixture, driver)
             if 'zeros' in entry:
                 entries.append(entry)
                 show(f'stops at {percent} % loss', len(entries), count)
             else:
                 faults.append(entry['fault'])
-                driver.ask('renew')
-        lost, arrived = rig.network.counts()
-        rig.network.lose(0)
+                driver.ask('renew_node')
+        lost, arrived = fixture.network.packet_counts()
+        fixture.network.set_loss(0)
     return {'percent': percent, 'lost': lost, 'arrived': arrived, 'stops': entries,
             'faults': faults}
 
 
-def stop_once(rig: Rig, driver: Process) -> dict[str, Any]:
+def stop_once(fixture: Fixture, driver: NetworkProcess) -> dict[str, Any]:
     """
-    Move, and stop at any time between two messages.
+    Move, and stop at a random time between two messages.
 
-    :param rig: network and robot
+    :param fixture: network and robot
     :param driver: the program that drives
-    :returns: what came of the stop; or, if the movement ended before it, why
+    :returns: what came of the stop; or, if the movement ended before it, the ``fault``
     """
     begin = time.monotonic()
-    driver.tell('move', VELOCITY, LONG)
-    first = rig.motion(begin, PATIENCE)
+    driver.write(['move', VELOCITY, DURATION])
+    first = fixture.wait_for_motion(begin, MOTION_TIMEOUT)
     if first is None:
         return {'fault': driver.ask('stop')['ended by'] or 'nothing moved'}
     time.sleep(random.uniform(0.05, 0.25))
     stopped = driver.ask('stop')
-    time.sleep(SAID)
+    time.sleep(LOG_LATENCY)
     if 'stop_robot()' not in (stopped['ended by'] or ''):
         return {'fault': stopped['ended by'] or 'the movement ended early'}
     return {'until moved': first.time - begin, 'confirmed': stopped['confirmed'],
-            **after_stop(rig.log, stopped['began'])}
+            **evaluate_stop(fixture.log, stopped['began'])}

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a run came to, as tables, and whether it kept what is promised; pure."""
+"""The tables of a run over a bad link, and what did not go as expected; pure."""
 
 from __future__ import annotations
 
@@ -24,33 +24,23 @@ from kachaka_simple_control.report.metrics import median
 from benchmarks.tables import number, Table
 
 #: In a long run at 10 Hz manual control must be renewed within this time [s].
-RENEWAL = 0.2
-#: So short, it is no fault.
+RENEWAL_LIMIT = 0.2
+#: A disconnect so short is no fault.
 BRIEF = 'after 0.6 s'
-#: After this time the kernel has dropped what it could not deliver: nothing may come any more.
+#: By then the kernel has dropped what it could not deliver: nothing may arrive any more.
 QUIET = '5 s after the program has ended'
 
 
 def tables(run: dict[str, Any]) -> list[Table]:
-    """
-    Put a run as tables.
-
-    :param run: what the run left
-    :returns: the tables that there is something for
-    """
+    """Return the tables of a run that have rows."""
     found = [
         _stops(run['stops']), _moves(run['moves']), _answers(run['answers']),
         _cable(run['cable']), Table('Measured on', ('', ''), tuple(run['machine'].items()))]
     return [table for table in found if table.rows]
 
 
-def broken(run: dict[str, Any]) -> list[str]:
-    """
-    Return which promises a run did not keep.
-
-    :param run: what the run left
-    :returns: what went wrong, a line each
-    """
+def find_violations(run: dict[str, Any]) -> list[str]:
+    """Return a line for each stop or disconnect of a run that did not go as expected."""
     lines = []
     for series in run['stops']:
         at = f'at {series["percent"]} % loss'
@@ -59,16 +49,16 @@ def broken(run: dict[str, Any]) -> list[str]:
         if any(stop['motions'] for stop in series['stops']):
             lines.append(f'motion after the first zero of a stop {at}')
     return lines + [
-        f'the cable back {entry["case"]}: {entry}' for entry in run['cable'] if is_broken(entry)]
+        f'the cable back {entry["case"]}: {entry}' for entry in run['cable']
+        if is_violation(entry)]
 
 
-def is_broken(entry: dict[str, Any]) -> bool:
+def is_violation(entry: dict[str, Any]) -> bool:
     """
-    Tell whether a pulled cable did what it must not.
+    Return whether a disconnect had consequences that it must not have.
 
-    :param entry: what happened
-    :returns: whether the program did not end with a fault, or moved the robot after it; or took
-        it, where nothing may arrive any more
+    These are: the program did not end with a fault, or moved the robot after it; or it took
+    manual control when nothing may arrive any more.
     """
     if entry['case'] == BRIEF:
         return False
@@ -111,7 +101,7 @@ def _move_row(one: dict[str, Any]) -> tuple[str, ...]:
 
 def _answers(series: Iterable[dict[str, Any]]) -> Table:
     return Table('Until manual control is granted', (
-        'loss', 'asked', 'times', 'median [s]', 'worst [s]', f'later than {RENEWAL} s',
+        'loss', 'asked', 'times', 'median [s]', 'worst [s]', f'later than {RENEWAL_LIMIT} s',
         'not within 10 s'),
         tuple(_answer_row(one, key, text) for one in series for key, text in (
             ('once', 'once'), ('repeatedly', 'again and again'))))
@@ -119,7 +109,7 @@ def _answers(series: Iterable[dict[str, Any]]) -> Table:
 
 def _answer_row(one: dict[str, Any], key: str, text: str) -> tuple[str, ...]:
     times = [math.inf if taken is None else taken for taken in one[key]]
-    late = sum(taken > RENEWAL for taken in times)
+    late = sum(taken > RENEWAL_LIMIT for taken in times)
     return (_percent(one['percent']), text, str(len(times)), number(median(times)),
             number(max(times)), str(late), str(times.count(math.inf)))
 

@@ -11,12 +11,13 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Make the stop matrix."""
+"""Run the trials of the stop matrix, and print the table; ``make stop-matrix`` runs this."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import asdict
 from datetime import datetime, timezone
 import json
 from pathlib import Path
@@ -27,15 +28,16 @@ import time
 from typing import Any
 
 from benchmarks.page import updated
-from benchmarks.stop_matrix.expectation import broken, too_slow
-from benchmarks.stop_matrix.rows import CORE, Row, ROWS
+from benchmarks.stop_matrix.expectation import find_late_stops, find_violations
+from benchmarks.stop_matrix.rows import CORE, ROWS
 from benchmarks.stop_matrix.table import matrix
 from benchmarks.stop_matrix.trial import Trial
+from benchmarks.stop_matrix.trial_setup import Row
 from benchmarks.tables import Table
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 RESULTS = ROOT / 'benchmarks' / 'results'
-#: The matrix that the page shows, kept with it.
+#: The results that the page shows.
 REFERENCE = RESULTS / 'stop_matrix.json'
 PAGE = ROOT / 'docs' / 'safety.md'
 BEGIN = '<!-- stop matrix: written by make stop-matrix, changes here are lost -->'
@@ -44,135 +46,115 @@ END = '<!-- stop matrix: end -->'
 
 def measure(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[str, Any]:
     """
-    Try rows.
+    Run trials.
 
-    :param rows: the rows, and how often each is tried
-    :param over_grpc: whether robots are to be reached over gRPC, by a bridge
-    :returns: the matrix, plain data
+    :param rows: the rows, and the number of trials of each
+    :param over_grpc: whether robots are connected over gRPC, by a bridge
+    :returns: the results, plain data
     """
     from kachaka_simple_control.ros.dds_transport import use_localhost_only
-    # Before anything loads rclpy: no robot elsewhere may hear this.
+    # Before anything loads rclpy: no robot elsewhere may receive what is sent here.
     use_localhost_only()
-    # In the background of a shell Ctrl+C is ignored, and would be by all that is started here.
+    # Ctrl+C is ignored in the background of a shell, and by all that is started there.
     for signum in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
         if signal.getsignal(signum) == signal.SIG_IGN:
             signal.signal(signum, signal.SIG_DFL)
-    # What ends by SIGQUIT would leave a core behind.
+    # A program that SIGQUIT ends would leave a core file behind.
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     from benchmarks import machine
     from benchmarks.stop_matrix.runner import run
     described, begin = machine.describe(), time.monotonic()
-    seen = run(rows, over_grpc)
+    results = run(rows, over_grpc)
     print(f'tried in {(time.monotonic() - begin) / 60.0:.1f} minutes\n')
     return {
         'date': f'{datetime.now(timezone.utc):%Y-%m-%d}', 'machine': described,
-        'rows': {what: [trial.data() for trial in trials] for what, trials in seen.items()}}
+        'rows': {what: [*map(asdict, trials)] for what, trials in results.items()}}
 
 
 def second_try(
-        rows: Sequence[Row], run: dict[str, Any], over_grpc: bool = False) -> dict[str, Any]:
+        rows: Sequence[Row], data: dict[str, Any], over_grpc: bool = False) -> dict[str, Any]:
     """
-    Try rows again that did not keep their promise: the machine may have been busy.
+    Repeat the rows with violations: the machine may have been loaded.
 
     :param rows: the rows that were tried
-    :param run: what was seen
-    :param over_grpc: whether robots are to be reached over gRPC, by a bridge
-    :returns: what was seen the second time; an empty matrix if all was kept
+    :param data: their results
+    :param over_grpc: whether robots are connected over gRPC, by a bridge
+    :returns: the results of the second try; without rows if there were no violations
     """
-    seen = trials_of(run)
-    again = [row for row in rows if breaches([row], seen, wide=True)]
+    trials = trials_of(data)
+    again = [row for row in rows if violations([row], trials, under_load=True)]
     if not again:
-        return {**run, 'rows': {}}
-    print('Tried again:', *breaches(again, seen, wide=True), sep='\n')
+        return {**data, 'rows': {}}
+    print('Tried again:', *violations(again, trials, under_load=True), sep='\n')
     return measure([(row, row.quick) for row in again], over_grpc)
 
 
 def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
-    """
-    Put the rows of a new matrix in place of those of an old one.
-
-    :param old: a matrix; empty for none
-    :param new: a matrix, which may have some rows only
-    :returns: the matrix of both
-    """
+    """Return new results, and of old ones the rows that the new ones lack."""
     return {**new, 'rows': {**old.get('rows', {}), **new['rows']}}
 
 
-def trials_of(matrix_data: dict[str, Any]) -> dict[str, list[Trial]]:
-    """
-    Return what was seen.
-
-    :param matrix_data: a matrix
-    :returns: the trials, by the name of the row
-    """
-    return {what: [Trial.of(data) for data in trials]
-            for what, trials in matrix_data['rows'].items()}
+def trials_of(data: dict[str, Any]) -> dict[str, list[Trial]]:
+    """Return the trials of results, by the name of the row."""
+    return {what: [*map(Trial.from_json, trials)] for what, trials in data['rows'].items()}
 
 
-def breaches(rows: Sequence[Row], seen: dict[str, list[Trial]], wide: bool) -> list[str]:
+def violations(
+        rows: Sequence[Row], trials: dict[str, list[Trial]], under_load: bool) -> list[str]:
     """
-    Tell what was not kept.
+    Return what did not go as expected.
 
     :param rows: the rows that were tried
-    :param seen: what was seen
-    :param wide: whether bars are ten times as wide
-    :returns: sentences; nothing if all was kept
+    :param trials: the trials by the name of the row
+    :param under_load: whether limits are ten times as long
+    :returns: sentences; empty if all went as expected
     """
     found = []
     for row in rows:
-        trials = seen.get(row.promise.what, [])
-        found += broken(row.promise, trials) + too_slow(row.promise, trials, wide)
+        tried = trials.get(row.expectation.what, [])
+        found += find_violations(row.expectation, tried)
+        found += find_late_stops(row.expectation, tried, under_load)
     return found
 
 
-def write_page(table: Table, run: dict[str, Any]) -> None:
-    """
-    Put the matrix on the page.
-
-    :param table: the matrix
-    :param run: its data
-    """
-    machine = Table('Measured on', ('', ''), tuple(run['machine'].items()))
-    head = f'Measured on {run["date"]}.'
+def write_page(table: Table, data: dict[str, Any]) -> None:
+    """Write the table to the page on safety, with the machine that it was measured on."""
+    machine = Table('Measured on', ('', ''), tuple(data['machine'].items()))
+    head = f'Measured on {data["date"]}.'
     text = '\n'.join([head, '', table.markdown(), machine.markdown()])
     PAGE.write_text(updated(PAGE.read_text(), text, BEGIN, END))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """
-    Do what the arguments say.
-
-    :param arguments: the arguments without the program's name; None for those of the process
-    :returns: the exit code: 1 if a promise was not kept
-    """
+    """Run the trials that the arguments ask for; return 1 if not all went as expected, else 0."""
     options = _parser().parse_args(arguments)
     over_grpc = options.robot == 'grpc'
-    known = [row for row in ROWS if not over_grpc or row.promise.what in CORE]
+    known = [row for row in ROWS if not over_grpc or row.expectation.what in CORE]
     rows = [row for row in known if (row.quick if options.quick else row.full)
-            and (not options.rows or any(part in row.promise.what for part in options.rows))]
+            and (not options.rows or any(part in row.expectation.what for part in options.rows))]
     if options.of:
-        run = json.loads(options.of.read_text())
+        data = json.loads(options.of.read_text())
     else:
-        run = measure(
+        data = measure(
             [(row, row.quick if options.quick else row.full) for row in rows], over_grpc)
         if options.quick:
-            run = merged(run, second_try(rows, run, over_grpc))
+            data = merged(data, second_try(rows, data, over_grpc))
         if options.merge and REFERENCE.exists() and not over_grpc:
-            run = merged(json.loads(REFERENCE.read_text()), run)
+            data = merged(json.loads(REFERENCE.read_text()), data)
         kind = ('quick' if options.quick else 'full') + '-grpc' * over_grpc
         file = RESULTS / f'stops-{kind}-{datetime.now(timezone.utc):%Y%m%d-%H%M%S}.json'
-        file.write_text(json.dumps(run, indent=1) + '\n')
-    seen = trials_of(run)
-    table = matrix([row.promise for row in ROWS], seen)
+        file.write_text(json.dumps(data, indent=1) + '\n')
+    trials = trials_of(data)
+    table = matrix([row.expectation for row in ROWS], trials)
     print(table.markdown() if over_grpc else table.text())
     if options.quick:
-        left_out = [row.promise.what for row in known if row.full and not row.quick]
+        left_out = [row.expectation.what for row in known if row.full and not row.quick]
         print(f'Left out of the quick form: {"; ".join(left_out) or "nothing"}. Bars are ten '
               'times as wide, for the machine may be busy with other things.')
     elif not over_grpc and (not options.rows or options.merge):
-        write_page(table, run)
-        REFERENCE.write_text(json.dumps(run) + '\n')
-    found = breaches(rows, seen, wide=options.quick)
+        write_page(table, data)
+        REFERENCE.write_text(json.dumps(data) + '\n')
+    found = violations(rows, trials, under_load=options.quick)
     print('\n'.join(['Not kept:', *found]) if found else 'Every promise is kept')
     return 1 if found else 0
 

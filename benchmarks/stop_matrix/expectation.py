@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is promised for each thing that may happen to a program; pure."""
+"""What is expected for each fault that may happen to a program; pure."""
 
 from __future__ import annotations
 
@@ -21,101 +21,93 @@ from enum import Enum
 
 from benchmarks.stop_matrix.trial import Trial
 
-#: The burst at the head of every stop.
-WHOLE = 10
-#: An end on time is this near to its time [s].
-ON_TIME = 0.05
-#: A machine that does other things, too, may take this many times as long.
-BUSY = 10.0
+#: A stop begins with a burst of so many zeros.
+BURST_COUNT = 10
+#: A motion ends at most so much too early [s].
+END_TOLERANCE = 0.05
+#: Time limits are so many times as long on a machine that runs other programs, too.
+LOAD_FACTOR = 10.0
 
 
 class Zero(Enum):
-    """Whether a zero must come, and what its time is counted from."""
+    """Whether a zero must be sent, and from when its time is counted."""
 
-    #: it must; from the fault
-    PROMISED = 'promised'
-    #: nothing needs stopping; it comes at the end of the motion, and is counted from there
-    ON_TIME = 'on time'
-    #: it must; from the fault, or before it if the program noticed something by itself
-    EARLY_TOO = 'early too'
-    #: nobody is left to send one, or nothing moves
+    #: required; from the fault
+    REQUIRED = 'required'
+    #: nothing needs stopping: required at the end of the motion, and counted from there
+    AT_END = 'at end'
+    #: required; from the fault, or before it if the program found a fault by itself
+    ANY_TIME = 'any time'
+    #: no program is left to send one, or nothing moves
     NONE = 'none'
 
 
 @dataclass(frozen=True)
-class Promise:
+class Expectation:
     """
-    A row of the matrix.
+    What is expected of all trials of a row.
 
-    :param what: what happens
-    :param who: who stops the robot
-    :param codes: the exit codes that are right; none where the program does not end by itself
-    :param zero: whether a zero must come
-    :param bar: the longest time to the first zero that is allowed [s]; None for no bar
+    :param what: the fault; names the row
+    :param who: what stops the robot
+    :param codes: the correct exit codes; empty where the program does not end by itself
+    :param zero: whether a zero must be sent
+    :param limit: the longest time to the first zero [s]; None for no limit
     """
 
     what: str
     who: str
     codes: tuple[int, ...]
-    zero: Zero = Zero.PROMISED
-    bar: float | None = None
+    zero: Zero = Zero.REQUIRED
+    limit: float | None = None
 
 
-def broken(promise: Promise, trials: Sequence[Trial]) -> list[str]:
-    """
-    Tell what of a promise was not kept, time left aside.
-
-    :param promise: the promise
-    :param trials: what was seen
-    :returns: a sentence for each breach, with how often it was seen; nothing if all was kept
-    """
-    breaches = [breach for trial in trials for breach in _breaches(promise, trial)]
+def find_violations(expectation: Expectation, trials: Sequence[Trial]) -> list[str]:
+    """Return a sentence for each kind of violation, with its count; times are not checked."""
+    violations = [text for trial in trials for text in _violations(expectation, trial)]
     if not trials:
-        return [f'{promise.what}: it was not tried']
-    # DDS may lose some to a listener, but not in every trial.
-    if promise.zero is not Zero.NONE and max(trial.zeros for trial in trials) < WHOLE:
-        breaches += [f'fewer than {WHOLE} zeros came'] * len(trials)
-    return [f'{promise.what}: {breach} ({breaches.count(breach)} of {len(trials)})'
-            for breach in dict.fromkeys(breaches)]
+        return [f'{expectation.what}: it was not tried']
+    # A best-effort subscription may lose some, but not in every trial.
+    if (expectation.zero is not Zero.NONE
+            and max(trial.zeros for trial in trials) < BURST_COUNT):
+        violations += [f'fewer than {BURST_COUNT} zeros came'] * len(trials)
+    return [f'{expectation.what}: {text} ({violations.count(text)} of {len(trials)})'
+            for text in dict.fromkeys(violations)]
 
 
-def too_slow(promise: Promise, trials: Sequence[Trial], wide: bool = False) -> list[str]:
+def find_late_stops(
+        expectation: Expectation, trials: Sequence[Trial], under_load: bool = False) -> list[str]:
     """
-    Tell whether a zero came later than the bar allows.
+    Compare the worst time to the first zero with the limit.
 
-    :param promise: the promise
-    :param trials: what was seen
-    :param wide: whether bars are ten times as wide, for a machine that is busy with other things
-    :returns: a sentence, or nothing
+    :param expectation: has the limit
+    :param trials: the trials of its row
+    :param under_load: whether limits are ten times as long
+    :returns: one sentence if the limit was exceeded; empty otherwise
     """
     times = [trial.zero for trial in trials if trial.zero is not None]
-    if promise.bar is None or not times:
+    if expectation.limit is None or not times:
         return []
-    bar = promise.bar * (BUSY if wide else 1.0)
-    if max(times) <= bar:
+    limit = expectation.limit * (LOAD_FACTOR if under_load else 1.0)
+    if max(times) <= limit:
         return []
     worst = f'{1e3 * max(times):.1f} ms to the first zero'
-    return [f'{promise.what}: {worst}, more than the {1e3 * bar:g} ms of its bar']
+    return [f'{expectation.what}: {worst}, more than the {1e3 * limit:g} ms of its bar']
 
 
-def _breaches(promise: Promise, trial: Trial) -> Iterator[str]:
+def _violations(expectation: Expectation, trial: Trial) -> Iterator[str]:
     if trial.late:
         yield 'a velocity followed the first zero'
-    if promise.codes and trial.code not in promise.codes:
-        said = 'it did not end' if trial.code is None else f'exit code {trial.code}'
-        yield f'{said}, not {" or ".join(map(str, promise.codes))}'
+    if expectation.codes and trial.code not in expectation.codes:
+        ended = 'it did not end' if trial.code is None else f'exit code {trial.code}'
+        yield f'{ended}, not {" or ".join(map(str, expectation.codes))}'
     if 'Traceback' in trial.message:
         yield 'a traceback'
     yield from trial.broken
-    if promise.zero is not Zero.NONE:
-        yield from _zero_breaches(promise, trial)
-
-
-def _zero_breaches(promise: Promise, trial: Trial) -> Iterator[str]:
+    if expectation.zero is Zero.NONE:
+        return
     if trial.zero is None:
         yield 'no zero came'
-        return
-    if promise.zero is Zero.PROMISED and trial.zero < 0.0:
+    elif expectation.zero is Zero.REQUIRED and trial.zero < 0.0:
         yield 'it stopped before anything had happened'
-    if promise.zero is Zero.ON_TIME and trial.zero < -ON_TIME:
+    elif expectation.zero is Zero.AT_END and trial.zero < -END_TOLERANCE:
         yield 'it stopped although nothing was wrong'

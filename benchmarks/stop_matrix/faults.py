@@ -11,336 +11,226 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What happens to a program in mid-motion, or to its robot."""
+"""Faults of a program in motion, or of its robot, and the checks that belong to them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 import os
 import random
 import signal
 import time
-from typing import TYPE_CHECKING
 
+from benchmarks.load import busy
 from benchmarks.stop_matrix.robot_process import RobotProcess
+from benchmarks.stop_matrix.trial_setup import TrialContext
 
-if TYPE_CHECKING:
-    from benchmarks.stop_matrix.trial_setup import Scene
-
-Cause = Callable[['Scene'], float]
-#: A robot keeps its last velocity for this long [s].
-HOLD = 0.3
-#: A stop is over after this time [s]: the hold, 0.1 s, and as much for a busy machine.
-STOP = 0.7
-#: A robot that was told nothing moves less than this [m].
-STILL = 0.001
+Injector = Callable[[TrialContext], float]
+#: The robot keeps its last velocity for this long [s].
+COMMAND_TIMEOUT = 0.3
+#: A stop takes no longer [s]: the command timeout, 0.1 s, and as much for a loaded machine.
+MAX_STOP_DURATION = 0.7
+#: A robot that is sent no velocity moves less than this [m].
+MAX_REST_DISTANCE = 0.001
 
 
-def signals(*names: str) -> Cause:
-    """
-    Return what sends signals to the program, 0.1 s apart.
-
-    :param names: the signals
-    :returns: the cause; its time is that of the first signal
-    """
-    def cause(scene: Scene) -> float:
-        sent = scene.program.send(signal.Signals[names[0]])
-        for name in names[1:]:
-            time.sleep(0.1)
-            scene.program.send(signal.Signals[name])
-        return sent
-    return cause
+def no_fault(context: TrialContext) -> float:
+    """Inject nothing; return when the motion should end [s, system clock]."""
+    return context.first + context.row.duration
 
 
-def frozen(seconds: float) -> Cause:
-    """
-    Return what freezes the program, and thaws it.
-
-    :param seconds: for how long [s]
-    :returns: the cause
-    """
-    def cause(scene: Scene) -> float:
-        sent = scene.program.send(signal.SIGSTOP)
-        time.sleep(seconds)
-        scene.program.send(signal.SIGCONT)
-        return sent
-    return cause
+def fault_now(_context: TrialContext) -> float:
+    """Inject nothing: the program stops itself; return the time [s, system clock]."""
+    return time.time()
 
 
-def frozen_often(count: int) -> Cause:
-    """
-    Return what freezes the program for 50 ms again and again: nothing is wrong with that.
-
-    :param count: how often
-    :returns: the cause; its time is when the motion should end
-    """
-    def cause(scene: Scene) -> float:
-        for _ in range(count):
-            frozen(0.05)(scene)
-            time.sleep(random.uniform(0.2, 0.4))
-        return at_its_end(scene)
-    return cause
-
-
-def thawed(seconds: float) -> Callable[[Scene], None]:
-    """
-    Return what thaws a frozen program later.
-
-    :param seconds: after what time [s]
-    :returns: what to do after the cause
-    """
-    def after(scene: Scene) -> None:
-        time.sleep(seconds)
-        scene.changed = scene.program.send(signal.SIGCONT)
-    return after
-
-
-def silent_while_frozen(scene: Scene, fault: float) -> list[str]:
-    """
-    See whether the guardian was silent between its stop and the thaw.
-
-    :param scene: whose program
-    :param fault: when it was frozen [s, system clock]
-    :returns: a sentence if it was not
-    """
-    times = [heard.time for heard in scene.ears.since(fault) if heard.time < scene.changed]
-    went_on = bool(times) and times[-1] - times[0] > STOP
-    return ['the guardian went on while its program was frozen'] if went_on else []
-
-
-def waited(seconds: float) -> Callable[[Scene], None]:
-    """
-    Return what waits for what takes long.
-
-    :param seconds: how long [s]
-    :returns: what to do after the cause
-    """
-    return lambda _scene: time.sleep(seconds)
-
-
-def at_its_end(scene: Scene) -> float:
-    """
-    Let nothing happen.
-
-    :param scene: whose program
-    :returns: when its motion should end [s, system clock]
-    """
-    return scene.first + scene.row.duration
-
-
-def by_itself(scene: Scene) -> float:
-    """
-    Wait for what the program does to itself.
-
-    :param scene: whose program
-    :returns: when it did [s, system clock]
-    """
+def own_fault(context: TrialContext) -> float:
+    """Wait for a fault that the program causes itself; return when it did [s, system clock]."""
     end = time.monotonic() + 3.0
-    while (fault := scene.program.fault) is None:
+    while (fault := context.program.fault) is None:
         if time.monotonic() > end:
-            scene.broken.append('nothing happened')
+            context.violations.append('nothing happened')
             return time.time()
         time.sleep(0.005)
     return fault
 
 
-def by_its_stop(_scene: Scene) -> float:
-    """
-    Let the program stop itself.
-
-    :param _scene: whose program
-    :returns: now [s, system clock]
-    """
-    return time.time()
-
-
-def hung_up(scene: Scene) -> float:
-    """
-    Let the reader of its output end, which is no reason to stop.
-
-    :param scene: whose program
-    :returns: when its motion should end [s, system clock]
-    """
-    scene.program.hang_up()
-    return at_its_end(scene)
+def send_signals(*names: str) -> Injector:
+    """Return an injector that sends the program signals, 0.1 s apart; the first counts."""
+    def inject(context: TrialContext) -> float:
+        sent = context.program.send(signal.Signals[names[0]])
+        for name in names[1:]:
+            time.sleep(0.1)
+            context.program.send(signal.Signals[name])
+        return sent
+    return inject
 
 
-def hung_up_at_once(scene: Scene) -> float:
-    """
-    Close its terminal.
-
-    :param scene: whose program
-    :returns: when [s, system clock]
-    """
-    return scene.program.hang_up()
-
-
-def not_read(signum: str | None = None) -> Cause:
-    """
-    Return what leaves no room in the program's output, and lets it end all the same.
-
-    :param signum: the signal that ends it; None for its own end
-    :returns: the cause; its time is that of the signal, or when the motion should end
-    """
-    def cause(scene: Scene) -> float:
-        scene.program.read_no_more()
-        return signals(signum)(scene) if signum else at_its_end(scene)
-    return cause
-
-
-def given_back(scene: Scene, _fault: float) -> list[str]:
-    """
-    See whether the stop lasted longer than the hold, and the robot was given back after it.
-
-    :param scene: whose robot
-    :returns: sentences if it was not so
-    """
-    assert isinstance(scene.robot, RobotProcess)
-    zeros = [one.time for one in scene.ears.since(scene.first + 0.01) if not one.moves]
-    is_whole = bool(zeros) and zeros[-1] - zeros[0] > HOLD
-    is_back = scene.robot.given_back_since(zeros[-1] if zeros else scene.first)
-    return ([] if is_whole else ['the stop was not sent whole']) + (
-        [] if is_back else ['manual control was not given back'])
-
-
-def robot_gets(name: str) -> Cause:
-    """
-    Return what sends the robot's bridge a signal: SIGTERM lets it leave properly.
-
-    :param name: the signal
-    :returns: the cause
-    """
-    def cause(scene: Scene) -> float:
-        now = time.time()
-        scene.robot.send(signal.Signals[name])
-        return now
-    return cause
-
-
-def robot_thawed(scene: Scene) -> None:
-    """
-    Thaw the robot's bridge after 2 s; what it then finds in its queue must not move it.
-
-    :param scene: whose robot
-    """
-    time.sleep(2.0)
-    scene.changed = time.time()
-    scene.robot.send(signal.SIGCONT)
-
-
-def not_replayed(scene: Scene, _fault: float) -> list[str]:
-    """
-    See whether a robot that was thawed was moved by what had been sent before.
-
-    :param scene: whose robot
-    :returns: a sentence if it was
-    """
-    driven = scene.ears.driven(scene.changed, alone=True)
-    return [f'after the thaw it drove {driven:.3f} m'] if driven and driven > STILL else []
-
-
-def robot_back(scene: Scene) -> None:
-    """
-    Let another robot come in place of the one that left, and the program end some time later.
-
-    :param scene: whose robot
-    """
-    time.sleep(1.5)
-    before, scene.changed = scene.ears.samples, time.time()
-    scene.replace_robot()
-    end = time.monotonic() + 8.0
-    while scene.ears.samples <= before and time.monotonic() < end:
-        time.sleep(0.05)
-    time.sleep(1.5)
-    if scene.ears.samples <= before:
-        scene.broken.append('no other robot came')
-    scene.program.send(signal.SIGTERM)
-
-
-def new_robot_stands_still(scene: Scene, _fault: float) -> list[str]:
-    """
-    See whether the robot that came later was moved.
-
-    :param scene: whose robot
-    :returns: a sentence if it was
-    """
-    # The new one begins at the origin again: only its own samples count.
-    driven = scene.ears.driven(scene.changed, alone=True)
-    return [f'the new robot drove {driven:.3f} m'] if driven and driven > STILL else []
-
-
-def switched_off(scene: Scene) -> float:
-    """
-    Switch manual control off; the bridge switches it on again with the next velocity.
-
-    :param scene: whose robot
-    :returns: when its motion should end [s, system clock]
-    """
-    scene.ears.switch_off()
-    return at_its_end(scene)
-
-
-def clock_told_once(scene: Scene) -> float:
-    """
-    Publish one message on ``/clock``, and then no more.
-
-    :param scene: whose observer
-    :returns: when its motion should end [s, system clock]
-    """
-    scene.observer.tell_time()
-    return at_its_end(scene)
-
-
-def starved(scene: Scene) -> float:
-    """
-    Let it drive for a second on a busy machine, if it can, and then end it.
-
-    :param scene: whose program
-    :returns: when the signal was sent [s, system clock]
-    """
+def interrupt_later(context: TrialContext) -> float:
+    """Send the program SIGINT after a second on a loaded machine."""
     time.sleep(1.0)
-    return scene.program.send(signal.SIGINT)
+    return context.program.send(signal.SIGINT)
 
 
-def guardian_killed(scene: Scene) -> float:
-    """
-    Kill its guardian.
-
-    :param scene: whose program
-    :returns: when [s, system clock]
-    """
+def kill_guardian(context: TrialContext) -> float:
+    """Kill the guardian of the program."""
     now = time.time()
-    os.kill(scene.program.guardian, signal.SIGKILL)
+    os.kill(context.program.guardian, signal.SIGKILL)
     return now
 
 
-def both_killed(scene: Scene) -> float:
-    """
-    Kill the program and its guardian, so that neither notices that of the other.
-
-    :param scene: whose program
-    :returns: when [s, system clock]
-    """
-    guardian = scene.program.guardian
+def kill_both(context: TrialContext) -> float:
+    """Kill the program and its guardian, so that neither can react to the end of the other."""
+    guardian = context.program.guardian
     now = time.time()
-    for pid in (guardian, scene.program.process.pid):
+    for pid in (guardian, context.program.process.pid):
         os.kill(pid, signal.SIGKILL)
     return now
 
 
-def played_in_order(scene: Scene, fault: float) -> list[str]:
-    """
-    See whether a slow robot played a velocity after the first zero that it played.
+def freeze(seconds: float) -> Injector:
+    """Return an injector that freezes the program for a time [s]."""
+    def inject(context: TrialContext) -> float:
+        sent = context.program.send(signal.SIGSTOP)
+        time.sleep(seconds)
+        context.program.send(signal.SIGCONT)
+        return sent
+    return inject
 
-    :param scene: whose robot
-    :param fault: when the stop was asked for [s, system clock]
-    :returns: a sentence if it did, or played nothing
-    """
-    assert scene.played is not None
-    # There is no file until something was played.
-    text = scene.played.read_text() if scene.played.exists() else ''
+
+def freeze_repeatedly(count: int) -> Injector:
+    """Return an injector that freezes the program for 50 ms ``count`` times, which is no fault."""
+    def inject(context: TrialContext) -> float:
+        for _ in range(count):
+            freeze(0.05)(context)
+            time.sleep(random.uniform(0.2, 0.4))
+        return no_fault(context)
+    return inject
+
+
+def resume_after(seconds: float) -> Callable[[TrialContext], None]:
+    """Return what resumes a frozen program after a time [s]."""
+    def after(context: TrialContext) -> None:
+        time.sleep(seconds)
+        context.changed = context.program.send(signal.SIGCONT)
+    return after
+
+
+def check_guardian_silent(context: TrialContext, fault: float) -> list[str]:
+    """Check that the guardian sent nothing between its stop and the end of the freeze."""
+    times = [velocity.time for velocity in context.recorder.sent_since(fault)
+             if velocity.time < context.changed]
+    went_on = bool(times) and times[-1] - times[0] > MAX_STOP_DURATION
+    return ['the guardian went on while its program was frozen'] if went_on else []
+
+
+def close_output(context: TrialContext) -> float:
+    """Close the pipe that the program prints to, which is no reason to stop."""
+    context.program.close_output()
+    return no_fault(context)
+
+
+def close_terminal(context: TrialContext) -> float:
+    """Close the terminal of the program."""
+    return context.program.close_output()
+
+
+def block_output(signum: str | None = None) -> Injector:
+    """Return an injector that blocks the program's output, then sends it a signal, if any."""
+    def inject(context: TrialContext) -> float:
+        context.program.block_output()
+        return send_signals(signum)(context) if signum else no_fault(context)
+    return inject
+
+
+def check_released(context: TrialContext, _fault: float) -> list[str]:
+    """Check that zeros were sent longer than the command timeout, and control released then."""
+    assert isinstance(context.robot.process, RobotProcess)
+    zeros = [velocity.time for velocity in context.recorder.sent_since(context.first + 0.01)
+             if not velocity.moves]
+    is_whole = bool(zeros) and zeros[-1] - zeros[0] > COMMAND_TIMEOUT
+    released = context.robot.process.released_since(zeros[-1] if zeros else context.first)
+    return ([] if is_whole else ['the stop was not sent whole']) + (
+        [] if released else ['manual control was not given back'])
+
+
+def signal_robot(name: str) -> Injector:
+    """Return an injector that sends the robot's bridge a signal; SIGTERM ends it properly."""
+    def inject(context: TrialContext) -> float:
+        now = time.time()
+        context.robot.process.send(signal.Signals[name])
+        return now
+    return inject
+
+
+def resume_robot(context: TrialContext) -> None:
+    """Resume the robot's bridge after 2 s; what is in its queue then must not move the robot."""
+    time.sleep(2.0)
+    context.changed = time.time()
+    context.robot.process.send(signal.SIGCONT)
+
+
+def check_no_replay(context: TrialContext, _fault: float) -> list[str]:
+    """Check that old velocities did not move the robot when it was resumed."""
+    return _check_at_rest(context, 'after the thaw it drove')
+
+
+def replace_robot(context: TrialContext) -> None:
+    """Replace the robot that left by another, and end the program 1.5 s later."""
+    time.sleep(1.5)
+    before, context.changed = context.recorder.odometry_count, time.time()
+    context.robot.replace()
+    end = time.monotonic() + 8.0
+    while context.recorder.odometry_count <= before and time.monotonic() < end:
+        time.sleep(0.05)
+    time.sleep(1.5)
+    if context.recorder.odometry_count <= before:
+        context.violations.append('no other robot came')
+    context.program.send(signal.SIGTERM)
+
+
+def check_new_robot_at_rest(context: TrialContext, _fault: float) -> list[str]:
+    """Check that the robot that came later was not moved."""
+    return _check_at_rest(context, 'the new robot drove')
+
+
+def disable_manual_control(context: TrialContext) -> float:
+    """Disable manual control; the bridge enables it again with the next velocity."""
+    context.recorder.disable_manual_control()
+    return no_fault(context)
+
+
+def publish_clock_once(context: TrialContext) -> float:
+    """Publish one message on ``/clock``, and no more."""
+    context.robot.observer.publish_clock()
+    return no_fault(context)
+
+
+def check_execution_order(context: TrialContext, fault: float) -> list[str]:
+    """Check that a slow robot executed no velocity after its first zero."""
+    executed = context.robot.executed
+    assert executed is not None
+    # The file is made with the first velocity.
+    text = executed.read_text() if executed.exists() else ''
     lines = [line.split() for line in text.splitlines()]
     after = [float(velocity) for at, velocity in lines if float(at) > fault]
     if 0.0 not in after:
         return ['the robot played no zero']
     return ['the robot played a velocity after its first zero'] * any(after[after.index(0.0):])
+
+
+def wait(seconds: float) -> Callable[[TrialContext], None]:
+    """Return what waits for a time [s]."""
+    return lambda _context: time.sleep(seconds)
+
+
+def busy_processes(count: int) -> Callable[[TrialContext], AbstractContextManager[None]]:
+    """Return the background of so many processes that take all the CPU time they get."""
+    return lambda _context: busy(count)
+
+
+def _check_at_rest(context: TrialContext, text: str) -> list[str]:
+    # A new robot begins at the origin again: only samples from the change on count.
+    driven = context.recorder.distance_since(context.changed, new_robot=True)
+    return [f'{text} {driven:.3f} m'] if driven and driven > MAX_REST_DISTANCE else []

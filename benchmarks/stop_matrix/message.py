@@ -11,33 +11,33 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a program said last; pure."""
+"""Find the message that a program ended with; pure."""
 
 from __future__ import annotations
 
 import re
 
-PREFIX = re.compile(r'^\[\w+\] \[[\d.]+\] \[[\w./]+\]: ')
-NAME = re.compile(r'^(kachaka_simple_control: |kachaka_simple_control\.[\w.]+: )')
+LOG_PREFIX = re.compile(r'^\[\w+\] \[[\d.]+\] \[[\w./]+\]: ')
+PROGRAM_PREFIX = re.compile(r'^(kachaka_simple_control: |kachaka_simple_control\.[\w.]+: )')
 COLOUR = re.compile(r'\x1b\[[\d;]*m')
-LONGEST = 100
-#: What it says in any case.
+MAX_LENGTH = 100
+#: Lines that each program logs.
 ROUTINE = ('Robot control node has started', 'Robot has stopped', 'Movement completed')
 
 
-def message(text: str, namespace: str, may_trace: bool) -> str:
+def last_message(text: str, namespace: str, traceback_expected: bool) -> str:
     """
-    Return what a program said last, its routine left out.
+    Return the last line that a program printed, routine log lines left out.
 
     :param text: all that it printed
-    :param namespace: where its robot was; put as the robot's usual one
-    :param may_trace: whether a traceback may be part of it: what a user's script did not catch
-    :returns: one line; with ``Traceback`` before it if there was one that should not be
+    :param namespace: its robot's namespace, which is replaced by the default one
+    :param traceback_expected: whether a traceback is right: of what a user's script did not catch
+    :returns: one line; it begins with ``Traceback: `` after an unexpected traceback
     """
     plain = COLOUR.sub('', text)
-    lines = [NAME.sub('', PREFIX.sub('', line)).strip() for line in plain.splitlines()
-             if not line.startswith((' ', 'Traceback'))]
-    said = [line for line in lines if line and not line.startswith(ROUTINE)]
-    last = (said[-1] if said else '').replace(namespace, 'kachaka')
-    last = last if len(last) <= LONGEST else last[:LONGEST].rsplit(' ', 1)[0] + ' ...'
-    return f'Traceback: {last}' if 'Traceback' in text and not may_trace else last
+    lines = [PROGRAM_PREFIX.sub('', LOG_PREFIX.sub('', line)).strip()
+             for line in plain.splitlines() if not line.startswith((' ', 'Traceback'))]
+    messages = [line for line in lines if line and not line.startswith(ROUTINE)]
+    last = (messages[-1] if messages else '').replace(namespace, 'kachaka')
+    last = last if len(last) <= MAX_LENGTH else last[:MAX_LENGTH].rsplit(' ', 1)[0] + ' ...'
+    return f'Traceback: {last}' if 'Traceback' in text and not traceback_expected else last

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Listens from outside: to all that is sent to the robots, and to their odometry."""
+"""Records the velocities sent to the robots, and their odometry, from outside."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import threading
 import time
 
 from geometry_msgs.msg import Twist
-from listener import Heard, KNOWS_SOURCE_TIME, QUALITY
+from listener import KNOWS_SOURCE_TIME, QUALITY, SentVelocity
 from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -32,24 +32,18 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 
-class Stranger:
-    """Somebody who has a publisher of velocities for a robot that is driven already."""
+class OtherPublisher:
+    """Another publisher of velocities for a robot that a program drives already."""
 
     def __init__(self, node: Node, topic: str) -> None:
-        """
-        Have the publisher, and send nothing.
-
-        :param node: whose it is
-        :param topic: where the robot takes velocities
-        """
         self._node = node
         self._publisher = node.create_publisher(Twist, topic, 10)
 
     def send(self, velocity: float) -> float:
         """
-        Send a velocity.
+        Publish a velocity.
 
-        :param velocity: how fast [m/s]
+        :param velocity: forward [m/s]
         :returns: when [s, system clock]
         """
         message = Twist()
@@ -58,130 +52,109 @@ class Stranger:
         self._publisher.publish(message)
         return now
 
-    def leave(self) -> None:
-        """Have no publisher any more."""
+    def close(self) -> None:
+        """Destroy the publisher."""
         self._node.destroy_publisher(self._publisher)
 
 
-class Ears:
+class RobotRecorder:
     """
-    What is heard of one robot.
+    Records the velocities sent to one robot, and its odometry.
 
-    Times are those that DDS stamps on a message when it is sent, so that how fast this process
-    reads does not matter.
+    Times are the source timestamps of DDS, so that delays of this process do not matter.
+
+    :param node: has the subscriptions
+    :param namespace: of the robot
     """
 
     def __init__(self, node: Node, namespace: str) -> None:
-        """
-        Listen from now on.
-
-        :param node: who listens
-        :param namespace: where the robot is
-        """
         self._node = node
-        #: where the robot is
         self.namespace = namespace
         self._topic = f'/{namespace}/manual_control/cmd_vel'
-        self.heard: list[Heard] = []
+        self._velocities: list[SentVelocity] = []
         self._odometry: list[bytes] = []
         self._subscriptions = [
             node.create_subscription(
                 Twist, self._topic,
-                self._hear_with_info if KNOWS_SOURCE_TIME else self._hear, QUALITY),
-            # Raw, for there is much of it and little is looked at.
+                self._on_velocity_with_info if KNOWS_SOURCE_TIME else self._on_velocity, QUALITY),
+            # Raw: there are many messages, and few are read.
             node.create_subscription(
                 Odometry, f'/{namespace}/odometry/odometry', self._odometry.append,
                 qos_profile_sensor_data, raw=True)]
-        self._control = node.create_client(
+        self._set_enabled = node.create_client(
             SetBool, f'/{namespace}/manual_control/set_enabled')
 
-    def forget(self) -> None:
-        """Forget what was heard: another program comes."""
-        self.heard.clear()
+    def clear(self) -> None:
+        """Discard what was recorded: another program is started."""
+        self._velocities.clear()
         self._odometry.clear()
 
-    def wait(
-            self, condition: Callable[[Heard], bool], since: float,
-            timeout: float) -> Heard | None:
+    def wait_for(
+            self, condition: Callable[[SentVelocity], bool], since: float,
+            timeout: float) -> SentVelocity | None:
         """
         Wait for a velocity.
 
-        :param condition: what fits
+        :param condition: returns whether a velocity is the one
         :param since: sent after this time [s, system clock]
         :param timeout: how long to wait [s]
-        :returns: the first that fits; None if none came in time
+        :returns: the first that meets the condition; None if none came in time
         """
         end = time.monotonic() + timeout
         while True:
-            for heard in self.since(since):
-                if condition(heard):
-                    return heard
+            for velocity in self.sent_since(since):
+                if condition(velocity):
+                    return velocity
             if time.monotonic() > end:
                 return None
             time.sleep(0.005)
 
-    def since(self, since: float) -> list[Heard]:
-        """
-        Return what was sent from a time on, in order of time.
-
-        :param since: the time [s, system clock]
-        :returns: the velocities
-        """
-        return sorted(
-            (heard for heard in [*self.heard] if heard.time > since), key=lambda one: one.time)
+    def sent_since(self, since: float) -> list[SentVelocity]:
+        """Return the velocities sent after a time [s, system clock], in order of time."""
+        return sorted((one for one in [*self._velocities] if one.time > since),
+                      key=lambda one: one.time)
 
     @property
-    def samples(self) -> int:
-        """Return how often odometry was heard."""
+    def odometry_count(self) -> int:
+        """Return the number of odometry messages."""
         return len(self._odometry)
 
-    def driven(self, since: float, alone: bool = False) -> float | None:
+    def distance_since(self, since: float, new_robot: bool = False) -> float | None:
         """
-        Return how far the robot drove.
+        Return how far the robot drove along x.
 
-        :param since: from when on [s, system clock]
-        :param alone: whether another robot was there before that, whose place does not count
-        :returns: the length of its way along x [m]; None if odometry says nothing from then on
+        :param since: after this time [s, system clock]
+        :param new_robot: whether another robot was there before, whose position does not count
+        :returns: the length of its path [m]; None without odometry after that time
         """
-        places = sorted(map(_place, [*self._odometry]))
-        before = [place for at, place in places if at <= since]
-        after = [place for at, place in places if at > since]
+        positions = sorted(map(_position, [*self._odometry]))
+        before = [x for at, x in positions if at <= since]
+        after = [x for at, x in positions if at > since]
         if not after:
             return None
-        way = after if alone else [*before[-1:], *after]
-        return sum(abs(two - one) for one, two in pairwise(way))
+        path = after if new_robot else [*before[-1:], *after]
+        return sum(abs(two - one) for one, two in pairwise(path))
 
-    def switch_off(self) -> float:
-        """
-        Switch manual control off from outside, without waiting for the answer.
+    def disable_manual_control(self) -> None:
+        """Disable manual control from outside, without waiting for the response."""
+        self._set_enabled.call_async(SetBool.Request(data=False))
 
-        :returns: when [s, system clock]
-        """
-        now = time.time()
-        self._control.call_async(SetBool.Request(data=False))
-        return now
+    def add_publisher(self) -> OtherPublisher:
+        """Return another publisher of velocities for the robot."""
+        return OtherPublisher(self._node, self._topic)
 
-    def somebody_else(self) -> Stranger:
-        """Return somebody else who has a publisher of velocities for the robot."""
-        return Stranger(self._node, self._topic)
+    def _on_velocity(self, message: Twist) -> None:
+        self._velocities.append(SentVelocity(time.time(), message.linear.x, message.angular.z))
 
-    def _hear(self, message: Twist) -> None:
-        self.heard.append(Heard(time.time(), message.linear.x, message.angular.z))
-
-    def _hear_with_info(self, message: Twist, info: dict[str, int]) -> None:
-        self.heard.append(Heard(
+    def _on_velocity_with_info(self, message: Twist, info: dict[str, int]) -> None:
+        self._velocities.append(SentVelocity(
             info['source_timestamp'] / 1e9, message.linear.x, message.angular.z))
 
 
 class Observer:
-    """A node of its own, which spins in a thread of its own."""
+    """A node in a ROS domain of its own, which spins in a thread of its own."""
 
     def __init__(self, domain: int) -> None:
-        """
-        Join a domain.
-
-        :param domain: its number
-        """
         self._context = Context()
         self._context.init(args=[], domain_id=domain)
         self._node = Node(
@@ -194,27 +167,23 @@ class Observer:
         self._thread.start()
 
     def close(self) -> None:
-        """Leave the domain."""
+        """Destroy the node, and leave the domain."""
         self._executor.shutdown(timeout_sec=0.0)
         self._thread.join(5.0)
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def ears(self, namespace: str) -> Ears:
-        """
-        Listen to one more robot.
+    def record(self, namespace: str) -> RobotRecorder:
+        """Return a recorder of the robot in a namespace."""
+        return RobotRecorder(self._node, namespace)
 
-        :param namespace: where it is
-        :returns: what is heard
-        """
-        return Ears(self._node, namespace)
-
-    def tell_time(self) -> None:
-        """Publish one message on ``/clock``, for whoever uses simulated time."""
+    def publish_clock(self) -> None:
+        """Publish one message on ``/clock``, for nodes that use simulated time."""
         self._clock.publish(Clock())
 
 
-def _place(raw: bytes) -> tuple[float, float]:
+def _position(raw: bytes) -> tuple[float, float]:
+    """Return time stamp [s] and x [m] of an odometry message."""
     message = deserialize_message(raw, Odometry)
     stamp = message.header.stamp
     return stamp.sec + 1e-9 * stamp.nanosec, message.pose.pose.position.x

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A program that drives a robot: started, let go, asked how it ended."""
+"""The process of a program that drives a robot."""
 
 from __future__ import annotations
 
@@ -28,104 +28,100 @@ import time
 
 from program import children_of, environment, fill, is_running
 
-#: How long a program may take until it is ready to move [s]; a busy machine has no influence.
-MEETING = 40.0
-GLANCE = 0.02
+#: A program may take so long until it is ready to move, also on a loaded machine [s].
+READY_TIMEOUT = 40.0
+POLL_PERIOD = 0.02
 
 
 class Program:
     """
     A script in a session of its own.
 
-    It says that it is ready by a file, waits on its standard input, then moves.
+    It makes a file when it is ready, waits for a line on its standard input, then moves.
+
+    :param text: the script
+    :param options: its arguments
+    :param variables: added to its environment
+    :param output: what it prints to: 'file', 'pipe', 'terminal', which is its input, too, or
+        'full', a pipe that can be filled
     """
 
     def __init__(
             self, text: str, options: list[str], variables: dict[str, str],
-            outlet: str = 'file') -> None:
-        """
-        Start it.
-
-        :param text: the script
-        :param options: its arguments
-        :param variables: what is added to its environment
-        :param outlet: what it prints to: 'file', 'pipe', 'terminal', which is its input, too, or
-            'full', a pipe that can be filled
-        """
+            output: str = 'file') -> None:
         self.folder = Path(tempfile.mkdtemp(prefix='stop_matrix_'))
         self._log = self.folder / 'log.txt'
-        self._outlet = outlet
+        self._output_kind = output
         self._printed = ''
         script = self.folder / 'script.py'
         script.write_text(text)
-        ours, theirs = os.openpty() if outlet == 'terminal' else os.pipe()
-        self._output = ours
+        ours, theirs = os.openpty() if output == 'terminal' else os.pipe()
+        self._descriptor = ours
         with self._log.open('w') as log:
-            out = log.fileno() if outlet == 'file' else theirs
+            out = log.fileno() if output == 'file' else theirs
             self.process = subprocess.Popen(
                 [sys.executable, str(script), *options], cwd=self.folder,
-                stdin=theirs if outlet == 'terminal' else subprocess.PIPE, stdout=out,
+                stdin=theirs if output == 'terminal' else subprocess.PIPE, stdout=out,
                 stderr=out, start_new_session=True,
-                # No other thread of this process starts programs, and none of ours holds a lock
-                # that the child would need.
-                preexec_fn=_take_terminal if outlet == 'terminal' else None,  # noqa: PLW1509
+                # No other thread of this process starts programs or holds a lock that the child
+                # needs.
+                preexec_fn=_take_terminal if output == 'terminal' else None,  # noqa: PLW1509
                 env={**environment(), **variables})
-        self._inlet = theirs if outlet == 'full' else -1
-        if self._inlet < 0:
+        self._filled = theirs if output == 'full' else -1
+        if self._filled < 0:
             os.close(theirs)
         self._children: list[int] = []
 
     def wait_until_ready(self) -> None:
         """
-        Wait until it has met its robot.
+        Wait until it is connected to its robot.
 
-        :raises RuntimeError: if it does not, with what it printed
+        :raises RuntimeError: if it fails to, with what it printed
         """
-        end = time.monotonic() + MEETING
+        end = time.monotonic() + READY_TIMEOUT
         while not (self.folder / 'ready').exists():
             if time.monotonic() > end or self.process.poll() is not None:
                 raise RuntimeError(f'a program met no robot; it printed:\n{self.text}')
-            time.sleep(GLANCE)
+            time.sleep(POLL_PERIOD)
         self._children = children_of(self.process.pid)
 
     def go(self) -> None:
-        """Let it move."""
-        if self._outlet == 'terminal':
-            os.write(self._output, b'\n')
+        """Start its motion."""
+        if self._output_kind == 'terminal':
+            os.write(self._descriptor, b'\n')
         else:
             assert self.process.stdin is not None
             self.process.stdin.write(b'\n')
             self.process.stdin.flush()
 
-    def hang_up(self) -> float:
+    def close_output(self) -> float:
         """
-        Close what it prints to: the reader of the pipe ends, or the terminal is closed.
+        Close the other end of what it prints to: a pipe or a terminal.
 
         :returns: when [s, system clock]
         """
         self._read()
         now = time.time()
-        os.close(self._output)
-        self._output = -1
+        os.close(self._descriptor)
+        self._descriptor = -1
         return now
 
-    def read_no_more(self) -> None:
-        """Leave no room in what it prints to: the pipe is full, or Ctrl+S stops the terminal."""
+    def block_output(self) -> None:
+        """Leave no room in what it prints to: fill the pipe, or stop the terminal by Ctrl+S."""
         self._read()
-        if self._outlet == 'full':
-            fill(self._inlet)
+        if self._output_kind == 'full':
+            fill(self._filled)
         else:
-            os.write(self._output, b'\x13')
+            os.write(self._descriptor, b'\x13')
 
     def send(self, signum: int) -> float:
         """
         Send it a signal.
 
-        :param signum: the signal
         :returns: when [s, system clock]
         """
-        # Directly: Popen's own way asks the system first, and may wait for other threads there.
-        # The process has not been waited for, so that its id cannot be another's.
+        # Popen.send_signal polls first, and may wait there for another thread.  The process has
+        # not been waited for, so that its id cannot be another's.
         now = time.time()
         os.kill(self.process.pid, signum)
         return now
@@ -141,7 +137,7 @@ class Program:
 
     @property
     def fault(self) -> float | None:
-        """Return when it let something happen by itself [s, system clock]; None before that."""
+        """Return when it caused its own fault [s, system clock]; None before that."""
         with contextlib.suppress(OSError, ValueError):
             return float((self.folder / 'fault').read_text())
         return None
@@ -157,7 +153,7 @@ class Program:
         Wait for its end.
 
         :param timeout: how long [s]
-        :returns: the exit code, as a shell tells it; None if it did not end
+        :returns: the exit code, as a shell gives it; None if it did not end
         """
         with contextlib.suppress(subprocess.TimeoutExpired):
             code = self.process.wait(timeout)
@@ -166,20 +162,20 @@ class Program:
 
     def end(self) -> bool:
         """
-        End it, and see to it that nothing of it is left.
+        End it and its children, and remove its files.
 
-        :returns: whether its guardian had gone by itself
+        :returns: whether its children had ended by themselves
         """
         if self.process.poll() is None:
             self.process.kill()
             self.process.wait()
         end = time.monotonic() + 3.0
         while (left := [*filter(is_running, self._children)]) and time.monotonic() < end:
-            time.sleep(GLANCE)
+            time.sleep(POLL_PERIOD)
         for child in left:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(child, signal.SIGKILL)
-        for descriptor in (self._output, self._inlet):
+        for descriptor in (self._descriptor, self._filled):
             if descriptor >= 0:
                 os.close(descriptor)
         if self.process.stdin is not None:
@@ -191,14 +187,14 @@ class Program:
         return not left
 
     def _read(self) -> None:
-        if self._output < 0:
+        if self._descriptor < 0:
             return
-        os.set_blocking(self._output, False)
+        os.set_blocking(self._descriptor, False)
         with contextlib.suppress(OSError):
-            while part := os.read(self._output, 65536):
+            while part := os.read(self._descriptor, 65536):
                 self._printed += part.decode(errors='replace')
 
 
 def _take_terminal() -> None:
-    # In the child: the terminal on its input becomes the one that can hang up on it.
+    # In the child: make the terminal on its input the controlling one, which sends SIGHUP.
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)

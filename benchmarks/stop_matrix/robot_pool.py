@@ -11,11 +11,10 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Robots for the programs to drive: kept as long as nothing happens to them."""
+"""Robots for the programs to drive: reused as long as no fault happens to them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import itertools
 from pathlib import Path
 import random
@@ -25,143 +24,105 @@ import time
 from benchmarks.grpc_robot import GrpcRobot
 from benchmarks.stop_matrix.observer import Observer
 from benchmarks.stop_matrix.robot_process import RobotProcess
-from benchmarks.stop_matrix.rows import Row
 
 _NUMBERS = itertools.count(1)
-#: What Linux leaves of ROS domains, from 1 on.
+#: ROS domains are numbered from 1 on; Linux leaves room for so many.
 DOMAINS = 100
-_BASE = random.randrange(DOMAINS)
-#: How long a robot may take until it is there [s].
-COMING = 20.0
+_FIRST_DOMAIN = random.randrange(DOMAINS)
+#: A robot may take so long until it publishes odometry [s].
+START_TIMEOUT = 20.0
 
 
-class Member:
+class PooledRobot:
     """
-    A robot in a ROS domain of its own, and what is heard of it.
+    A robot in a ROS domain of its own, and the recorder of its topics.
 
-    While a program joins or leaves a domain, DDS may hold up all others in it: programs that are
-    not on stage are not to be noticed by the one that is.
+    While a program joins or leaves a domain, DDS may delay all others in it: programs that are
+    being prepared must not delay the one that is measured.
+
+    :param slow: whether each call to the robot takes 250 ms
+    :param over_grpc: whether robot and bridge are two processes, as with a real robot
     """
 
     def __init__(self, slow: bool, over_grpc: bool = False) -> None:
-        """
-        Start the robot.
-
-        :param slow: whether it takes 250 ms a call
-        :param over_grpc: whether robot and bridge are two processes, as with a real robot
-        """
         number = next(_NUMBERS)
-        self.domain = (_BASE + number) % DOMAINS + 1
+        self.domain = (_FIRST_DOMAIN + number) % DOMAINS + 1
         self.observer = Observer(self.domain)
-        self.ears = self.observer.ears(f'stop_{number}')
+        self.recorder = self.observer.record(f'stop_{number}')
         self._folder = tempfile.TemporaryDirectory(prefix='stop_matrix_') if slow else None
-        #: where a slow robot tells what it plays
-        self.played = Path(self._folder.name) / 'played.txt' if self._folder else None
+        #: where a slow robot writes the velocities it executes; None for any other
+        self.executed = Path(self._folder.name) / 'executed.txt' if self._folder else None
         self._over_grpc = over_grpc
-        self.robot = self._start()
+        self.process = self._start()
 
     def wait_until_there(self) -> None:
         """
-        Wait until its odometry is heard.
+        Wait for its odometry.
 
-        :raises RuntimeError: if it is not in time
+        :raises RuntimeError: if it does not come in time
         """
-        end = time.monotonic() + COMING
-        while not self.ears.samples:
+        end = time.monotonic() + START_TIMEOUT
+        while not self.recorder.odometry_count:
             if time.monotonic() > end:
                 raise RuntimeError('a simulated robot did not come')
             time.sleep(0.02)
 
-    def replace_robot(self) -> None:
+    def replace(self) -> None:
         """Start another robot in place of one that has left."""
-        self.robot.end()
-        self.robot = self._start()
+        self.process.end()
+        self.process = self._start()
 
     def end(self) -> None:
-        """End the robot, and listen no more."""
-        self.robot.end()
+        """End robot and recorder."""
+        self.process.end()
         self.observer.close()
         if self._folder is not None:
             self._folder.cleanup()
 
     def _start(self) -> RobotProcess | GrpcRobot:
         if self._over_grpc:
-            return GrpcRobot(self.ears.namespace, self.domain)
-        return RobotProcess(self.ears.namespace, self.domain, self.played)
+            return GrpcRobot(self.recorder.namespace, self.domain)
+        return RobotProcess(self.recorder.namespace, self.domain, self.executed)
 
 
-class Cast:
-    """Every robot there is; leaving the ``with`` block ends them."""
+class RobotPool:
+    """
+    All robots; leaving the ``with`` block ends them.
+
+    :param over_grpc: whether each is connected over gRPC, by a bridge
+    """
 
     def __init__(self, over_grpc: bool = False) -> None:
-        """
-        Have none.
-
-        :param over_grpc: whether each is to be reached over gRPC, by a bridge
-        """
         self._over_grpc = over_grpc
-        self._free: list[Member] = []
-        self._all: list[Member] = []
+        self._free: list[PooledRobot] = []
+        self._taken: list[PooledRobot] = []
 
-    def __enter__(self) -> Cast:
+    def __enter__(self) -> RobotPool:
         """Return it."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """End them all."""
-        self.dismiss(self._all)
+        """End all robots."""
+        for robot in [*self._taken, *self._free]:
+            robot.end()
 
-    def take(self, rows: Sequence[Row]) -> list[Member]:
-        """
-        Have a robot for each of some rows, each of which is there.
+    def take(self, slow: bool) -> PooledRobot:
+        """Return a free robot, or a new one, which may not be there yet."""
+        robot = self._free.pop(0) if self._free and not slow else PooledRobot(
+            slow, self._over_grpc)
+        self._taken.append(robot)
+        return robot
 
-        :param rows: the rows
-        :returns: the robots, in order
-        """
-        taken = [self._one(row) for row in rows]
-        for member in taken:
-            member.wait_until_there()
-        return taken
+    def put_back(self, robot: PooledRobot, reusable: bool) -> None:
+        """Keep a robot for another trial, or end it."""
+        self._taken.remove(robot)
+        if reusable:
+            robot.recorder.clear()
+            self._free.append(robot)
+        else:
+            robot.end()
 
-    def put_back(self, rows: Sequence[Row], members: Sequence[Member]) -> None:
-        """
-        Keep those robots for other rows that nothing happened to, and end the others.
-
-        :param rows: the rows that they were taken for
-        :param members: the robots
-        """
-        self.dismiss([member for row, member in zip(rows, members) if row.harms])
-        for row, member in zip(rows, members):
-            if not row.harms:
-                member.ears.forget()
-                self._free.append(member)
-
-    def spare(self, count: int) -> None:
-        """
-        End those that nobody needs.
-
-        :param count: how many to keep
-        """
+    def limit_free(self, count: int) -> None:
+        """End free robots beyond a number."""
         while len(self._free) > count:
-            self.dismiss([self._free.pop()])
-
-    def dismiss(self, members: Sequence[Member]) -> None:
-        """
-        End some robots.
-
-        :param members: which
-        """
-        for member in [*members]:
-            member.end()
-            self._all.remove(member)
-            if member in self._free:
-                self._free.remove(member)
-
-    def _one(self, row: Row) -> Member:
-        for member in self._free:
-            if not row.slow:
-                self._free.remove(member)
-                return member
-        member = Member(row.slow, self._over_grpc)
-        self._all.append(member)
-        return member
+            self._free.pop().end()

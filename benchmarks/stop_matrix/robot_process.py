@@ -25,60 +25,49 @@ from kachaka_simple_control.control import processes
 
 from benchmarks.process import ROOT
 
-#: How long it may take to end [s].
-PATIENCE = 2.0
-#: What the bridge logs when manual control is given back, with the time [s, system clock].
+#: It may take so long to end [s].
+EXIT_TIMEOUT = 2.0
+#: What the bridge logs when manual control is released, with the time [s, system clock].
 RELEASED = re.compile(r'\[([\d.]+)\] \[[\w./]+\]: manual control disabled')
 
 
 class RobotProcess:
-    """The real bridge, or the slow one."""
+    """
+    The bridge of the package with its simulated robot, or the slow bridge.
+
+    :param namespace: of the robot
+    :param domain: its ROS domain
+    :param log: where the slow bridge writes the velocities it executes; None for the package's
+    """
 
     def __init__(self, namespace: str, domain: int, log: Path | None = None) -> None:
-        """
-        Start it.
-
-        :param namespace: where the robot is
-        :param domain: its ROS domain
-        :param log: where the slow bridge tells what it plays; None for the real bridge
-        """
-        real = [*processes.python_command('kachaka_simple_control.kachaka.bridge_command'),
-                '--sim', '--with-parent',
-                '--namespace', namespace]
+        bridge = [*processes.python_command('kachaka_simple_control.kachaka.bridge_command'),
+                  '--sim', '--with-parent', '--namespace', namespace]
         slow = [sys.executable, '-m', 'benchmarks.stop_matrix.slow_bridge', namespace, str(log)]
-        # To append: this process reads by the same opened file.
+        # Append mode: this process reads from the same open file.
         self._log = tempfile.TemporaryFile('a+')  # noqa: SIM115 (as long as the process)
-        # Its standard input is a pipe that only this process holds: it ends with us.
+        # Only this process holds the other end of its standard input: it ends with us.
         self._process = subprocess.Popen(
-            slow if log else real, cwd=ROOT, stdin=subprocess.PIPE,
+            slow if log else bridge, cwd=ROOT, stdin=subprocess.PIPE,
             env={**processes.child_environment(), 'ROS_DOMAIN_ID': str(domain)}, stderr=self._log,
             start_new_session=True)
 
     def send(self, signum: int) -> None:
-        """
-        Send it a signal.
-
-        :param signum: the signal
-        """
+        """Send it a signal."""
         self._process.send_signal(signum)
 
-    def given_back_since(self, since: float) -> bool:
-        """
-        Tell whether its manual control was switched off.
-
-        :param since: after this time [s, system clock]
-        :returns: whether it was, by its log
-        """
+    def released_since(self, since: float) -> bool:
+        """Return whether manual control was disabled after a time [s, system clock]."""
         self._log.seek(0)
         return any(float(at) > since for at in RELEASED.findall(self._log.read()))
 
     def end(self) -> None:
-        """End it; harmless if it is over."""
+        """End it; harmless if it has ended."""
         assert self._process.stdin is not None
         self._process.stdin.close()
         self._process.terminate()
         try:
-            self._process.wait(PATIENCE)
+            self._process.wait(EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Plays the trials: programs are prepared side by side, their measured moments come in turn."""
+"""Runs the trials: programs are prepared side by side, and measured one after the other."""
 
 from __future__ import annotations
 
@@ -21,39 +21,36 @@ import itertools
 import random
 import threading
 
-from benchmarks.load import busy
 from benchmarks.progress import show
-from benchmarks.stop_matrix.robot_pool import Cast
-from benchmarks.stop_matrix.rows import Row
+from benchmarks.stop_matrix.robot_pool import RobotPool
 from benchmarks.stop_matrix.trial import Trial
-from benchmarks.stop_matrix.trial_setup import follow, play, Scene
+from benchmarks.stop_matrix.trial_setup import finish_trial, inject_fault, Row, TrialContext
 
-#: How long a program moves before anything happens [s]: a random time, for what is asked for is
-#: the worst moment.
-BEFORE = (0.2, 0.4)
-#: How many programs may be starting at the same time: more would only wait for each other.
-AT_ONCE = 3
+#: A program moves for so long before its fault [s]; random, to meet the worst moment, too.
+TIME_TO_FAULT = (0.2, 0.4)
+#: More programs starting at the same time would only wait for each other.
+MAX_STARTING = 3
 
 
 def run(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[str, list[Trial]]:
     """
-    Try every row.
+    Run all trials.
 
-    :param rows: the rows, and how often each is tried
-    :param over_grpc: whether robots are to be reached over gRPC, by a bridge
-    :returns: what was seen, by the name of the row
+    :param rows: the rows, and the number of trials of each
+    :param over_grpc: whether robots are connected over gRPC, by a bridge
+    :returns: the results, by the name of the row
     """
-    seen: dict[str, list[Trial]] = {row.promise.what: [] for row, _ in rows}
+    results: dict[str, list[Trial]] = {row.expectation.what: [] for row, _ in rows}
     queue = [row for row, count in rows for _ in range(count)]
     done = 0
-    with Cast(over_grpc) as cast:
+    with RobotPool(over_grpc) as pool:
         for batch in batches(queue):
-            for row, trial in zip(batch, _batch(batch, cast)):
-                seen[row.promise.what].append(trial)
+            for row, trial in zip(batch, _run_batch(batch, pool)):
+                results[row.expectation.what].append(trial)
             done += len(batch)
             show('programs that drive, and what happens to them', done, len(queue))
-            cast.spare(batch[-1].together)
-    return seen
+            pool.limit_free(batch[-1].batch_size)
+    return results
 
 
 def batches(queue: Sequence[Row]) -> Iterator[list[Row]]:
@@ -61,41 +58,42 @@ def batches(queue: Sequence[Row]) -> Iterator[list[Row]]:
     Cut trials into batches that can be prepared side by side.
 
     :param queue: a row for each trial
-    :returns: the batches; all rows of one have the same load, and want as many beside them
+    :returns: the batches; the rows of one have the same background and batch size
     """
-    for _, alike in itertools.groupby(queue, key=lambda row: (row.busy, row.together)):
-        rest = [*alike]
-        while rest:
-            yield rest[:rest[0].together]
-            rest = rest[rest[0].together:]
+    for (_, size), group in itertools.groupby(
+            queue, key=lambda row: (row.background, row.batch_size)):
+        while batch := [*itertools.islice(group, size)]:
+            yield batch
 
 
-def _batch(rows: Sequence[Row], cast: Cast) -> list[Trial]:
-    members = cast.take(rows)
-    scenes: list[Scene] = []
+def _run_batch(rows: Sequence[Row], pool: RobotPool) -> list[Trial]:
+    robots = [pool.take(row.slow_robot) for row in rows]
+    contexts: list[TrialContext] = []
     try:
-        for row, member in zip(rows, members):
-            scenes.append(Scene(row, member))
-            if len(scenes) >= AT_ONCE:
-                scenes[-AT_ONCE].wait_until_ready()
-        for scene in scenes[1 - AT_ONCE:]:
-            scene.wait_until_ready()
-        with busy(rows[0].busy):
-            return _perform(scenes)
+        for robot in robots:
+            robot.wait_until_there()
+        for row, robot in zip(rows, robots):
+            contexts.append(TrialContext(row, robot))
+            if len(contexts) >= MAX_STARTING:
+                contexts[-MAX_STARTING].wait_until_ready()
+        for context in contexts[1 - MAX_STARTING:]:
+            context.wait_until_ready()
+        with rows[0].background(contexts[0]):
+            return _run_trials(contexts)
     finally:
-        for scene in scenes:
-            scene.end()
-        cast.put_back(rows, members)
+        for context in contexts:
+            context.end()
+        for row, robot in zip(rows, robots):
+            pool.put_back(robot, row.robot_reusable)
 
 
-def _perform(scenes: Sequence[Scene]) -> list[Trial]:
-    stage = threading.Lock()
+def _run_trials(contexts: Sequence[TrialContext]) -> list[Trial]:
+    measured = threading.Lock()
 
-    def perform(scene: Scene) -> Trial:
-        with scene.row.beside(scene):
-            with stage:
-                fault = play(scene, lambda: random.uniform(*BEFORE))
-            return follow(scene, fault)
+    def run_trial(context: TrialContext) -> Trial:
+        with measured:
+            fault = inject_fault(context, lambda: random.uniform(*TIME_TO_FAULT))
+        return finish_trial(context, fault)
 
-    with ThreadPoolExecutor(max_workers=len(scenes)) as threads:
-        return [*threads.map(perform, scenes)]
+    with ThreadPoolExecutor(max_workers=len(contexts)) as threads:
+        return [*threads.map(run_trial, contexts)]

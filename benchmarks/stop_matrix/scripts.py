@@ -11,38 +11,39 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The programs that things happen to: the command, and what users write."""
+"""The programs of the trials: the command, and what users write."""
 
 from __future__ import annotations
 
-#: Ready, a program waits for a line; what it lets happen by itself, it notes the time of.
+#: A program makes a file when it is ready, and waits for a line; it writes down the time of a
+#: fault that it causes itself.
 BEGIN = """
 import os, random, signal, sys, threading, time
 from pathlib import Path
 
 DURATION = float(os.environ['DURATION'])
 
-def gate():
+def wait_for_go():
     Path('ready').touch()
     sys.stdin.readline()
 
-def mark():
+def write_fault():
     Path('fault').write_text(repr(time.time()))
 
-def soon():
+def time_to_fault():
     return random.uniform(0.2, 0.4)
 """
 
-#: The real command; in place of the lesson's movements it plays a short rest and one long one.
+#: The command; instead of the lesson it drives a short rest and one long step.
 COMMAND = BEGIN + """
 from kachaka_simple_control import kachaka_simple_control as command
 
-def play(robot):
+def short_lesson(robot):
     robot.move_robot(0.0, 0.0, 0.2)
-    gate()
+    wait_for_go()
     robot.move_robot(0.1, 0.0, DURATION)
 
-command.play_lesson = play
+command.play_lesson = short_lesson
 sys.exit(command.main())
 """
 
@@ -55,13 +56,13 @@ node = KachakaSimpleControl()
 node.move_robot(0.0, 0.0, 0.2)
 """
 
-PLAIN = USER + """
-gate()
+USER_MOTION = USER + """
+wait_for_go()
 node.move_robot(0.1, 0.0, DURATION)
 """
 
 #: Stopped while it still waits for its robot, or sends its first zeros.
-NOT_BEGUN = BEGIN + """
+STOPPED_EARLY = BEGIN + """
 import rclpy
 from kachaka_simple_control import ControlError, KachakaSimpleControl
 
@@ -73,7 +74,7 @@ def move():
 
 rclpy.init()
 node = KachakaSimpleControl()
-gate()
+wait_for_go()
 driving = threading.Thread(target=move)
 driving.start()
 time.sleep(random.uniform(0.0, 0.5))
@@ -82,29 +83,30 @@ driving.join()
 time.sleep(2.0)
 """
 
-#: Odometry as it might come: patched where it arrives.
+#: Changes the odometry where it arrives.
 ODOMETRY = """
 from kachaka_simple_control.control.stop import StandstillDetector
 from kachaka_simple_control.motion.geometry import Velocity
-hear, begun = StandstillDetector.on_odometry, []
+on_odometry, begun = StandstillDetector.on_odometry, []
 """
 
 LATE_ODOMETRY = ODOMETRY + """
-StandstillDetector.on_odometry = lambda self, now, velocity: begun and hear(self, now, velocity)
+StandstillDetector.on_odometry = lambda self, now, velocity: begun and on_odometry(
+    self, now, velocity)
 """ + USER + """
-gate()
+wait_for_go()
 threading.Timer(0.1, begun.append, [True]).start()
 node.move_robot(0.1, 0.0, DURATION)
 """
 
-RESTLESS = ODOMETRY + """
-StandstillDetector.on_odometry = lambda self, now, velocity: hear(
+NEVER_AT_REST = ODOMETRY + """
+StandstillDetector.on_odometry = lambda self, now, velocity: on_odometry(
     self, now, Velocity(0.1, 0.0) if begun else velocity)
-""" + COMMAND.replace('gate()\n    robot', 'gate()\n    begun.append(True)\n    robot')
+""" + COMMAND.replace('    wait_for_go()\n', '    wait_for_go()\n    begun.append(True)\n')
 
-#: As on another machine: no kernel decides, and neither claims nor velocities of others are heard
-#: before a file is there.
-ELSEWHERE = """
+#: As on another machine: no lock of the kernel, and neither claims nor velocities of others are
+#: received before a file exists.
+OTHER_MACHINE = """
 import os
 from pathlib import Path
 from kachaka_simple_control.control.claims import Claims
@@ -112,79 +114,80 @@ from kachaka_simple_control.control.claims import MachineClaim
 from kachaka_simple_control.ros import robot_claim
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 
-HEARD = Path(os.environ.get('HEARD', 'heard')).resolve()
+CONNECTED = Path(os.environ.get('CONNECTED', 'connected')).resolve()
 MachineClaim.take = lambda self, name, who: None
 ForeignMessages.update = lambda self: False
 robot_claim.is_localhost_only = lambda: False
-hear = Claims.on_claim
-Claims.on_claim = lambda self, claim, now: HEARD.exists() and hear(self, claim, now)
+on_claim = Claims.on_claim
+Claims.on_claim = lambda self, claim, now: CONNECTED.exists() and on_claim(
+    self, claim, now)
 """ + USER.replace('node.move_robot(0.0, 0.0, 0.2)', '') + """
-gate()
+wait_for_go()
 node.move_robot(float(os.environ.get('SPEED', '0.08')), 0.0, DURATION)
 """
 
 IDLE = USER + """
-gate()
+wait_for_go()
 rclpy.spin(node)
 """
 
 CALLBACK = USER + """
 def fail():
-    mark()
+    write_fault()
     raise ValueError('in a callback')
 
-gate()
-node.create_timer(soon(), fail)
+wait_for_go()
+node.create_timer(time_to_fault(), fail)
 node.move_robot(0.1, 0.0, DURATION)
 """
 
 MOTION_THREAD = USER + """
 def give_up(*_):
-    mark()
+    write_fault()
     raise TimeoutError('that takes too long')
 
 signal.signal(signal.SIGALRM, give_up)
-gate()
-signal.setitimer(signal.ITIMER_REAL, soon())
+wait_for_go()
+signal.setitimer(signal.ITIMER_REAL, time_to_fault())
 node.move_robot(0.1, 0.0, DURATION)
 """
 
 EXIT = USER + """
-gate()
+wait_for_go()
 threading.Thread(target=node.move_robot, args=(0.1, 0.0, DURATION), daemon=True).start()
-time.sleep(soon())
-mark()
+time.sleep(time_to_fault())
+write_fault()
 sys.exit(3)
 """
 
-STEPPED = USER + """
+CLOCK_STEPPED = USER + """
 true, true_ns = time.time, time.time_ns
 
 def step():
     time.time = lambda: true() + 3600.0
     time.time_ns = lambda: true_ns() + 3600 * 10 ** 9
 
-gate()
-threading.Timer(soon(), step).start()
+wait_for_go()
+threading.Timer(time_to_fault(), step).start()
 node.move_robot(0.1, 0.0, DURATION)
 """
 
 SUSPENDED = USER + """
-edge = node.session.gate
-clock = edge._gap_clock
+gate = node.session.gate
+clock = gate._gap_clock
 
 def suspend():
-    mark()
-    edge._gap_clock = lambda: clock() + 60.0
+    write_fault()
+    gate._gap_clock = lambda: clock() + 60.0
 
-gate()
-threading.Timer(soon(), suspend).start()
+wait_for_go()
+threading.Timer(time_to_fault(), suspend).start()
 node.move_robot(0.1, 0.0, DURATION)
 """
 
-#: Survives its fault, as a program with more to do would.
-STAYING = USER + """
-gate()
+#: Continues after its fault, as a program with more to do would.
+STAYS_AFTER_FAULT = USER + """
+wait_for_go()
 try:
     node.move_robot(0.1, 0.0, DURATION)
 except ControlError as error:

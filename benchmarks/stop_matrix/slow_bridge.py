@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The bridge with a simulated robot that takes 250 ms for each call, and tells what it plays."""
+"""The bridge with a simulated robot for which each call takes 250 ms; logs what it executes."""
 
 from __future__ import annotations
 
@@ -29,60 +29,49 @@ from kachaka_simple_control.motion.geometry import Velocity
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-#: How long a call to the robot takes over a slow link [s].
-CALL = 0.25
+#: Duration of a call to the robot over a slow link [s].
+CALL_DURATION = 0.25
 
 
 class SlowBridge(SimulatedBridge):
-    """As the official bridge does, it plays one velocity after the other, waiting for each."""
+    """
+    As the official bridge, executes one velocity after the other, and waits for each.
+
+    :param namespace: of the robot
+    :param log: gets a line for each executed velocity: time [s, system clock] and [m/s]
+    """
 
     def __init__(self, namespace: str, log: Path) -> None:
-        """
-        Show a robot from now on.
-
-        :param namespace: where
-        :param log: a file; each velocity played adds a line, time [s, system clock] and [m/s]
-        """
         super().__init__(SimulatedKachaka(time.monotonic()), namespace)
         self._log = log
 
     def drive(self, velocity: Velocity, now: float) -> None:  # noqa: ARG002
-        """
-        Let the robot have a velocity, after the time that a call takes.
-
-        :param velocity: the velocity
-        :param now: when it came; the robot has it later
-        """
-        time.sleep(CALL)
+        """Send the robot a velocity, which it has after the duration of a call."""
+        time.sleep(CALL_DURATION)
         with self._log.open('a') as log:
             log.write(f'{time.time()} {velocity.linear_x}\n')
         super().drive(velocity, time.monotonic())
 
     def set_manual_control(self, enabled: bool) -> str:
         """
-        Let the robot take velocities, or none, after the time that a call takes.
+        Enable or disable manual control, after the duration of a call.
 
-        :param enabled: whether it takes them
-        :returns: why it refuses; nothing if it does not
+        :returns: why the robot refuses; empty if it does not
         """
-        time.sleep(CALL)
+        time.sleep(CALL_DURATION)
         return super().set_manual_control(enabled)
 
 
 def main(args: Sequence[str]) -> None:
-    """
-    Show the robot until standard input ends.
-
-    :param args: the namespace and the log
-    """
-    with ShutdownEvent() as ending:
+    """Run the bridge until standard input ends; the arguments are namespace and log file."""
+    with ShutdownEvent() as shutdown:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         node = SlowBridge(args[0], Path(args[1]))
         executor = rclpy.get_global_executor()
         executor.add_node(node)
         threading.Thread(target=executor.spin, daemon=True).start()
-        ending.wait(with_parent=True)
-        # Nothing of it is worth a clean end, and a spinning thread would abort one.
+        shutdown.wait(with_parent=True)
+        # It has nothing to clean up, and would abort while the other thread spins.
         os._exit(0)
 
 

@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from kachaka_simple_control.report.metrics import median
 
-from benchmarks.stop_matrix.expectation import Promise, Zero
+from benchmarks.stop_matrix.expectation import Expectation, Zero
 from benchmarks.stop_matrix.trial import Trial
 from benchmarks.tables import number, Table
 
@@ -28,44 +28,38 @@ HEAD = (
     'zeros, least', 'motion after', 'driven [m], worst', 'exit code', 'it says')
 
 
-def matrix(promises: Sequence[Promise], trials: Mapping[str, Sequence[Trial]]) -> Table:
+def matrix(
+        expectations: Sequence[Expectation], trials: Mapping[str, Sequence[Trial]]) -> Table:
     """
-    Put what was seen as a table.
+    Return the table.
 
-    :param promises: the rows, in order
-    :param trials: what was seen, by the name of the row; rows without any are left out
-    :returns: the table
+    :param expectations: the rows, in order
+    :param trials: the trials by the name of the row; rows without any are left out
     """
     return Table('The stop matrix', HEAD, tuple(
-        row(promise, trials[promise.what]) for promise in promises
-        if trials.get(promise.what)))
+        row(expectation, trials[expectation.what]) for expectation in expectations
+        if trials.get(expectation.what)))
 
 
-def row(promise: Promise, trials: Sequence[Trial]) -> tuple[str, ...]:
-    """
-    Put a row.
-
-    :param promise: the row
-    :param trials: what was seen of it, at least once
-    :returns: its cells
-    """
+def row(expectation: Expectation, trials: Sequence[Trial]) -> tuple[str, ...]:
+    """Return the cells of a row with at least one trial."""
     return (
-        promise.what, promise.who, str(len(trials)), _times(promise, trials),
+        expectation.what, expectation.who, str(len(trials)), _times(expectation, trials),
         str(min(trial.zeros for trial in trials)), str(sum(trial.late for trial in trials)),
         _worst([trial.metres for trial in trials], lambda metres: f'{metres:.3f}'),
         _codes(trials), trials[0].message.replace('|', '/') or '-')
 
 
-def _times(promise: Promise, trials: Sequence[Trial]) -> str:
+def _times(expectation: Expectation, trials: Sequence[Trial]) -> str:
     times = [trial.zero for trial in trials if trial.zero is not None]
-    if promise.zero is Zero.NONE or not times:
+    if expectation.zero is Zero.NONE or not times:
         return '-'
-    text = f'{_ms(median(times))} / {_ms(max(times))}'
-    return text + ' after its end' * (promise.zero is Zero.ON_TIME)
+    text = f'{_milliseconds(median(times))} / {_milliseconds(max(times))}'
+    return text + ' after its end' * (expectation.zero is Zero.AT_END)
 
 
-def _ms(seconds: float) -> str:
-    # A clock read before, a stamp made after: less than a microsecond is neither.
+def _milliseconds(seconds: float) -> str:
+    # The clock may be read after the stamp was made: differences below 1 us have no sign.
     return number(1e3 * seconds) if seconds > 0.0 else f'{1e3 * seconds:.2g}'
 
 

@@ -11,27 +11,27 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What was seen when something happened to a program in mid-motion."""
+"""The result of one trial: a program, a fault, and what was measured."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 
 @dataclass(frozen=True)
 class Trial:
     """
-    One program, and what happened to it.
+    The result of one trial; its fields are the keys of a results file.
 
-    :param zero: the time from the fault to the first zero [s]; None if none came
-    :param zeros: how many zeros were received from then on
-    :param late: how many velocities of ours that move followed the first zero; where no zero
-        came, how many followed the fault
-    :param metres: how far the simulated robot drove after the fault [m]; None if nobody can tell
-    :param code: the exit code, as a shell tells it; None if the program did not end
-    :param message: what the program said last
-    :param broken: what else was promised and not kept, a sentence each
+    :param zero: time from the fault to the first zero [s]; None if none was received
+    :param zeros: number of zeros received since the motion began
+    :param late: number of our non-zero velocities after the first zero; without any zero, after
+        the fault
+    :param metres: distance the simulated robot drove after the fault [m]; None if unknown
+    :param code: exit code, as a shell gives it; None if the program did not end
+    :param message: last line that the program printed
+    :param broken: what else did not go as expected, one sentence each
     """
 
     zero: float | None
@@ -42,20 +42,7 @@ class Trial:
     message: str
     broken: tuple[str, ...] = ()
 
-    def data(self) -> dict[str, Any]:
-        """
-        Return the trial as plain data.
-
-        :returns: what ``Trial.of`` takes
-        """
-        return asdict(self)
-
     @staticmethod
-    def of(data: dict[str, Any]) -> Trial:
-        """
-        Return a trial from plain data.
-
-        :param data: as ``data`` returned it, or JSON made of that
-        :returns: the trial
-        """
+    def from_json(data: dict[str, Any]) -> Trial:
+        """Return a trial from its fields, as ``dataclasses.asdict`` and JSON give them."""
         return Trial(**{**data, 'broken': tuple(data['broken'])})

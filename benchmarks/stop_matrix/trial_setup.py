@@ -11,172 +11,191 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""One program, its robot, and what is heard of both."""
+"""One trial: a program, its robot, and the fault that is injected."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 import time
+from typing import TYPE_CHECKING
 
-from benchmarks.stop_matrix.expectation import Zero
-from benchmarks.stop_matrix.message import message
-from benchmarks.stop_matrix.observer import Stranger
+from benchmarks.stop_matrix import scripts
+from benchmarks.stop_matrix.expectation import Expectation, Zero
+from benchmarks.stop_matrix.message import last_message
 from benchmarks.stop_matrix.program import Program
-from benchmarks.stop_matrix.robot_pool import Member
-from benchmarks.stop_matrix.rows import Row
 from benchmarks.stop_matrix.trial import Trial
 
-#: How fast our programs drive [m/s]: tells their velocities from those of others.
-OURS = 0.1
-#: How long a program may take from what happened, and what followed, to its end [s].
-PATIENCE = 6.0
-#: From then on a program that was killed sends nothing [s].
-JUST_THEN = 0.02
-#: How long it is listened for after that [s].
-SETTLE = 0.5
+if TYPE_CHECKING:
+    # These load rclpy, which is too early while rows are only listed.
+    from benchmarks.stop_matrix.observer import OtherPublisher
+    from benchmarks.stop_matrix.robot_pool import PooledRobot
+
+#: Velocity of our programs, which tells theirs from those of others [m/s].
+VELOCITY = 0.1
+#: A program may take so long from its fault, and what followed, to its end [s].
+EXIT_TIMEOUT = 6.0
+#: A killed program sends nothing later than this [s].
+SEND_LATENCY = 0.02
+#: Recording goes on for so long after the end [s].
+SETTLING_TIME = 0.5
+#: The first velocity is not counted as sent after the start, nor rounded to before it [s].
+START_TOLERANCE = 0.01
 
 
-class Scene:
-    """Set for one trial; ``end`` leaves nothing of it."""
+@dataclass(frozen=True)
+class Row:
+    """
+    A row of the matrix: a fault, how to inject it, and what is expected.
 
-    def __init__(self, row: Row, member: Member) -> None:
-        """
-        Start the program.
+    :param expectation: what is expected; names the row
+    :param inject: injects the fault; returns when it happened [s, system clock]
+    :param script: the program
+    :param options: its node parameters, ``name:=value``
+    :param duration: of its motion [s]
+    :param after: what follows the fault while other trials go on
+    :param check: further checks after the end, given the time of the fault; returns sentences
+    :param exclusive: whether no other trial is measured before this one's first zero
+    :param full: number of trials in the full form
+    :param quick: number of trials in the quick form
+    :param background: what runs beside a batch of trials, from before their motions; is given the
+        first trial of the batch
+    :param output: what the program prints to, see ``Program``
+    :param moves: whether it moves at all
+    :param slow_robot: whether each call to its robot takes 250 ms
+    :param robot_reusable: whether its robot can be used for another trial
+    :param measures_distance: whether the distance that the robot drove is meaningful
+    :param batch_size: number of programs that are prepared at once
+    """
 
-        :param row: what will happen to it
-        :param member: the robot that it drives, and what is heard of it
-        """
-        self.row, self._member = row, member
-        self.robot, self.ears, self.played = member.robot, member.ears, member.played
-        self.observer, self.domain = member.observer, member.domain
-        self.program = self._program()
-        #: what was promised for this row alone, and not kept
-        self.broken: list[str] = []
+    expectation: Expectation
+    inject: Callable[[TrialContext], float]
+    script: str = scripts.COMMAND
+    options: tuple[str, ...] = ()
+    duration: float = 600.0
+    after: Callable[[TrialContext], None] | None = None
+    check: Callable[[TrialContext, float], list[str]] | None = None
+    exclusive: bool = True
+    full: int = 20
+    quick: int = 1
+    background: Callable[[TrialContext], AbstractContextManager[None]] = nullcontext
+    output: str = 'file'
+    moves: bool = True
+    slow_robot: bool = False
+    robot_reusable: bool = True
+    measures_distance: bool = True
+    batch_size: int = 6
+
+
+class TrialContext:
+    """
+    The processes and times of one trial; starts the program, ``end`` ends it.
+
+    :param row: the fault
+    :param robot: the robot that the program drives
+    """
+
+    def __init__(self, row: Row, robot: PooledRobot) -> None:
+        self.row, self.robot, self.recorder = row, robot, robot.recorder
+        self.program = self.start_program()
+        #: what did not go as expected for this row alone
+        self.violations: list[str] = []
         #: when the first velocity was sent [s, system clock]
         self.first = 0.0
         #: when something else happened to the robot [s, system clock]
         self.changed = 0.0
-        #: somebody else who has a publisher of velocities
-        self.stranger: Stranger | None = None
+        #: another publisher of velocities
+        self.other: OtherPublisher | None = None
         #: another program of ours for the same robot
         self.second: Program | None = None
 
-    def wait_until_ready(self) -> bool:
-        """
-        Wait until the program has met its robot; one that gives up is started again, once.
+    def start_program(self, **variables: str) -> Program:
+        """Start the row's script for the robot; ``variables`` are added to its environment."""
+        options = ['--ros-args']
+        for option in (f'robot_namespace:={self.recorder.namespace}', 'robot_timeout:=30.0',
+                       *self.row.options):
+            options += ['-p', option]
+        environment = {
+            'DURATION': str(self.row.duration), 'ROS_DOMAIN_ID': str(self.robot.domain),
+            **variables}
+        return Program(self.row.script, options, environment, self.row.output)
 
-        :returns: whether it had to be
-        """
+    def wait_until_ready(self) -> None:
+        """Wait until the program is connected to its robot; if it fails, start it again, once."""
         try:
             self.program.wait_until_ready()
         except RuntimeError as error:
             print(f'\nStarted again: {error}')
             self.program.end()
-            self.program = self._program()
+            self.program = self.start_program()
             self.program.wait_until_ready()
-            return True
-        return False
 
-    def begin(self) -> None:
-        """Let the program move, and wait until it does, if it will."""
+    def start_motion(self) -> None:
+        """Start the program's motion, and wait for its first velocity, if its row has one."""
         self.first = time.time()
         self.program.go()
-        if self.row.drives:
-            first = self.ears.wait(lambda heard: heard.moves, self.first, PATIENCE)
+        if self.row.moves:
+            first = self.recorder.wait_for(
+                lambda velocity: velocity.moves, self.first, EXIT_TIMEOUT)
             if first is None:
-                self.broken.append('it never moved')
+                self.violations.append('it never moved')
             else:
                 self.first = first.time
 
-    def replace_robot(self) -> None:
-        """Let another robot come in place of the one that left."""
-        self._member.replace_robot()
-        self.robot = self._member.robot
-
-    def judge(self, fault: float) -> Trial:
-        """
-        Wait for the end, and tell what was seen.
-
-        :param fault: when it happened [s, system clock]
-        :returns: what was seen
-        """
-        code = self.program.wait(PATIENCE if self.row.promise.codes else 0.0)
-        time.sleep(SETTLE)
-        if self.row.check is not None:
-            self.broken += self.row.check(self, fault)
-        text = self.program.text
-        if not self.program.end():
-            self.broken.append('its guardian outlived it')
-        # The first velocity itself does not matter, and may be rounded to before it was sent.
-        heard = self.ears.since(self.first + 0.01)
-        zeros = [one.time for one in heard if not one.moves]
-        # What is killed may be sending something just then.
-        stopped = zeros[0] if zeros else fault + JUST_THEN
-        return Trial(
-            zeros[0] - fault if zeros else None, len(zeros),
-            sum(one.linear_x == OURS and one.time > stopped for one in heard),
-            self._driven(fault), code,
-            message(text, self.ears.namespace, 'rclpy.init()' in self.row.script),
-            tuple(self.broken))
-
     def end(self) -> None:
-        """End what is left of the programs, whatever became of them."""
+        """End the programs that still run, and remove their files."""
         for program in filter(None, (self.program, self.second)):
             if program.folder.exists():
                 program.end()
 
-    def start_another(self, script: str, **variables: str) -> Program:
-        """
-        Start one more program for the same robot.
 
-        :param script: the program
-        :param variables: what is added to its environment
-        :returns: the program, which somebody has to wait for
-        """
-        return self._program(script, variables)
-
-    def _program(
-            self, script: str | None = None, more: dict[str, str] | None = None) -> Program:
-        options = ['--ros-args']
-        for option in (f'robot_namespace:={self.ears.namespace}', 'robot_timeout:=30.0',
-                       *self.row.options):
-            options += ['-p', option]
-        variables = {
-            'DURATION': str(self.row.duration), 'ROS_DOMAIN_ID': str(self.domain),
-            **(more or {})}
-        return Program(script or self.row.script, options, variables, self.row.outlet)
-
-    def _driven(self, fault: float) -> float | None:
-        tells = self.row.tells_way and self.row.promise.zero is not Zero.ON_TIME
-        return self.ears.driven(fault) if tells else None
-
-
-def play(scene: Scene, pause: Callable[[], float]) -> float:
+def inject_fault(context: TrialContext, pause: Callable[[], float]) -> float:
     """
-    Let the program move, and something happen to it.
+    Start the motion, inject the fault, and wait for the first zero if the row is exclusive.
 
-    :param scene: the scene
-    :param pause: returns how long it moves before [s]
-    :returns: when it happened [s, system clock]
+    :param context: the trial
+    :param pause: returns the time from the first velocity to the fault [s]
+    :returns: when the fault happened [s, system clock]
     """
-    scene.begin()
+    context.start_motion()
     time.sleep(pause())
-    fault = scene.row.cause(scene)
-    if scene.row.alone and scene.row.promise.zero is not Zero.NONE:
-        end = scene.first + 0.01
-        scene.ears.wait(lambda heard: not heard.moves, end, fault - time.time() + 0.5)
+    row = context.row
+    fault = row.inject(context)
+    if row.exclusive and row.expectation.zero is not Zero.NONE:
+        context.recorder.wait_for(
+            lambda velocity: not velocity.moves, context.first + START_TOLERANCE,
+            fault - time.time() + 0.5)
     return fault
 
 
-def follow(scene: Scene, fault: float) -> Trial:
+def finish_trial(context: TrialContext, fault: float) -> Trial:
     """
-    Let the rest happen, and wait for the end.
+    Let the rest of the row happen, wait for the end of the program, and return the result.
 
-    :param scene: the scene
-    :param fault: when it happened [s, system clock]
-    :returns: what was seen
+    :param context: the trial
+    :param fault: when the fault happened [s, system clock]
     """
-    if scene.row.after is not None:
-        scene.row.after(scene)
-    return scene.judge(fault)
-
+    row, recorder = context.row, context.recorder
+    if row.after is not None:
+        row.after(context)
+    code = context.program.wait(EXIT_TIMEOUT if row.expectation.codes else 0.0)
+    time.sleep(SETTLING_TIME)
+    if row.check is not None:
+        context.violations += row.check(context, fault)
+    text = context.program.text
+    if not context.program.end():
+        context.violations.append('its guardian outlived it')
+    velocities = recorder.sent_since(context.first + START_TOLERANCE)
+    zeros = [one.time for one in velocities if not one.moves]
+    # A program that is killed may be sending a velocity at that moment.
+    stopped = zeros[0] if zeros else fault + SEND_LATENCY
+    distance = row.measures_distance and row.expectation.zero is not Zero.AT_END
+    return Trial(
+        zero=zeros[0] - fault if zeros else None,
+        zeros=len(zeros),
+        late=sum(one.linear_x == VELOCITY and one.time > stopped for one in velocities),
+        metres=recorder.distance_since(fault) if distance else None,
+        code=code,
+        message=last_message(text, recorder.namespace, 'rclpy.init()' in row.script),
+        broken=tuple(context.violations))

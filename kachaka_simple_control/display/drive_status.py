@@ -19,10 +19,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 from kachaka_simple_control.control.stop import StandstillDetector
-from kachaka_simple_control.motion.geometry import Velocity, ZERO
+from kachaka_simple_control.motion.geometry import Displacement, Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.report.metrics import Displacement, driven, requested
-from kachaka_simple_control.report.plan_view import describe_step
+from kachaka_simple_control.report.metrics import driven
 from kachaka_simple_control.telemetry.events import (
     Event,
     MotionEnded,
@@ -319,9 +318,9 @@ class DriveTracker:
         return StepStatus(
             self._motion_count if is_call else index + 1,
             None if is_call else len(self._plan.steps),
-            describe_step(step.step), step.end - step.start,
+            step.step.describe(), step.end - step.start,
             max(0.0, step.end - max(elapsed, step.start)),
-            self._remaining(index, requested(step.step), now))
+            self._remaining(index, step.step.displacement, now))
 
     def _remaining(self, index: int, total: Displacement, now: float) -> Remaining:
         by_odometry = (

@@ -23,7 +23,8 @@ from typing import Protocol, TYPE_CHECKING
 
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.drive_status import DriveState, DriveStatus, StepStatus
-from kachaka_simple_control.report.plan_view import format_number, pluralize
+from kachaka_simple_control.motion.units import format_number
+from kachaka_simple_control.report.plan_view import pluralize
 from kachaka_simple_control.report.text_tables import one_line
 
 if TYPE_CHECKING:

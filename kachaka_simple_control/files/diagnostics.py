@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is wrong with a file: one line each, with the place for a person to go to."""
+"""Problems of a file, each with its line and its path in the file."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ import re
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.escaping import quoted
 
-#: How many lines a person is shown.
+#: How many problems an error message shows.
 MAX_LINES = 100
-#: After so many problems the rest of a file is not looked at.
+#: After so many problems the rest of a file is not checked.
 MAX_PROBLEMS = 1000
-#: How much of the name of a file they are shown [characters].
+#: How much of the name of a file an error message shows [characters].
 MAX_NAME = 300
-#: What is said to whom a library is missing.
+#: The message where a library is missing.
 INSTALL = (
     'to read files, PyYAML and jsonschema are needed: pip install PyYAML jsonschema, or '
     'sudo apt install python3-yaml python3-jsonschema')
-#: The way to a place in a file: keys of mappings and indices of lists.
+#: The path of a value in a file: keys of mappings and indices of lists.
 KeyPath = Sequence[str | int]
 _PLAIN_KEY = re.compile(r'[\w-]{1,40}')
 _PART = re.compile(r'\[([0-9]+)\]|([^.\[\]]+)')
@@ -44,8 +44,8 @@ class Problem:
     One thing that is wrong with a file.
 
     :param text: what it is, in one line
-    :param line: where, counted from 1; None if it is the file itself
-    :param path: the place within the file, as in ``steps[2].turn.speed``; empty if there is none
+    :param line: its line, counted from 1; None for the file as a whole
+    :param path: its path in the file, as in ``steps[2].turn.speed``; empty if there is none
     """
 
     text: str
@@ -53,60 +53,47 @@ class Problem:
     path: str = ''
 
     def __str__(self) -> str:
-        """Return the problem without its place in the file."""
+        """Return the problem without its line."""
         return f'{self.path}: {self.text}' if self.path else self.text
 
 
 class UnreadableFileError(Exception):
-    """A file cannot be used; for the readers of motions and robots to say in their own error."""
+    """
+    A file cannot be used; the readers of motions and robots raise their own errors for it.
+
+    :ivar problems: at least one
+    """
 
     def __init__(self, *problems: Problem) -> None:
-        """
-        Keep what is wrong.
-
-        :param problems: at least one
-        """
         super().__init__(*problems)
         self.problems = problems
 
 
 class MotionFileError(InvalidMotionError):
     """
-    A motion could not be read from a file; the text has a line for each thing that is wrong.
+    A motion could not be read from a file; the message has a line for each problem.
 
-    :ivar source: which file
+    :ivar source: the file
     :ivar problems: what is wrong with it, in the order of its lines
     """
 
     def __init__(self, source: str, problems: Iterable[Problem]) -> None:
-        """
-        Say what is wrong with a file.
-
-        :param source: which file
-        :param problems: what is wrong with it
-        """
         self.source = source
         self.problems = sort_problems(problems)
         super().__init__(format_problems(source, self.problems))
 
 
 def sort_problems(problems: Iterable[Problem]) -> tuple[Problem, ...]:
-    """
-    Return problems in the order of their lines, each once.
-
-    :param problems: in any order
-    :returns: in order
-    """
+    """Return problems in the order of their lines, each once."""
     return tuple(sorted(dict.fromkeys(problems), key=lambda problem: problem.line or 0))
 
 
 def format_problems(source: str, problems: Sequence[Problem]) -> str:
     """
-    Return what a person is told.
+    Return an error message, with a line for each problem: ``square.yaml:7: steps[2].turn: ...``.
 
     :param source: the file
     :param problems: what is wrong with it, in order
-    :returns: a line for each, as in ``square.yaml:7: steps[2].turn: ...``
     """
     is_short = source and source.isprintable() and len(source) <= MAX_NAME
     name = source if is_short else quoted(source, MAX_NAME)
@@ -118,33 +105,22 @@ def format_problems(source: str, problems: Sequence[Problem]) -> str:
 
 def location(source: str, line: int | None) -> str:
     """
-    Return where a line is, so that terminals and editors make a link of it.
+    Return file and line in the form of which terminals and editors make a link.
 
     :param source: the file
     :param line: the line, counted from 1; None for the file itself
-    :returns: the place
     """
     return source if line is None else f'{source}:{line}'
 
 
-def format_path(way: KeyPath) -> str:
-    """
-    Return the way to a place as people write it.
-
-    :param way: keys and indices
-    :returns: as in ``steps[2].turn.speed``
-    """
-    parts = [f'[{part}]' if isinstance(part, int) else f'.{_key(part)}' for part in way]
+def format_path(path: KeyPath) -> str:
+    """Return a path as text, as in ``steps[2].turn.speed``."""
+    parts = [f'[{part}]' if isinstance(part, int) else f'.{_key(part)}' for part in path]
     return ''.join(parts).removeprefix('.')
 
 
 def parse_path(path: str) -> KeyPath:
-    """
-    Return the way to a place that was written by :func:`dotted`.
-
-    :param path: as in ``steps[2].turn.speed``
-    :returns: keys and indices
-    """
+    """Return the path that :func:`format_path` made a text of."""
     return [key or int(index) for index, key in _PART.findall(path)]
 
 

@@ -28,11 +28,7 @@ SUFFIX = '.yaml'
 
 
 def library() -> list[str]:
-    """
-    Return the names of the motions that come with the package.
-
-    :returns: the names, in order
-    """
+    """Return the names of the motions that come with the package, in alphabetical order."""
     return sorted([*names_in('motions'), lesson.NAME])
 
 
@@ -41,7 +37,6 @@ def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
     Read a motion of the library by its name, or one of your own by its path.
 
     :param name_or_path: a word without a dot and a slash is a name, all else is a path
-    :returns: what is in the file
     :raises MotionFileError: if there is none, or it cannot be read
     """
     if name_or_path == lesson.NAME:
@@ -54,12 +49,7 @@ def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
 
 
 def names_in(folder: str) -> list[str]:
-    """
-    Return what a folder of the package has.
-
-    :param folder: its name
-    :returns: the names of its files, without their suffix
-    """
+    """Return the names of the YAML files in a folder of the package, without their suffix."""
     found = (entry.name for entry in files(PACKAGE).joinpath(folder).iterdir())
     return sorted(name.removesuffix(SUFFIX) for name in found if name.endswith(SUFFIX))
 
@@ -70,7 +60,7 @@ def look_up(
     Return a file of the package by its name, or any other by its path.
 
     :param name_or_path: a word without a dot and a slash is a name, all else is a path
-    :param folder: where the package has its own
+    :param folder: the folder of the package
     :param known: the names that an error suggests
     :returns: the file, as errors call it, and its text
     :raises UnreadableFileError: if there is none, or it cannot be read

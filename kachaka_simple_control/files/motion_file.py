@@ -22,6 +22,7 @@ import os
 from pathlib import PurePath
 import re
 from types import MappingProxyType
+from typing import Any
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.diagnostics import (
@@ -32,43 +33,15 @@ from kachaka_simple_control.files.diagnostics import (
     Problem,
     UnreadableFileError,
 )
-from kachaka_simple_control.files.quantities import (
-    add_error,
-    LIMITS,
-    read_quantities,
-    read_quantity,
-)
-from kachaka_simple_control.files.schema import check
-from kachaka_simple_control.files.units import (
-    ANGLE,
-    ANGULAR_VELOCITY,
-    FREQUENCY,
-    LENGTH,
-    LINEAR_VELOCITY,
-    POSITIVE_ANGULAR_VELOCITY,
-    POSITIVE_LINEAR_VELOCITY,
-    Quantity,
-    TIME,
-)
-from kachaka_simple_control.files.yaml_document import (
-    Document,
-    Node,
-    parse_yaml,
-    read_text,
-    require_text,
-)
-from kachaka_simple_control.motion.limits import Limits, UNITS
+from kachaka_simple_control.files.document import Document, Node
+from kachaka_simple_control.files.motion_schema import motion_schema
+from kachaka_simple_control.files.schema import read_document
+from kachaka_simple_control.files.yaml_document import read_text
+from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.planner import find_errors, MAX_STEPS
-from kachaka_simple_control.motion.steps import (
-    Arc,
-    Forward,
-    Motion,
-    Move,
-    Repeat,
-    Step,
-    Turn,
-    Wait,
-)
+from kachaka_simple_control.motion.step_base import FieldKind, KINDS, Step, StepList
+from kachaka_simple_control.motion.steps import Motion
+from kachaka_simple_control.motion.units import FREQUENCY, Quantity
 
 
 @dataclass(frozen=True)
@@ -76,13 +49,13 @@ class MotionFile:
     """
     A motion, and what else its file says.
 
-    :param motion: what to do
-    :param source: the file it is from
-    :param robot: the robot it is made for, a name or the path of a profile; None if for any
-    :param limits: limits to plan it with, in SI units, by the names that
-        :class:`~kachaka_simple_control.motion.limits.Limits` has for them
-    :param rate: how often to send a velocity [Hz]; None if the file leaves it open
-    :param root: what is in the file, with its lines
+    :param motion: the motion
+    :param source: the file
+    :param robot: the robot it is made for, a name or the path of a profile; None for any
+    :param limits: limits to plan it with, in SI units, by the names of the fields of
+        :class:`~kachaka_simple_control.motion.limits.Limits`
+    :param rate: how often to send a velocity [Hz]; None if the file does not say
+    :param root: the values of the file, with their lines
     """
 
     motion: Motion
@@ -94,21 +67,20 @@ class MotionFile:
 
     def where(self, path: str) -> str:
         """
-        Return where something in the motion is written down.
+        Return file and line of a value, as in ``square.yaml:7``.
 
-        :param path: which, as in ``steps[2].turn.speed``
-        :returns: file and line, as in ``square.yaml:7``
+        :param path: its path, as in ``steps[2].turn.speed``
         """
         return location(self.source, self._line(path))
 
     def check(self, limits: Limits, robot: str = 'the robot') -> Limits:
         """
-        Hold the motion against a robot.
+        Check that a robot can drive the motion.
 
-        :param limits: what the robot can do
-        :param robot: what errors call it
+        :param limits: of the robot
+        :param robot: its name in errors
         :returns: the limits to plan with: the file's own where it has some, else the robot's
-        :raises MotionFileError: if the robot cannot do it, with a line for each step in the way
+        :raises MotionFileError: if it cannot, with a line for each problem
         """
         tightened = self.tighten(limits, robot)
         errors = find_errors(self.motion, tightened)
@@ -118,25 +90,25 @@ class MotionFile:
 
     def tighten(self, limits: Limits, robot: str = 'the robot') -> Limits:
         """
-        Return a robot's limits with those of the file, which are lower, in their places.
+        Return the limits of a robot, lowered to those of the file.
 
-        :param limits: what the robot can do
-        :param robot: what errors call it
-        :returns: the limits to plan with
+        :param limits: of the robot
+        :param robot: its name in errors
         :raises MotionFileError: if the file allows more than the robot can do
         """
         bounds = {name: _bound(limits, name) for name in self.limits}
         errors = [
             InvalidMotionError(
-                f'{self.limits[name]} {UNITS[name]} is above the limit of {bound} {UNITS[name]}',
+                f'{self.limits[name]} {unit} is above the limit of {bound} {unit}',
                 f'limits.{name}')
-            for name, bound in bounds.items() if self.limits[name] > bound]
+            for name, bound in bounds.items() if self.limits[name] > bound
+            for unit in [LIMIT_QUANTITIES[name].unit]]
         if errors:
             raise MotionFileError(self.source, [self._problem(e, f"{robot}'s") for e in errors])
         tightened = replace(limits, **self.limits)
         if limits.max_backward_velocity is None or 'max_backward_velocity' in self.limits:
             return tightened
-        # Whoever slows the robot down does not expect it to be faster backwards.
+        # A lower forward limit also holds backwards.
         return replace(tightened, max_backward_velocity=min(
             limits.max_backward_velocity, self.limits.get('max_linear_velocity', math.inf)))
 
@@ -144,13 +116,12 @@ class MotionFile:
             self, errors: Iterable[InvalidMotionError], robot: str = 'the robot'
             ) -> MotionFileError:
         """
-        Return errors of planning as errors of the file.
+        Return errors of planning as one error with their lines in the file.
 
-        :param errors: what ``find_errors()`` found, with paths such as ``steps[2].turn.speed``
-        :param robot: what the line calls the robot whose limits are meant
-        :returns: an error with a line for each
+        :param errors: from ``find_errors()``, with paths such as ``steps[2].turn.speed``
+        :param robot: the name of the robot whose limits are meant
         """
-        # With limits in the file it may be one of these that is meant.
+        # The limit may be one of the file.
         whose = 'the' if self.limits else f"{robot}'s"
         return MotionFileError(self.source, [self._problem(error, whose) for error in errors])
 
@@ -171,119 +142,66 @@ def _bound(limits: Limits, name: str) -> float:
     return bound
 
 
-#: A step that has no steps in it.
-Simple = Move | Forward | Turn | Arc | Wait
-
-
-@dataclass(frozen=True)
-class Kind:
+def read_steps(document: Document, path: KeyPath) -> tuple[Step, ...]:
     """
-    A kind of step.
+    Return the steps of a list, without those that are wrong; what is wrong is added as a problem.
 
-    :param make: its class
-    :param quantities: its fields, in the order of the class, and what each is
-    :param has_short_form: whether its first field alone may stand for it, as in ``wait: 2 s``
+    :param document: a file that is checked against the schema
+    :param path: the path of the list
     """
-
-    make: type[Simple]
-    quantities: dict[str, Quantity]
-    has_short_form: bool = False
-
-    @property
-    def first(self) -> str:
-        """Return the name of the first field."""
-        return next(iter(self.quantities))
-
-
-#: By the word that stands for them in a file; ``repeat``, which has steps in it, is apart.
-KINDS = {
-    'move': Kind(Move, {
-        'linear_x': LINEAR_VELOCITY, 'angular_z': ANGULAR_VELOCITY, 'duration': TIME}),
-    'forward': Kind(Forward, {'distance': LENGTH, 'speed': POSITIVE_LINEAR_VELOCITY},
-    has_short_form=True),
-    'turn': Kind(Turn, {'angle': ANGLE, 'speed': POSITIVE_ANGULAR_VELOCITY}, has_short_form=True),
-    'arc': Kind(Arc, {'radius': LENGTH, 'angle': ANGLE, 'speed': POSITIVE_LINEAR_VELOCITY}),
-    'wait': Kind(Wait, {'duration': TIME}, has_short_form=True),
-}
-REPEAT = 'repeat'
-
-
-def read_steps(document: Document, way: KeyPath) -> tuple[Step, ...]:
-    """
-    Return the steps of a list; object to those that are none, and leave them out.
-
-    :param document: what is in the file, held against the schema already
-    :param way: the way to the list
-    :returns: the steps
-    """
-    nodes = document.root.on_the_way(way)
-    if len(nodes) <= len(way) or not isinstance(nodes[-1].data, list):
+    nodes = document.root.along(path)
+    if len(nodes) <= len(path) or not isinstance(nodes[-1].data, list):
         return ()
-    steps = (_read_step(document, [*way, index]) for index in range(len(nodes[-1].data)))
+    steps = (_read_step(document, [*path, index]) for index in range(len(nodes[-1].data)))
     return tuple(step for step in steps if step is not None)
 
 
-def count(steps: Iterable[Step]) -> int:
-    """
-    Return how many steps there are to do, each repeat counted as one more.
-
-    :param steps: the steps
-    :returns: the number, without doing any
-    """
-    return sum(
-        1 + step.times * count(step.steps) if isinstance(step, Repeat) else 1 for step in steps)
-
-
-def _read_step(document: Document, way: KeyPath) -> Step | None:
-    node = document.root.at(way)
+def _read_step(document: Document, path: KeyPath) -> Step | None:
+    node = document.root.at(path)
     word = next(iter(node.children), None) if isinstance(node.data, dict) else None
-    way = [*way, str(word)]
-    if word == REPEAT:
-        return _read_repeat(document, way)
-    return None if node.has_problem else _read_simple(document, way, KINDS[str(word)])
+    kind = KINDS.get(str(word))
+    return None if kind is None else _read_fields(document, [*path, str(word)], kind)
 
 
-def _read_simple(document: Document, way: KeyPath, kind: Kind) -> Step | None:
-    node = document.root.at(way)
-    if isinstance(node.data, dict):
-        numbers = read_quantities(document, way, kind.quantities)
-    else:
-        number = read_quantity(document, way, kind.quantities[kind.first])
-        numbers = {} if number is None else {kind.first: number}
-    return None if node.has_problem else _make(document, way, kind, numbers)
-
-
-def _make(
-        document: Document, way: KeyPath, kind: Kind, numbers: dict[str, float]) -> Step | None:
-    try:
-        return kind.make(**numbers)
-    except InvalidMotionError as error:
-        add_error(document, way, error)
-        return None
-
-
-def _read_repeat(document: Document, way: KeyPath) -> Step | None:
-    node = document.root.at(way)
-    steps = read_steps(document, [*way, 'steps'])
-    if node.has_problem:
+def _read_fields(document: Document, path: KeyPath, kind: type[Step]) -> Step | None:
+    step, node = document.root.at(path[:-1]), document.root.at(path)
+    parts, is_short = kind.file_fields(), not isinstance(node.data, dict)
+    is_good = not step.has_problem
+    values: dict[str, Any] = {}
+    for name in ([next(iter(parts))] if is_short else parts):
+        place = path if is_short else [*path, name]
+        if isinstance(parts[name].kind, StepList):
+            # Also beside what is wrong, so that all that is wrong within is found.
+            values[name] = read_steps(document, place)
+        elif is_good and (is_short or name in node.children):
+            values[name] = _read_number(document, place, parts[name].kind)
+    if step.has_problem:
         return None
     try:
-        return Repeat(int(node.data['times']), steps)
+        return kind(**values)
     except InvalidMotionError as error:
-        add_error(document, way, error)
+        document.add_error(path, error)
         return None
 
 
-SCHEMA = 'motions/motion.schema.json'
+def _read_number(document: Document, path: KeyPath, kind: FieldKind) -> float | None:
+    if isinstance(kind, Quantity):
+        return document.read_quantity(path, kind)
+    return int(document.root.at(path).data)
+
+
+def count(steps: Iterable[Step]) -> int:
+    """Return the number of steps to do, each repeat counted as one more, without doing any."""
+    blocks = (step.block() for step in steps)
+    return sum(1 if block is None else 1 + block[0] * count(block[1]) for block in blocks)
 
 
 def load(path: str | os.PathLike[str]) -> MotionFile:
     """
     Read a motion from a file.
 
-    :param path: where the file is
-    :returns: what is in it
-    :raises MotionFileError: if it cannot be read, with a line for each thing that is wrong
+    :param path: of the file
+    :raises MotionFileError: if it cannot be read, with a line for each problem
     """
     source = os.fspath(path)
     try:
@@ -297,38 +215,23 @@ def loads(text: str, name: str = 'motion') -> MotionFile:
     """
     Read a motion from a text.
 
-    :param text: what is in a file
-    :param name: what errors call the file; a motion without a name of its own has its last part
-    :returns: what is in it
-    :raises MotionFileError: if it is no motion, with a line for each thing that is wrong
+    :param text: the text of a file
+    :param name: the file in errors; its last part names a motion that has no name
+    :raises MotionFileError: if it is not a motion, with a line for each problem
     """
     try:
-        document = read_document(text, SCHEMA)
+        document = read_document(text, motion_schema())
         file = _read(document, name)
     except UnreadableFileError as error:
         raise MotionFileError(name, error.problems) from None
     return file
 
 
-def read_document(text: str, schema: str) -> Document:
-    """
-    Read YAML, and hold it against a schema.
-
-    :param text: what is in a file
-    :param schema: the schema's path in this package
-    :returns: what is in the file, and what is wrong with it
-    :raises UnreadableFileError: if it cannot be read at all
-    """
-    document = parse_yaml(require_text(text))
-    check(document, schema)
-    return document
-
-
 def _read(document: Document, source: str) -> MotionFile:
     data = document.root.data if isinstance(document.root.data, dict) else {}
     steps = read_steps(document, ['steps'])
-    limits = read_quantities(document, ['limits'], LIMITS)
-    rate = read_quantities(document, [], {'rate': FREQUENCY}).get('rate')
+    limits = document.read_quantities(['limits'], LIMIT_QUANTITIES)
+    rate = document.read_quantities([], {'rate': FREQUENCY}).get('rate')
     if count(steps) > MAX_STEPS:
         document.add_problem(
             ['steps'], f'{count(steps)} steps, with all repeats; at most {MAX_STEPS} are read')
@@ -350,13 +253,10 @@ _ESCAPED = re.compile('[^ !#-\\[\\]-~\xa1-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00
 
 def dump(motion: Motion) -> str:
     """
-    Return the text of a file that a motion can be read from.
-
-    Numbers have all their digits, so that nothing is lost.
+    Return the text of a file from which the same motion is read: numbers have all their digits.
 
     :param motion: the motion
-    :returns: the text
-    :raises MotionFileError: if no file can hold it: it has too many steps, for one
+    :raises MotionFileError: if no file can hold it; it has too many steps, for example
     """
     lines = [f'name: {_text(motion.name)}']
     if motion.description:
@@ -371,29 +271,27 @@ def dump(motion: Motion) -> str:
 
 def _steps(steps: Iterable[Step], indent: str) -> Iterator[str]:
     for step in steps:
-        if isinstance(step, Repeat):
-            yield f'{indent}- {REPEAT}:'
-            yield f'{indent}    times: {step.times}'
-            yield f'{indent}    steps:' + ('' if step.steps else ' []')
-            yield from _steps(step.steps, indent + '      ')
+        parts = step.file_fields()
+        values = {name: getattr(step, name) for name in parts if getattr(step, name) is not None}
+        lists = {name for name in values if isinstance(parts[name].kind, StepList)}
+        texts = {name: _number(value, parts[name].kind)
+                 for name, value in values.items() if name not in lists}
+        if lists:
+            yield f'{indent}- {step.keyword}:'
+            yield from (f'{indent}    {name}: {text}' for name, text in texts.items())
+            for name in lists:
+                yield f'{indent}    {name}:' + ('' if values[name] else ' []')
+                yield from _steps(values[name], indent + '      ')
+        elif len(texts) == 1 and not step.form:
+            yield f'{indent}- {step.keyword}: {next(iter(texts.values()))}'
         else:
-            yield f'{indent}- {_simple(step)}'
+            inner = ', '.join(f'{name}: {text}' for name, text in texts.items())
+            yield f'{indent}- {step.keyword}: {{{inner}}}'
 
 
-def _simple(step: Simple) -> str:
-    word, kind = next(
-        (word, kind) for word, kind in KINDS.items() if isinstance(step, kind.make))
-    values = {
-        name: _number(getattr(step, name), quantity)
-        for name, quantity in kind.quantities.items() if getattr(step, name) is not None}
-    if kind.has_short_form and len(values) == 1:
-        return f'{word}: {values[kind.first]}'
-    return f'{word}: {{{", ".join(f"{name}: {value}" for name, value in values.items())}}}'
-
-
-def _number(value: float, quantity: Quantity) -> str:
+def _number(value: float, kind: FieldKind) -> str:
     # float: an int has no exponent, and numpy's own numbers print their type.
-    return f'{float(value)!r} {quantity.unit}'
+    return f'{float(value)!r} {kind.unit}' if isinstance(kind, Quantity) else str(value)
 
 
 def _text(text: str) -> str:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read profiles of robots from files."""
+"""Find robots by their names, and read profiles of robots from files."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from collections.abc import Iterable
 import math
 import os
 from pathlib import PurePath
+from typing import TYPE_CHECKING
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.diagnostics import (
@@ -27,66 +28,61 @@ from kachaka_simple_control.files.diagnostics import (
     sort_problems,
     UnreadableFileError,
 )
-from kachaka_simple_control.files.library import look_up, names_in
-from kachaka_simple_control.files.motion_file import read_document
-from kachaka_simple_control.files.quantities import add_error, LIMITS, read_quantities
-from kachaka_simple_control.files.robot_profile import Box, Disc, Footprint, RobotProfile
-from kachaka_simple_control.files.units import COMMAND_TIMEOUT, LENGTH, SIZE
-from kachaka_simple_control.files.yaml_document import Document
-from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
+from kachaka_simple_control.motion.geometry import Box, Disc, Footprint
+from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
+from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.files.document import Document
 
 SCHEMA = 'robots/robot.schema.json'
 
 
 class RobotFileError(UsageError):
     """
-    A robot's profile could not be read from a file; a line for each thing that is wrong.
+    A robot's profile could not be read from a file; the text has a line for each problem.
 
-    :ivar source: which file
+    :ivar source: the file
     :ivar problems: what is wrong with it, in the order of its lines
     """
 
     def __init__(self, source: str, problems: Iterable[Problem]) -> None:
-        """
-        Say what is wrong with a file.
-
-        :param source: which file
-        :param problems: what is wrong with it
-        """
         self.source = source
         self.problems = sort_problems(problems)
         super().__init__(format_problems(source, self.problems))
 
 
 def robots() -> list[str]:
-    """
-    Return the names of the robots that the package knows.
-
-    :returns: the names, in order
-    """
-    return names_in('robots')
+    """Return the names of the robots that the package knows, in alphabetical order."""
+    from kachaka_simple_control.files.library import names_in
+    return sorted([KACHAKA.name, *names_in('robots')])
 
 
 def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
     """
-    Read a robot's profile: one of the package by its name, or one of your own by its path.
+    Return a robot that the package knows by its name, or read one of your own by its path.
 
     :param name_or_path: a word without a dot and a slash is a name, all else is a path
-    :returns: the robot
     :raises RobotFileError: if there is none, or it cannot be read
     """
+    if name_or_path == KACHAKA.name:
+        return KACHAKA
+    # Reading files takes long to import, which the lesson need not wait for.
+    from kachaka_simple_control.files.library import look_up
+    from kachaka_simple_control.files.schema import read_document, read_schema
     source = os.fspath(name_or_path)
     try:
-        source, text = look_up(name_or_path, 'robots', names_in('robots'))
-        return _read(read_document(text, SCHEMA), source)
+        source, text = look_up(name_or_path, 'robots', robots())
+        return _read(read_document(text, read_schema(SCHEMA)), source)
     except UnreadableFileError as error:
         raise RobotFileError(source, error.problems) from None
 
 
 def _read(document: Document, source: str) -> RobotProfile:
     data = document.root.data if isinstance(document.root.data, dict) else {}
-    hold = read_quantities(document, [], {'hold': COMMAND_TIMEOUT})
-    timeout = read_quantities(document, ['manual_control'], {'timeout': COMMAND_TIMEOUT})
+    hold = document.read_quantities([], {'hold': COMMAND_TIMEOUT})
+    timeout = document.read_quantities(['manual_control'], {'timeout': COMMAND_TIMEOUT})
     limits = _limits(document)
     footprint = _footprint(document)
     if document.problems or limits is None:
@@ -106,13 +102,13 @@ def _read(document: Document, source: str) -> RobotProfile:
 
 
 def _limits(document: Document) -> Limits | None:
-    numbers = read_quantities(document, ['limits'], LIMITS)
+    numbers = document.read_quantities(['limits'], LIMIT_QUANTITIES)
     if document.root.at(['limits']).has_problem or document.root.has_problem:
         return None
     try:
         return Limits(**numbers)
     except InvalidMotionError as error:
-        add_error(document, ['limits'], error)
+        document.add_error(['limits'], error)
         return None
 
 
@@ -120,8 +116,8 @@ def _footprint(document: Document) -> Footprint | None:
     node = document.root.children.get('footprint')
     if node is None or node.data is None:
         return None
-    numbers = read_quantities(
-        document, ['footprint'], {'length': SIZE, 'width': SIZE, 'ahead': LENGTH, 'radius': SIZE})
+    numbers = document.read_quantities(
+        ['footprint'], {'length': SIZE, 'width': SIZE, 'ahead': LENGTH, 'radius': SIZE})
     if not node.has_problem:
         if set(numbers) == {'radius'}:
             return Disc(**numbers)

@@ -11,61 +11,33 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is known of a robot before it is met."""
+"""Profiles of robots: their names in ROS, limits and outline; and that of Kachaka."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from kachaka_simple_control.motion.geometry import Box, Footprint
 from kachaka_simple_control.motion.limits import Limits
-
-
-@dataclass(frozen=True)
-class Box:
-    """
-    The outline of a robot with four corners, seen from above.
-
-    :param length: from back to front [m]
-    :param width: from side to side [m]
-    :param ahead: how far its middle is ahead of the axle, about which the robot turns [m]
-    """
-
-    length: float
-    width: float
-    ahead: float = 0.0
-
-
-@dataclass(frozen=True)
-class Disc:
-    """
-    The outline of a round robot, seen from above, with the axle in its middle.
-
-    :param radius: its radius [m]
-    """
-
-    radius: float
-
-
-Footprint = Box | Disc
 
 
 @dataclass(frozen=True)
 class RobotProfile:
     """
-    A robot as its commander sees it; names are relative to the robot's ROS namespace.
+    The interface and the limits of a robot; names are relative to its ROS namespace.
 
-    :param name: what people call it
-    :param namespace: its ROS namespace, absolute, where nobody says another one
-    :param velocity_topic: where it takes velocities
-    :param odometry_topic: where it tells where it is; None if nowhere
-    :param manual_control_service: what lets it take velocities (std_srvs/SetBool); None if it
-        always takes them
+    :param name: its name, for people
+    :param namespace: its ROS namespace by default, absolute
+    :param velocity_topic: the topic on which it takes velocities
+    :param odometry_topic: the topic of its odometry; None if it has none
+    :param manual_control_service: the service that lets it take velocities (std_srvs/SetBool);
+        None if it always takes them
     :param manual_control_timeout: how long one enabling lasts [s]; infinite if it needs none
-    :param hold: how long it keeps the last velocity without a new one [s]
+    :param hold: its command timeout: how long it keeps a velocity without a new one [s]
     :param limits: its largest velocities, accelerations and jerks
-    :param message_type: what it takes velocities as: Twist or TwistStamped, of geometry_msgs
+    :param message_type: the type of its velocities: Twist or TwistStamped, of geometry_msgs
     :param frame: the frame in the header of a TwistStamped
-    :param footprint: its outline, for pictures; None if it does not matter
+    :param footprint: its outline, for pictures; None if it is not known
     """
 
     name: str
@@ -81,35 +53,22 @@ class RobotProfile:
     footprint: Footprint | None = None
 
 
-#: Figures of the maker: 0.3 m/s and 1.57 rad/s (python/kachaka_api/base.py), a hold of 0.3 s and
-#: manual control for 60 s (docs/kachaka_api_client.ipynb), names (manual_control_component.cpp),
-#: outline (kachaka_description).  All in the public repository pf-robotics/kachaka-api.
-#: Its accelerations and jerks are chosen, for the maker publishes none.  ``robots/kachaka.yaml``
-#: says the same; the lesson needs no file to be read.
+#: Kachaka of Preferred Robotics, under the names of its maker's ROS 2 bridge; no file need be read
+#: for it.  A figure is the maker's, from the file named beside it in the public repository
+#: pf-robotics/kachaka-api, or it says that it is chosen.
 KACHAKA = RobotProfile(
     name='kachaka',
-    namespace='/kachaka',
-    velocity_topic='manual_control/cmd_vel',
-    odometry_topic='odometry/odometry',
-    manual_control_service='manual_control/set_enabled',
-    manual_control_timeout=60.0,
-    hold=0.3,
+    namespace='/kachaka',  # grpc_ros2_bridge.launch.xml
+    velocity_topic='manual_control/cmd_vel',  # manual_control_component.cpp
+    odometry_topic='odometry/odometry',  # odometry_component.cpp
+    manual_control_service='manual_control/set_enabled',  # manual_control_component.cpp
+    manual_control_timeout=60.0,  # docs/kachaka_api_client.ipynb, cell 77
+    hold=0.3,  # docs/kachaka_api_client.ipynb, cell 81
     limits=Limits(
-        max_linear_velocity=0.3, max_angular_velocity=1.57,
+        max_linear_velocity=0.3, max_angular_velocity=1.57,  # python/kachaka_api/base.py
+        # The maker publishes no accelerations.  Chosen: a gentle start, at full speed after
+        # 0.85 s, and after 0.88 s when turning.  Decelerations are left out, and so the same.
         max_linear_acceleration=0.5, max_angular_acceleration=2.5,
         max_linear_jerk=2.0, max_angular_jerk=10.0),
+    # kachaka_description; the axle is at the origin
     footprint=Box(length=0.387, width=0.240, ahead=0.0435))
-
-
-def profile_of(name_or_path: str) -> RobotProfile:
-    """
-    Return a robot's profile; all but the Kachaka's are read from files.
-
-    :param name_or_path: a name that the package knows, or the path of a file
-    :returns: the robot
-    :raises UsageError: if there is none, or it cannot be read
-    """
-    if name_or_path == KACHAKA.name:
-        return KACHAKA
-    from kachaka_simple_control.files.robot_file import find_robot
-    return find_robot(name_or_path)

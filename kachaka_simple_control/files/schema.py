@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What may be in a file: a JSON Schema, and what is said of a file that breaks it."""
+"""Check a file against a JSON Schema, with messages of our own for what breaks it."""
 
 from __future__ import annotations
 
@@ -24,42 +24,51 @@ from typing import Any
 
 from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.diagnostics import INSTALL, Problem, UnreadableFileError
-from kachaka_simple_control.files.units import QUANTITIES, UnitError
-from kachaka_simple_control.files.yaml_document import Document
+from kachaka_simple_control.files.document import Document
+from kachaka_simple_control.files.yaml_document import parse_yaml, require_text
+from kachaka_simple_control.motion.units import QUANTITIES, UnitError
 
 PACKAGE = 'kachaka_simple_control'
 
 
-def check(document: Document, schema: str) -> None:
+def read_document(text: str, schema: Mapping[str, Any]) -> Document:
     """
-    Hold what is in a file against a schema, and object to what breaks it.
+    Read YAML, and check it against a schema.
 
-    :param document: what is in the file
-    :param schema: the schema's path in this package, as in ``motions/motion.schema.json``
-    :raises UnreadableFileError: if jsonschema is missing, or there is too much to object to
+    :param text: the text of a file
+    :param schema: a JSON Schema, Draft 7
+    :returns: the values of the file, and what is wrong with them
+    :raises UnreadableFileError: if it cannot be read, a library is missing, or too much is wrong
     """
-    for error in _validator(schema).iter_errors(document.root.data):
-        for part, text in _MESSAGES[error.validator](error):
-            way = [*error.absolute_path, *([] if part is None else [part])]
-            document.add_problem(way, text)
-
-
-@cache
-def _validator(schema: str) -> Any:
+    document = parse_yaml(require_text(text))
     try:
         from jsonschema import Draft7Validator
     except ImportError:
         raise UnreadableFileError(Problem(INSTALL)) from None
-    return Draft7Validator(json.loads(files(PACKAGE).joinpath(schema).read_text('utf-8')))
+    for error in Draft7Validator(schema).iter_errors(document.root.data):
+        for part, message in _MESSAGES[error.validator](error):
+            document.add_problem(
+                [*error.absolute_path, *([] if part is None else [part])], message)
+    return document
+
+
+@cache
+def read_schema(path: str) -> dict[str, Any]:
+    """
+    Return a schema of the package.
+
+    :param path: its path in the package, as in ``motions/motion.schema.json``
+    """
+    schema: dict[str, Any] = json.loads(files(PACKAGE).joinpath(path).read_text('utf-8'))
+    return schema
 
 
 def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
     """
-    Return the word that somebody may have meant.
+    Return the known word that is most like another; None if none is near.
 
     :param word: what was written
     :param known: what could have been
-    :returns: one of the known ones; None if none is near
     """
     close = difflib.get_close_matches(word.lower(), list(known), n=1)
     return close[0] if close else None
@@ -67,17 +76,16 @@ def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
 
 def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
     """
-    Return how to go on after a word that is not known.
+    Return the advice for a word that is not known: the nearest one, or else all of them.
 
     :param word: what was written
     :param known: what could have been
-    :returns: the nearest, or else all of them
     """
     near = nearest(word, known)
     return f'did you mean {near!r}?' if near else f'known are {", ".join(known)}'
 
 
-#: The key within the value that a message is about, if any, and the message.
+#: The key in the value that a message is about, if any, and the message.
 _Messages = Iterator[tuple[str | None, str]]
 
 
@@ -104,7 +112,7 @@ def _enum(error: Any) -> _Messages:
 def _unknown(error: Any) -> _Messages:
     known = error.schema['properties']
     if len(error.instance) > error.schema.get('maxProperties', len(error.instance)):
-        return  # said already: there are several
+        return  # maxProperties has its own message
     for key in error.instance:
         if key not in known:
             yield key, f'there is no such {_entry(error)}; {did_you_mean(key, known)}'
@@ -135,7 +143,7 @@ def _bound(words: str) -> Callable[[Any], _Messages]:
     return message
 
 
-#: What is said, by the keyword of the schema that is broken.
+#: The messages by the keyword of the schema that is broken.
 _MESSAGES: dict[str, Callable[[Any], _Messages]] = {
     'additionalProperties': _unknown,
     'enum': _enum,

@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 import codecs
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import math
 import os
 import re
@@ -27,12 +27,12 @@ from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.diagnostics import (
     format_path,
     INSTALL,
-    KeyPath,
     MAX_PROBLEMS,
     Problem,
     UnreadableFileError,
 )
-from kachaka_simple_control.files.units import DIGITS
+from kachaka_simple_control.files.document import Document, Node
+from kachaka_simple_control.motion.units import DIGITS
 
 #: The largest file that is read [bytes].
 MAX_BYTES = 1_000_000
@@ -46,9 +46,8 @@ def read_text(path: str | os.PathLike[str]) -> str:
     """
     Return the text of a file.
 
-    :param path: where it is
-    :returns: its text
-    :raises UnreadableFileError: if there is no such file, or it is no text of at most 1 MB
+    :param path: of the file
+    :raises UnreadableFileError: if there is no such file, or it is not text of at most 1 MB
     """
     try:
         data = _read(path)
@@ -67,11 +66,10 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 def decode(data: bytes) -> str:
     """
-    Return the text that bytes stand for.
+    Return bytes as text.
 
     :param data: the bytes of a file
-    :returns: its text
-    :raises UnreadableFileError: if they are no text in UTF-8, or too many
+    :raises UnreadableFileError: if they are not text in UTF-8, or too many
     """
     if len(data) > MAX_BYTES:
         raise UnreadableFileError(_too_large())
@@ -87,13 +85,12 @@ def decode(data: bytes) -> str:
 
 def require_text(text: str) -> str:
     """
-    Require what a person can see, of a size that can be read.
+    Return a text unchanged, if it is printable and not too long.
 
-    :param text: the text of a file, perhaps with a byte order mark, as some editors write
-    :returns: the same
+    :param text: the text of a file; a byte order mark, which some editors write, is allowed
     :raises UnreadableFileError: if it is too long, or has control characters
     """
-    # A character has four bytes at most, so this spares encoding what is surely too long.
+    # The number of characters is checked first: nothing very long is encoded.
     if len(text) > MAX_BYTES or len(text.encode(errors='surrogatepass')) > MAX_BYTES:
         raise UnreadableFileError(_too_large())
     found = _UNPRINTABLE.search(text)
@@ -127,79 +124,7 @@ def _too_large() -> Problem:
     return Problem(f'this is more than {MAX_BYTES} bytes, the most that is read')
 
 
-@dataclass(eq=False)
-class Node:
-    """
-    A value in a file.
-
-    :param line: the line it begins in, or that of its key, counted from 1
-    :param data: the value, as JSON has it
-    :param children: what is in it, by key or index
-    :param is_bad: whether something is wrong with it, and was said
-    :param has_problem: whether it is bad, or something in it is
-    """
-
-    line: int
-    data: Any
-    children: dict[str | int, Node] = field(default_factory=dict)
-    is_bad: bool = False
-    has_problem: bool = False
-
-    def on_the_way(self, way: KeyPath) -> list[Node]:
-        """
-        Return the values on the way to a place, this one first.
-
-        :param way: keys and indices, from here
-        :returns: the values, as far as there are any
-        """
-        found = [self]
-        for part in way:
-            if part not in found[-1].children:
-                break
-            found.append(found[-1].children[part])
-        return found
-
-    def at(self, way: KeyPath) -> Node:
-        """
-        Return the value at a place.
-
-        :param way: keys and indices, from here
-        :returns: the value, or the last one on the way where the way ends before
-        """
-        return self.on_the_way(way)[-1]
-
-
-@dataclass(eq=False)
-class Document:
-    """
-    What is in a file.
-
-    :param root: all of it
-    :param problems: what is wrong with it
-    """
-
-    root: Node
-    problems: list[Problem] = field(default_factory=list)
-
-    def add_problem(self, way: KeyPath, text: str) -> None:
-        """
-        Say what is wrong with a value, unless something is that was said already.
-
-        :param way: the way to the value
-        :param text: what is wrong
-        :raises UnreadableFileError: if that is enough
-        """
-        nodes = self.root.on_the_way(way)
-        if len(nodes) > len(way) and nodes[-1].is_bad:
-            return
-        self.problems.append(Problem(text, nodes[-1].line, format_path(way)))
-        for node in nodes:
-            node.has_problem = True
-        if len(self.problems) >= MAX_PROBLEMS:
-            raise UnreadableFileError(*self.problems)
-
-
-#: More characters than this no number needs: the longest float has 24.
+#: The most characters of a number; the longest float has 24.
 MAX_NUMBER = 100
 _NOTHING = ('', '~', 'null', 'Null', 'NULL')
 _BOOLEANS = {
@@ -211,18 +136,17 @@ _NOT_FINITE = re.compile(r'[-+]?[.]?(inf(inity)?|nan)', re.IGNORECASE)
 
 
 class ScalarError(ValueError):
-    """A word means nothing that a file may say; the text says why."""
+    """A word is not allowed in a file; the message says why."""
 
 
 def resolve(word: str) -> bool | int | float | str | None:
     """
-    Return what a word without quotes means.
+    Return the value of a word without quotes: None, a truth value, a finite number or text.
 
     As in YAML 1.2: ``1e3`` is a number, ``yes``, ``on`` and ``1:30`` are text.
 
     :param word: the word
-    :returns: nothing, a truth value, a finite number or a text
-    :raises ScalarError: if it is a number that is not finite, endless, or read as octal by some
+    :raises ScalarError: if it is a number that is not finite, too long, or octal for some readers
     """
     if word in _NOTHING:
         return None
@@ -258,25 +182,25 @@ MAX_DEPTH = 70
 
 def parse_yaml(text: str) -> Document:
     """
-    Read YAML: mappings, lists and words, in one document.
+    Read one YAML document of mappings, lists and words.
 
     :param text: the text
     :returns: its values, and what is wrong with single ones
-    :raises UnreadableFileError: if it is no YAML, empty or too large
+    :raises UnreadableFileError: if it is not YAML, empty or too large
     """
     try:
         import yaml
     except ImportError:
         raise UnreadableFileError(Problem(INSTALL)) from None
-    # The one in C is fifteen times as fast; some builds of PyYAML have it not.
+    # The loader in C is fifteen times as fast; some builds of PyYAML lack it.
     loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-    composer = _YamlBuilder()
+    builder = _YamlBuilder()
     try:
         for event in yaml.parse(text, Loader=loader):
-            composer.take(event)
+            builder.take(event)
     except yaml.YAMLError as error:
-        raise UnreadableFileError(*composer.problems, _not_yaml(error, text)) from None
-    return composer.document()
+        raise UnreadableFileError(*builder.problems, _not_yaml(error, text)) from None
+    return builder.document()
 
 
 def _not_yaml(error: Any, text: str) -> Problem:
@@ -292,7 +216,7 @@ def _not_yaml(error: Any, text: str) -> Problem:
 
 
 def _resolve(event: Any) -> tuple[Any, str | None]:
-    """Return what a word means, or else what is wrong with it."""
+    """Return the value of a word, or else what is wrong with it."""
     try:
         event.value.encode()
         return (event.value if event.style else resolve(event.value)), None
@@ -303,7 +227,7 @@ def _resolve(event: Any) -> tuple[Any, str | None]:
 
 
 def _decoration(event: Any) -> str | None:
-    """Return what is wrong with what stands before a value to say more than the value does."""
+    """Return what is wrong with the alias, anchor or tag of a value; None if it has none."""
     anchor: str | None = getattr(event, 'anchor', None)
     tag: str | None = getattr(event, 'tag', None)
     if type(event).__name__ == 'AliasEvent':
@@ -315,7 +239,7 @@ def _decoration(event: Any) -> str | None:
 
 @dataclass(eq=False)
 class _OpenNode:
-    """A mapping or list whose end has not come yet, and the key whose value comes next."""
+    """A mapping or list that has not ended, and the key whose value comes next."""
 
     node: Node
     key: str | None = None
@@ -410,8 +334,8 @@ class _YamlBuilder:
     def _object(self, line: int, text: str) -> None:
         for parent in self._open:
             parent.node.has_problem = True
-        way = [parent.part for parent in self._open]
-        self.problems.append(Problem(text, line, format_path(way)))
+        path = [parent.part for parent in self._open]
+        self.problems.append(Problem(text, line, format_path(path)))
         if len(self.problems) >= MAX_PROBLEMS:
             raise UnreadableFileError(*self.problems)
 

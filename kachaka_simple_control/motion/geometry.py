@@ -17,13 +17,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
-from typing import Protocol, runtime_checkable
 
 
 @dataclass(frozen=True, slots=True)
 class Velocity:
     """
-    What a robot is told: REP-103 axes, x forward, counter-clockwise positive.
+    A planar velocity: REP-103 axes, x forward, counter-clockwise positive.
 
     :param linear_x: forward velocity [m/s], negative backwards
     :param angular_z: turning velocity [rad/s], positive to the left
@@ -34,14 +33,14 @@ class Velocity:
 
     @property
     def is_zero(self) -> bool:
-        """Whether this velocity asks for rest."""
+        """Return whether both components are zero."""
         return self.linear_x == 0.0 and self.angular_z == 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
     """
-    Where a robot is, in the ``odom`` frame of REP-105.
+    A planar pose, as in the ``odom`` frame of REP-105.
 
     :param x: position along x [m]
     :param y: position along y [m]
@@ -53,6 +52,19 @@ class Pose:
     theta: float = 0.0
 
 
+@dataclass(frozen=True)
+class Displacement:
+    """
+    How far a robot goes along its path.
+
+    :param distance: signed length of the path [m], negative backwards
+    :param angle: heading change [rad], counter-clockwise positive
+    """
+
+    distance: float
+    angle: float
+
+
 ZERO = Velocity()
 ORIGIN = Pose()
 
@@ -62,7 +74,6 @@ def sinc(angle: float) -> float:
     Return sin(angle) / angle, which is 1 at zero.
 
     :param angle: an angle [rad]
-    :returns: the unnormalised cardinal sine
     """
     # Below 1e-4 rad the series is exact to the last bit of a double: the next term is < 1e-18.
     return 1.0 - angle * angle / 6.0 if abs(angle) < 1e-4 else math.sin(angle) / angle
@@ -91,23 +102,21 @@ def advance(pose: Pose, distance: float, angle: float) -> Pose:
 
 def integrate(pose: Pose, velocity: Velocity, duration: float) -> Pose:
     """
-    Return the pose after a velocity was held for a time.
+    Return the pose after a constant velocity, exact for a unicycle.
 
     :param pose: the pose to start from
-    :param velocity: the velocity held
+    :param velocity: the velocity
     :param duration: how long it is held [s]
-    :returns: the pose at the end, exact for a unicycle
     """
     return advance(pose, velocity.linear_x * duration, velocity.angular_z * duration)
 
 
 def compose(frame: Pose, pose: Pose) -> Pose:
     """
-    Return a pose that is told as seen from another one.
+    Return a pose in the parent frame: frame * pose, as transforms in SE(2).
 
-    :param frame: the other one
-    :param pose: the pose, seen from there
-    :returns: the pose, seen from where the other one is seen from
+    :param frame: the pose of a frame in its parent frame
+    :param pose: a pose in that frame
     """
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
     return Pose(
@@ -118,11 +127,10 @@ def compose(frame: Pose, pose: Pose) -> Pose:
 
 def relative_to(frame: Pose, pose: Pose) -> Pose:
     """
-    Return a pose as seen from another one: what ``compose`` undoes.
+    Return a pose relative to a frame: the inverse of the frame * pose, as transforms in SE(2).
 
-    :param frame: the other one
-    :param pose: the pose
-    :returns: the pose, seen from there
+    :param frame: the pose of a frame in its parent frame
+    :param pose: a pose in the same parent frame
     """
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
     x, y = pose.x - frame.x, pose.y - frame.y
@@ -131,12 +139,11 @@ def relative_to(frame: Pose, pose: Pose) -> Pose:
 
 def distance_between(one: Pose, two: Pose) -> tuple[float, float]:
     """
-    Return how far two poses are apart.
+    Return the distance of two poses [m] and the difference of their headings [rad].
 
     :param one: a pose
     :param two: another one
-    :returns: the distance [m], and how far the second looks to the left of the first [rad],
-        from -pi to pi
+    :returns: the distance; the heading of the second less that of the first, from -pi to pi
     """
     return (math.hypot(two.x - one.x, two.y - one.y),
             math.remainder(two.theta - one.theta, math.tau))
@@ -144,80 +151,86 @@ def distance_between(one: Pose, two: Pose) -> tuple[float, float]:
 
 Point = tuple[float, float]
 
-#: Corners that a circle is drawn with.
+#: How many corners a circle is drawn with.
 CORNERS = 48
 
 
-@runtime_checkable
-class RectangularFootprint(Protocol):
-    """A robot with four corners; a profile's box is one."""
+@dataclass(frozen=True)
+class Box:
+    """
+    The outline of a rectangular robot from above.
+
+    :param length: from back to front [m]
+    :param width: from side to side [m]
+    :param ahead: how far its middle is ahead of the axle, about which the robot turns [m]
+    """
+
+    length: float
+    width: float
+    ahead: float = 0.0
 
     @property
-    def length(self) -> float:
-        """Return its size from back to front [m]."""
+    def front(self) -> float:
+        """Return how far its front is ahead of the axle [m]."""
+        return self.ahead + self.length / 2.0
+
+    def corners(self) -> list[Point]:
+        """Return its corners, counter-clockwise from the right of the front [m]."""
+        front, back, side = self.front, self.ahead - self.length / 2.0, self.width / 2.0
+        return [(front, -side), (front, side), (back, side), (back, -side)]
+
+
+@dataclass(frozen=True)
+class Disc:
+    """
+    The outline of a round robot from above, with the axle in its middle.
+
+    :param radius: its radius [m]
+    """
+
+    radius: float
 
     @property
-    def width(self) -> float:
-        """Return its size from side to side [m]."""
+    def front(self) -> float:
+        """Return how far its front is ahead of the axle [m]."""
+        return self.radius
 
-    @property
-    def ahead(self) -> float:
-        """Return how far its middle is ahead of the axle [m]."""
-
-
-@runtime_checkable
-class CircularFootprint(Protocol):
-    """A round robot with its axle in the middle; a profile's disc is one."""
-
-    @property
-    def radius(self) -> float:
-        """Return its radius [m]."""
+    def corners(self) -> list[Point]:
+        """Return points on its edge, counter-clockwise from the front [m]."""
+        angles = (math.tau * corner / CORNERS for corner in range(CORNERS))
+        return [(self.radius * math.cos(angle), self.radius * math.sin(angle))
+                for angle in angles]
 
 
-Footprint = RectangularFootprint | CircularFootprint
+Footprint = Box | Disc
 
 
 def outline(footprint: Footprint, pose: Pose) -> list[Point]:
     """
-    Return the outline of a robot where it stands.
+    Return the corners of a robot at a pose [m], counter-clockwise.
 
-    :param footprint: its shape
-    :param pose: where its axle is, and where it looks
-    :returns: the corners [m], counter-clockwise, beginning at the front on the right
+    :param footprint: the outline of the robot
+    :param pose: of its axle
     """
-    return [transform_point(corner, pose) for corner in _corners(footprint)]
+    return [transform_point(corner, pose) for corner in footprint.corners()]
 
 
 def front_point(footprint: Footprint, pose: Pose) -> Point:
     """
-    Return the foremost point straight ahead of the axle.
+    Return the foremost point straight ahead of the axle [m].
 
-    :param footprint: the robot's shape
-    :param pose: where it stands
-    :returns: the point [m]
+    :param footprint: the outline of the robot
+    :param pose: of its axle
     """
-    if isinstance(footprint, CircularFootprint):
-        return transform_point((footprint.radius, 0.0), pose)
-    return transform_point((footprint.ahead + footprint.length / 2.0, 0.0), pose)
+    return transform_point((footprint.front, 0.0), pose)
 
 
 def transform_point(point: Point, pose: Pose) -> Point:
     """
-    Return a point of the robot in the frame that its pose is in.
+    Return a point in the frame that a pose is in [m].
 
-    :param point: the point, ahead and to the left of the axle [m]
-    :param pose: where the robot stands
-    :returns: the point [m]
+    :param point: the point in the frame of the pose: ahead and to the left [m]
+    :param pose: the pose
     """
-    ahead, left = point
-    cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
-    return (pose.x + ahead * cosine - left * sine, pose.y + ahead * sine + left * cosine)
-
-
-def _corners(footprint: Footprint) -> list[Point]:
-    if isinstance(footprint, CircularFootprint):
-        angles = (math.tau * corner / CORNERS for corner in range(CORNERS))
-        return [(footprint.radius * math.cos(a), footprint.radius * math.sin(a)) for a in angles]
-    half, side = footprint.length / 2.0, footprint.width / 2.0
-    front, back = footprint.ahead + half, footprint.ahead - half
-    return [(front, -side), (front, side), (back, side), (back, -side)]
+    transformed = compose(pose, Pose(*point))
+    return transformed.x, transformed.y

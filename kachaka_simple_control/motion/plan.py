@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A motion under limits, ready to be driven: nothing in a plan can fail later."""
+"""A motion as timed velocities: nothing in a plan can fail later."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from typing import NamedTuple
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import advance, integrate, ORIGIN, Pose, Velocity
-from kachaka_simple_control.motion.limits import Limits, require_finite, require_positive
-from kachaka_simple_control.motion.planner import expand, MotionValidator, PlannedItem, total
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.planner import MotionValidator, PlannedItem
 from kachaka_simple_control.motion.steps import Motion, Step
+from kachaka_simple_control.motion.units import require_finite, require_positive
 
 #: How many segments a plan may have: goals for a day at 50 Hz, in less than a gigabyte.
 MAX_SEGMENTS = 5_000_000
@@ -33,11 +34,11 @@ MAX_SEGMENTS = 5_000_000
 @dataclass(frozen=True, slots=True)
 class Segment:
     """
-    A stretch of time with one velocity; repeated at the plan's rate while it lasts.
+    A time interval with one velocity, which is repeated at the plan's rate.
 
-    :param start: when it begins [s after t = 0]
-    :param end: when it ends [s after t = 0]
-    :param velocity: what is sent
+    :param start: its begin [s after t = 0]
+    :param end: its end [s after t = 0]
+    :param velocity: the velocity that is sent
     """
 
     start: float
@@ -48,14 +49,14 @@ class Segment:
 @dataclass(frozen=True, slots=True)
 class PlannedStep:
     """
-    What one step comes to, each time that it is driven.
+    One step as it is planned, each time that it is driven.
 
-    :param path: its place in the motion, as in ``steps[3].repeat.steps[0]``
-    :param step: the step; never a repeat
-    :param start: when it begins [s after t = 0]
-    :param end: when it ends [s after t = 0]
-    :param pose: where it ends, for a robot that began at the origin and does as it is told
-    :param length: how far it drives, forwards or backwards [m]
+    :param path: its path in the motion, as in ``steps[3].repeat.steps[0]``
+    :param step: the step, which is no block of others
+    :param start: its begin [s after t = 0]
+    :param end: its end [s after t = 0]
+    :param pose: where it ends, for a robot that began at the origin and drives as planned
+    :param length: of its path, forwards and backwards [m]
     :param max_linear_velocity: the largest linear velocity sent, in either direction [m/s]
     :param max_angular_velocity: the largest angular velocity sent, in either direction [rad/s]
     """
@@ -75,9 +76,9 @@ class Plan:
     """
     The timed velocities of a motion; after the last segment the velocity is zero.
 
-    :param segments: what to send, in order, without gaps, beginning at 0 s
+    :param segments: the velocities to send, in order, without gaps, beginning at 0 s
     :param period: how often a velocity is repeated within its segment [s]
-    :param stages: the same by step, in order, repeats written out
+    :param steps: the same by step, in order, repeats written out
     """
 
     segments: tuple[Segment, ...]
@@ -86,34 +87,34 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """How long the plan takes [s]."""
+        """Return how long the plan takes [s]."""
         return self.segments[-1].end if self.segments else 0.0
 
     @property
     def pose(self) -> Pose:
-        """Where it ends, for a robot that began at the origin and does as it is told."""
+        """Return where it ends, for a robot that began at the origin and drives as planned."""
         return self.steps[-1].pose if self.steps else ORIGIN
 
     @property
     def length(self) -> float:
-        """How far it drives, forwards and backwards [m]."""
-        return sum(stage.length for stage in self.steps)
+        """Return the length of its path, forwards and backwards [m]."""
+        return sum(step.length for step in self.steps)
 
     @property
     def max_linear_velocity(self) -> float:
-        """The largest linear velocity sent, in either direction [m/s]."""
-        return max((stage.max_linear_velocity for stage in self.steps), default=0.0)
+        """Return the largest linear velocity sent, in either direction [m/s]."""
+        return max((step.max_linear_velocity for step in self.steps), default=0.0)
 
     @property
     def max_angular_velocity(self) -> float:
-        """The largest angular velocity sent, in either direction [rad/s]."""
-        return max((stage.max_angular_velocity for stage in self.steps), default=0.0)
+        """Return the largest angular velocity sent, in either direction [rad/s]."""
+        return max((step.max_angular_velocity for step in self.steps), default=0.0)
 
     def path(self, start: Pose = ORIGIN) -> list[Pose]:
         """
-        Return the poses that this plan predicts, for a robot that does as it is told.
+        Return the poses that this plan predicts, for a robot that drives as planned.
 
-        :param start: where the robot is at t = 0
+        :param start: of the robot at t = 0
         :returns: the start and the pose at the end of each segment
         """
         poses = [start]
@@ -134,71 +135,77 @@ class Plan:
 
 def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
     """
-    Turn a motion into the velocities to send.
+    Return the velocities that drive a motion.
 
-    :param motion: what to do
-    :param limits: what the robot can do
+    :param motion: the motion
+    :param limits: of the robot
     :param rate: how often a velocity is sent [Hz]
-    :returns: the plan
     :raises InvalidMotionError: if a step is beyond a limit, the motion too long, or the rate not
-        a positive number; ``find_errors`` tells all that is wrong with a motion
+        a positive number; ``find_errors`` returns all that is wrong with a motion
     """
     require_finite('rate', rate, 'Hz')
     require_positive('rate', rate, 'Hz')
-    survey = MotionValidator(motion, limits)
-    if survey.errors:
-        raise survey.errors[0]
-    count = total(survey.parts, lambda leg: leg.course.ticks(rate))
+    checked = MotionValidator(motion, limits)
+    if checked.errors:
+        raise checked.errors[0]
+    count = checked.whole.total(
+        lambda item: sum(trajectory.ticks(rate) for trajectory in item.trajectories))
     if count > MAX_SEGMENTS:
         raise InvalidMotionError(
             f'the motion needs {count:.10g} velocities at {rate} Hz; it may have {MAX_SEGMENTS} '
             'at most: take a lower rate')
-    return _PlanBuilder(rate).drawn(expand(survey.parts))
+    builder = _PlanBuilder(rate)
+    for item in checked.whole.expand():
+        builder.add(item)
+    return builder.plan()
 
 
 class _Sent(NamedTuple):
-    """What a leg sends each time, and the largest of it in either direction."""
+    """The velocities of each trajectory of an item, and the largest of all in either direction."""
 
-    velocities: list[Velocity]
+    velocities: list[list[Velocity]]
     max_linear: float
     max_angular: float
 
 
 class _PlanBuilder:
-    """A plan being made, leg after leg."""
+    """Puts the velocities of planned items one after the other."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self._time = 0.0
         self._pose = ORIGIN
         self._segments: list[Segment] = []
-        self._stages: list[PlannedStep] = []
-        #: found but once for each leg, however often it is repeated
+        self._steps: list[PlannedStep] = []
+        #: computed once for each item, however often it is repeated
         self._sent: dict[PlannedItem, _Sent] = {}
 
-    def drawn(self, legs: list[PlannedItem]) -> Plan:
-        for leg in legs:
-            if leg not in self._sent:
-                self._sent[leg] = _sent(leg.course.velocities(self._rate))
-            self._draw(leg, self._sent[leg])
-        return Plan(tuple(self._segments), 1.0 / self._rate, tuple(self._stages))
+    def plan(self) -> Plan:
+        return Plan(tuple(self._segments), 1.0 / self._rate, tuple(self._steps))
 
-    def _draw(self, leg: PlannedItem, sent: _Sent) -> None:
-        start, course = self._time, leg.course
-        self._time = start + course.duration
-        segments = _segments(sent.velocities, start, self._time)
-        self._segments += segments
-        self._pose = advance(self._pose, course.length, course.angle)
-        self._stages.append(PlannedStep(
-            leg.path, leg.step, start, self._time, self._pose, abs(course.length),
-            sent.max_linear if segments else 0.0, sent.max_angular if segments else 0.0))
+    def add(self, item: PlannedItem) -> None:
+        if item not in self._sent:
+            self._sent[item] = _sent(
+                [trajectory.velocities(self._rate) for trajectory in item.trajectories])
+        sent = self._sent[item]
+        start, first, length = self._time, len(self._segments), 0.0
+        for trajectory, velocities in zip(item.trajectories, sent.velocities):
+            begin, path = self._time, trajectory.segment
+            self._time = begin + trajectory.duration
+            self._segments += _segments(velocities, begin, self._time)
+            self._pose = advance(self._pose, path.length, path.angle)
+            length += abs(path.length)
+        has_segments = len(self._segments) > first
+        self._steps.append(PlannedStep(
+            item.path, item.step, start, self._time, self._pose, length,
+            sent.max_linear if has_segments else 0.0, sent.max_angular if has_segments else 0.0))
 
 
-def _sent(velocities: list[Velocity]) -> _Sent:
+def _sent(velocities: list[list[Velocity]]) -> _Sent:
     return _Sent(
         velocities,
-        max((abs(velocity.linear_x) for velocity in velocities), default=0.0),
-        max((abs(velocity.angular_z) for velocity in velocities), default=0.0))
+        max((abs(velocity.linear_x) for part in velocities for velocity in part), default=0.0),
+        max((abs(velocity.angular_z) for part in velocities for velocity in part), default=0.0))
 
 
 def _segments(velocities: list[Velocity], start: float, end: float) -> list[Segment]:
@@ -207,5 +214,5 @@ def _segments(velocities: list[Velocity], start: float, end: float) -> list[Segm
     segments = list(map(Segment, marks, marks[1:], velocities))
     if tick > 1e-9 * end:
         return segments
-    # A time so short that it is lost beside the time since t = 0 is none.
+    # A segment too short for the resolution of the time since t = 0 is left out.
     return [segment for segment in segments if segment.end > segment.start]

@@ -15,13 +15,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import get_args
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+import math
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.motion.limits import require_duration, require_finite, require_speed
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.step_base import (
+    Count,
+    in_file,
+    Refuse,
+    Step,
+    step_tuple,
+    StepList,
+)
+from kachaka_simple_control.motion.trajectory import PathSegment, Trajectory
+from kachaka_simple_control.motion.units import (
+    ANGLE,
+    ANGULAR_VELOCITY,
+    format_number,
+    LENGTH,
+    LINEAR_VELOCITY,
+    POSITIVE_ANGULAR_VELOCITY,
+    POSITIVE_LINEAR_VELOCITY,
+    require_finite,
+    TIME,
+)
 
 __all__ = [
     'MAX_NESTING', 'MAX_TIMES', 'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Step', 'Turn',
@@ -32,10 +53,13 @@ __all__ = [
 MAX_NESTING = 20
 #: How often something may be repeated.
 MAX_TIMES = 1_000_000
+TIMES = Count(MAX_TIMES)
+#: The least radius of an arc [m], far below what a robot could drive.
+MIN_RADIUS = 1e-6
 
 
 @dataclass(frozen=True)
-class Move:
+class Move(Step):
     """
     Hold a velocity for a time: the lesson's step.
 
@@ -44,167 +68,99 @@ class Move:
     :param duration: how long to hold it [s], not negative
     """
 
-    linear_x: float
-    angular_z: float
-    duration: float
-
-    def __post_init__(self) -> None:
-        """
-        Refuse a step that nobody could drive.
-
-        :raises InvalidMotionError: if a value is not a finite number, or the duration is negative
-        """
-        require_finite('linear_x', self.linear_x, 'm/s')
-        require_finite('angular_z', self.angular_z, 'rad/s')
-        require_duration(self.duration)
+    form = 'linear_x, angular_z and duration, in braces or further in'
+    linear_x: float = field(metadata=in_file(
+        LINEAR_VELOCITY, 'Forward velocity, in m/s, cm/s or mm/s.  Negative is backwards.',
+        '0.1 m/s'))
+    angular_z: float = field(metadata=in_file(
+        ANGULAR_VELOCITY, 'Turning velocity, in rad/s or deg/s.  Positive is to the left.',
+        '0.5 rad/s'))
+    duration: float = field(metadata=in_file(
+        TIME, 'How long, in s, ms or min; a bare number is in seconds.', '2 s'))
 
     @property
     def velocity(self) -> Velocity:
         """Return the velocity this step holds."""
         return Velocity(float(self.linear_x), float(self.angular_z))
 
+    def path(self) -> tuple[PathSegment, ...]:
+        """Return one segment, in seconds."""
+        return (PathSegment(float(self.duration), float(self.linear_x), float(self.angular_z)),)
 
-@dataclass(frozen=True)
-class Wait:
-    """
-    Stand still for a time.
+    def describe(self) -> str:
+        """Return the two velocities."""
+        return f'move {format_number(self.linear_x)} m/s, {format_number(self.angular_z)} rad/s'
 
-    :param duration: how long [s], not negative
-    """
+    def describe_fully(self) -> str:
+        """Return the two velocities and the time."""
+        return f'{self.describe().removeprefix("move ")} for {self.duration:g} s'
 
-    duration: float
-
-    def __post_init__(self) -> None:
-        """
-        Refuse a time that is none.
-
-        :raises InvalidMotionError: if the duration is not a finite number, or negative
-        """
-        require_duration(self.duration)
-
-
-@dataclass(frozen=True)
-class Repeat:
-    """
-    Do some steps several times.
-
-    :param times: how often, from 0 to a million
-    :param steps: what to do each time, in order; a list is kept as a tuple
-    """
-
-    times: int
-    steps: tuple[Step, ...]
-
-    def __post_init__(self) -> None:
-        """
-        Refuse what cannot be repeated.
-
-        :raises InvalidMotionError: if the number is not whole or negative, a step is none, or the
-            repeats are nested too deep
-        """
-        if isinstance(self.times, bool) or not isinstance(self.times, int):
-            raise InvalidMotionError(f'times is {self.times!r}; it must be a whole number')
-        if not 0 <= self.times <= MAX_TIMES:
-            raise InvalidMotionError(f'times is {self.times}; it must be from 0 to {MAX_TIMES}')
-        object.__setattr__(self, 'steps', _steps(self.steps))
-        if _nesting(self) > MAX_NESTING:
-            raise InvalidMotionError(
-                f'steps has repeats {_nesting(self)} deep; at most {MAX_NESTING} may be nested')
+    def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
+        """Return one velocity; refuse each component that is beyond its limit."""
+        _try(limits.check_linear, self.velocity.linear_x, partial(refuse, 'linear_x'))
+        _try(limits.check_angular, self.velocity.angular_z, partial(refuse, 'angular_z'))
+        return self._held(refuse)
 
 
 @dataclass(frozen=True)
-class Motion:
+class Forward(Step):
     """
-    A named sequence of steps: plain data.
-
-    :param name: what people call it
-    :param steps: what to do, in order; a list is kept as a tuple
-    :param description: what it is for, for people
-    """
-
-    name: str
-    steps: tuple[Step, ...]
-    description: str = ''
-
-    def __post_init__(self) -> None:
-        """
-        Refuse what is no motion.
-
-        :raises InvalidMotionError: if name or description is no text, or a step is none
-        """
-        for what, text in (('name', self.name), ('description', self.description)):
-            if not isinstance(text, str):
-                raise InvalidMotionError(f'{what} is {text!r}; it must be text')
-        object.__setattr__(self, 'steps', _steps(self.steps))
-
-
-def _steps(steps: object) -> tuple[Step, ...]:
-    if isinstance(steps, (str, bytes)) or not isinstance(steps, Iterable):
-        raise InvalidMotionError(f'steps is {steps!r}; it must be a sequence of steps')
-    kept = tuple(steps)
-    for index, step in enumerate(kept):
-        if not isinstance(step, Step):
-            kinds = ', '.join(kind.__name__ for kind in get_args(Step))
-            raise InvalidMotionError(
-                f'it is {step!r}; it must be one of {kinds}', path=f'steps[{index}]')
-    return kept
-
-
-def _nesting(repeat: Repeat) -> int:
-    within = (_nesting(step) for step in repeat.steps if isinstance(step, Repeat))
-    return 1 + max(within, default=0)
-
-
-#: The least radius [m]: a circle of a micrometre is none that a robot could drive.
-MIN_RADIUS = 1e-6
-
-
-@dataclass(frozen=True)
-class Forward:
-    """
-    Drive straight for a distance, from rest to rest.
+    Drive straight, from rest to rest: a distance, negative backwards; or distance and speed.
 
     :param distance: how far [m], negative backwards
     :param speed: drive no faster than this [m/s], positive; None: as fast as the robot may
     """
 
-    distance: float
-    speed: float | None = None
+    distance: float = field(metadata=in_file(
+        LENGTH, 'How far, in m, cm or mm; a bare number is in metres.  Negative is backwards.',
+        '0.5 m', '-20 cm'))
+    speed: float | None = field(default=None, metadata=in_file(
+        POSITIVE_LINEAR_VELOCITY,
+        'Drive no faster than this, along the path.  Left out: as fast as the limits allow.',
+        '0.1 m/s'))
 
-    def __post_init__(self) -> None:
-        """
-        Refuse a step that nobody could drive.
+    def path(self) -> tuple[PathSegment, ...]:
+        """Return one straight segment."""
+        distance = float(self.distance)
+        return (PathSegment(abs(distance), math.copysign(1.0, distance), 0.0),)
 
-        :raises InvalidMotionError: if a value is not a finite number, or the speed not positive
-        """
-        require_finite('distance', self.distance, 'm')
-        require_speed(self.speed, 'm/s')
+    def describe(self) -> str:
+        """Return the distance."""
+        return f'forward {format_number(self.distance)} m'
+
+    def limit_note(self) -> str:
+        """Return that it goes backwards, if it does."""
+        return ' backwards' if self.distance < 0.0 else ''
 
 
 @dataclass(frozen=True)
-class Turn:
+class Turn(Step):
     """
-    Turn in place by an angle, from rest to rest.
+    Turn in place, from rest to rest: an angle, positive to the left; or angle and speed.
 
     :param angle: how far [rad], positive to the left; more than a whole turn is more than one
     :param speed: turn no faster than this [rad/s], positive; None: as fast as the robot may
     """
 
-    angle: float
-    speed: float | None = None
+    angle: float = field(metadata=in_file(
+        ANGLE, 'How far to turn, in rad or deg; a bare number is in radians.  Positive is to the '
+        'left; more than 360 deg is more than one turn.', '90 deg', '-90 deg'))
+    speed: float | None = field(default=None, metadata=in_file(
+        POSITIVE_ANGULAR_VELOCITY,
+        'Turn no faster than this.  Left out: as fast as the limits allow.', '45 deg/s'))
 
-    def __post_init__(self) -> None:
-        """
-        Refuse a step that nobody could drive.
+    def path(self) -> tuple[PathSegment, ...]:
+        """Return one segment, in radians."""
+        angle = float(self.angle)
+        return (PathSegment(abs(angle), 0.0, math.copysign(1.0, angle)),)
 
-        :raises InvalidMotionError: if a value is not a finite number, or the speed not positive
-        """
-        require_finite('angle', self.angle, 'rad')
-        require_speed(self.speed, 'rad/s')
+    def describe(self) -> str:
+        """Return the angle."""
+        return f'turn {format_number(math.degrees(self.angle))} deg'
 
 
 @dataclass(frozen=True)
-class Arc:
+class Arc(Step):
     """
     Drive along a part of a circle, from rest to rest.
 
@@ -219,24 +175,145 @@ class Arc:
         robot may
     """
 
-    radius: float
-    angle: float
-    speed: float | None = None
+    form = 'radius and angle, as in {radius: 0.3 m, angle: 90 deg}'
+    radius: float = field(metadata=in_file(
+        LENGTH, 'How far away the centre is.  Positive: on the left; negative: on the right; '
+        'never 0.', '0.3 m', '-0.3 m'))
+    angle: float = field(metadata=in_file(
+        ANGLE, 'How much of the circle.  Positive is forwards, negative the same way back.',
+        '180 deg'))
+    speed: float | None = field(default=None, metadata=in_file(
+        POSITIVE_LINEAR_VELOCITY,
+        'Drive no faster than this, along the path.  Left out: as fast as the limits allow.',
+        '0.15 m/s'))
 
     def __post_init__(self) -> None:
         """
-        Refuse a step that nobody could drive.
+        Refuse a step that cannot be driven.
 
-        :raises InvalidMotionError: if a value is not a finite number, the radius zero or almost,
-            or the speed not positive
+        :raises InvalidMotionError: if a value is not a finite number of the sign allowed, or the
+            radius zero or almost
         """
         if abs(require_finite('radius', self.radius, 'm')) < MIN_RADIUS:
             raise InvalidMotionError(
                 f'radius is {self.radius} m; its size must be at least {MIN_RADIUS:g} m; to turn '
                 'in place, use a turn')
-        require_finite('angle', self.angle, 'rad')
-        require_speed(self.speed, 'm/s')
+        super().__post_init__()
+
+    def path(self) -> tuple[PathSegment, ...]:
+        """Return one curved segment."""
+        radius, angle = float(self.radius), float(self.angle)
+        sign = math.copysign(1.0, angle)
+        return (PathSegment(abs(radius * angle), sign, sign / radius),)
+
+    def describe(self) -> str:
+        """Return radius and angle."""
+        return f'arc {format_number(self.radius)} m, {format_number(math.degrees(self.angle))} deg'
+
+    def limit_note(self) -> str:
+        """Return the radius."""
+        return f' along a radius of {self.radius} m'
 
 
-#: One thing to do.
-Step = Move | Forward | Turn | Arc | Wait | Repeat
+@dataclass(frozen=True)
+class Wait(Step):
+    """
+    Stand still for a time.
+
+    :param duration: how long [s], not negative
+    """
+
+    duration: float = field(metadata=in_file(
+        TIME, 'How long, in s, ms or min; a bare number is in seconds.', '2 s'))
+
+    def path(self) -> tuple[PathSegment, ...]:
+        """Return one segment, in seconds, that goes nowhere."""
+        return (PathSegment(float(self.duration), 0.0, 0.0),)
+
+    def describe(self) -> str:
+        """Return the time."""
+        return f'wait {format_number(self.duration)} s'
+
+    def trajectories(
+            self, limits: Limits, refuse: Refuse) -> list[Trajectory]:  # noqa: ARG002
+        """Return the velocity zero."""
+        return self._held(refuse)
+
+
+@dataclass(frozen=True)
+class Repeat(Step):
+    """
+    Do some steps several times.
+
+    :param times: how often, from 0 to a million
+    :param steps: what to do each time, in order; a list is kept as a tuple
+    """
+
+    form = 'times and, below it, steps'
+    times: int = field(metadata=in_file(TIMES, 'How often; a whole number.', 4))
+    steps: tuple[Step, ...] = field(metadata=in_file(
+        StepList(), 'What to do, in order.', [{'forward': '0.5 m'}, {'turn': '90 deg'}]))
+
+    def __post_init__(self) -> None:
+        """
+        Refuse what cannot be repeated.
+
+        :raises InvalidMotionError: if the number is not whole or negative, a step is none, or the
+            repeats are nested too deep
+        """
+        TIMES.require('times', self.times)
+        object.__setattr__(self, 'steps', step_tuple(self.steps))
+        if _nesting(self) > MAX_NESTING:
+            raise InvalidMotionError(
+                f'steps has repeats {_nesting(self)} deep; at most {MAX_NESTING} may be nested')
+
+    def path(self) -> tuple[PathSegment, ...]:
+        """Return the segments of all steps, as often as they are driven."""
+        return tuple(segment for step in self.steps for segment in step.path()) * self.times
+
+    def describe(self) -> str:
+        """Return how often."""
+        return f'repeat {self.times} times'
+
+    def block(self) -> tuple[int, tuple[Step, ...]]:
+        """Return how often which steps are driven."""
+        return self.times, self.steps
+
+
+@dataclass(frozen=True)
+class Motion:
+    """
+    A named sequence of steps: plain data.
+
+    :param name: its name, for people
+    :param steps: what to do, in order; a list is kept as a tuple
+    :param description: what it is for, for people
+    """
+
+    name: str
+    steps: tuple[Step, ...]
+    description: str = ''
+
+    def __post_init__(self) -> None:
+        """
+        Refuse what is not a motion.
+
+        :raises InvalidMotionError: if name or description is not text, or a step is not one
+        """
+        for what, text in (('name', self.name), ('description', self.description)):
+            if not isinstance(text, str):
+                raise InvalidMotionError(f'{what} is {text!r}; it must be text')
+        object.__setattr__(self, 'steps', step_tuple(self.steps))
+
+
+def _try(
+        check: Callable[[float], None], value: float, refuse: Callable[[str], None]) -> None:
+    try:
+        check(value)
+    except InvalidMotionError as error:
+        refuse(error.message)
+
+
+def _nesting(step: Step) -> int:
+    block = step.block()
+    return 0 if block is None else 1 + max(map(_nesting, block[1]), default=0)

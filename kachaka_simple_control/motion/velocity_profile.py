@@ -25,15 +25,15 @@ from kachaka_simple_control.errors import InvalidMotionError
 @dataclass(frozen=True)
 class Ramp:
     """
-    A rise from rest to a velocity: the acceleration grows, may be held, and fades.
+    A rise from rest to a velocity: the acceleration rises, may be held, and falls.
 
     Units are those of the path, here called u: metres or radians.  The numbers in brackets are
     those of the formulas in docs/theory.md.
 
-    :param velocity: what it rises to [u/s]
-    :param acceleration: the largest acceleration on the way [u/s^2]; 0 if there is no way
-    :param easing: how long the acceleration takes to grow, and again to fade [s]
-    :param duration: how long all of it takes [s]
+    :param velocity: the velocity at its end [u/s]
+    :param acceleration: the largest acceleration [u/s^2]; 0 if it takes no time
+    :param easing: how long the acceleration takes to rise, and again to fall [s]
+    :param duration: how long the whole takes [s]
     """
 
     velocity: float
@@ -43,15 +43,14 @@ class Ramp:
 
     @property
     def distance(self) -> float:
-        """Return how far it goes [u] (2)."""
+        """Return the distance [u] (2)."""
         return self.velocity * self.duration / 2.0
 
     def position_at(self, time: float) -> float:
         """
-        Return how far it has gone.
+        Return the distance at a time [u] (3).
 
         :param time: since it began [s], from 0 to its duration
-        :returns: the distance [u] (3)
         """
         easing, acceleration = self.easing, self.acceleration
         if time < easing:
@@ -65,10 +64,9 @@ class Ramp:
 
     def velocity_at(self, time: float) -> float:
         """
-        Return how fast it is.
+        Return the velocity at a time [u/s] (4).
 
         :param time: since it began [s], from 0 to its duration
-        :returns: the velocity [u/s] (4)
         """
         if time < self.easing:
             return self.acceleration * time * time / (2.0 * self.easing)
@@ -79,36 +77,33 @@ class Ramp:
 
     def acceleration_at(self, time: float) -> float:
         """
-        Return how quickly it gets faster.
+        Return the acceleration at a time [u/s^2] (4).
 
         :param time: since it began [s], from 0 to its duration
-        :returns: the acceleration [u/s^2] (4)
         """
         nearest = min(time, self.duration - time)
         return self.acceleration * (nearest / self.easing if nearest < self.easing else 1.0)
 
     def means(self, part: float, count: int) -> list[float]:
         """
-        Return the mean velocity in each of some equal parts of the time, from the beginning.
+        Return the mean velocity in each of some equal parts of the time, from the beginning [u/s].
 
         :param part: how long each is [s]
         :param count: how many of them; they end within the ramp, but for rounding
-        :returns: the means [u/s]
         """
         times = [index * part for index in range(count + 1)]
         times[-1] = min(times[-1], self.duration)
-        places = [self.position_at(time) for time in times]
-        return [(after - before) / part for before, after in pairwise(places)]
+        positions = [self.position_at(time) for time in times]
+        return [(after - before) / part for before, after in pairwise(positions)]
 
 
 def ramp(velocity: float, acceleration: float, jerk: float) -> Ramp:
     """
-    Return the quickest ramp to a velocity.
+    Return the quickest ramp to a velocity; without a limit it takes no time.
 
-    :param velocity: what to rise to [u/s], finite, not negative
+    :param velocity: at its end [u/s], finite, not negative
     :param acceleration: the largest acceleration [u/s^2], positive; may be infinite
     :param jerk: the largest change of the acceleration [u/s^3], positive; may be infinite
-    :returns: the ramp; with neither limit it takes no time
     """
     peak = min(acceleration, math.sqrt(velocity * jerk) if velocity else 0.0)  # (2)
     if peak in (0.0, math.inf):
@@ -120,16 +115,16 @@ def ramp(velocity: float, acceleration: float, jerk: float) -> Ramp:
 @dataclass(frozen=True)
 class VelocityProfile:
     """
-    Up a ramp, along at one velocity, and down a ramp that may be another one.
+    A ramp up, a cruise at constant velocity, and a ramp down that may differ from the first.
 
-    Before it and after it there is rest; where the velocity jumps, its value is the later one.
+    The velocity is zero before and after it; where it jumps, its value is the later one.
     Units are those of the path, here called u: metres or radians.  The numbers in brackets are
     those of the formulas in docs/theory.md.
 
-    :param distance: how far it goes [u], not negative
-    :param rise: how it gets to its velocity
-    :param cruise: how long it keeps the velocity [s]
-    :param fall: how it gets back to rest: a rise seen backwards in time
+    :param distance: the distance [u], not negative
+    :param rise: the ramp up
+    :param cruise: how long the velocity is constant [s]
+    :param fall: the ramp down: a rise backwards in time
     """
 
     distance: float
@@ -149,10 +144,9 @@ class VelocityProfile:
 
     def position_at(self, time: float) -> float:
         """
-        Return how far it has gone.
+        Return the distance at a time [u] (5).
 
         :param time: since it began [s]; before it and after it are allowed
-        :returns: the distance [u] (5)
         """
         if time <= 0.0:
             return 0.0
@@ -165,10 +159,9 @@ class VelocityProfile:
 
     def velocity_at(self, time: float) -> float:
         """
-        Return how fast it is.
+        Return the velocity at a time [u/s].
 
         :param time: since it began [s]; before it and after it are allowed
-        :returns: the velocity [u/s]
         """
         left = self.duration - time
         if time < 0.0 or left <= 0.0:
@@ -179,10 +172,9 @@ class VelocityProfile:
 
     def acceleration_at(self, time: float) -> float:
         """
-        Return how quickly its velocity grows; jumps of the velocity are left out.
+        Return the acceleration at a time [u/s^2], without jumps of the velocity.
 
         :param time: since it began [s]; before it and after it are allowed
-        :returns: the acceleration [u/s^2], negative while it gets slower
         """
         left = self.duration - time
         if time < 0.0 or left <= 0.0:
@@ -201,7 +193,7 @@ class VelocityProfile:
         """
         part = self.duration / count
         rise, fall = self.rise.duration / part, self.fall.duration / part
-        # Equal parts look the same from the end: a fall is a rise in them, backwards.
+        # Equal parts are the same from the end: a fall is a rise in them, backwards.
         rising, falling = math.floor(rise), math.floor(fall)
         first, last = math.ceil(rise), count - math.ceil(fall)
         if first >= last:  # no part lies within the cruise
@@ -209,15 +201,15 @@ class VelocityProfile:
         means = [
             *self.rise.means(part, rising),
             *(self._mean(index * part, part) for index in range(rising, first)),
-            # Nothing need be computed here, and so no rounding can creep in.
+            # Nothing is computed here, so there is no rounding.
             *[self.velocity] * (last - first),
             *(self._mean(index * part, part) for index in range(last, count - falling)),
             *reversed(self.fall.means(part, falling))]
-        # Nor may it carry a mean beyond the limit.
+        # Rounding must not carry a mean beyond the limit.
         return [min(mean, self.velocity) for mean in means]
 
     def _mean(self, start: float, part: float) -> float:
-        """Return one mean, from what rise, cruise and fall cover in its time (11)."""
+        """Return one mean, from the distances of rise, cruise and fall in its time (11)."""
         times = (start, start + part)
         rise, fall, top = self.rise, self.fall, self.rise.duration
         up = [rise.position_at(min(time, top)) for time in times]
@@ -233,7 +225,7 @@ def time_optimal_profile(
     """
     Return the quickest profile over a distance; each limit is positive and may be infinite.
 
-    :param distance: how far [u], finite, not negative
+    :param distance: the distance [u], finite, not negative
     :param velocity: the largest velocity [u/s]
     :param acceleration: the largest acceleration [u/s^2]
     :param deceleration: the largest deceleration [u/s^2]

@@ -22,10 +22,11 @@ import math
 from typing import Any, TypeVar
 
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.drive_plots import BANDS, is_dense, time_span
 from kachaka_simple_control.report.json_export import start_datetime
-from kachaka_simple_control.report.metrics import describe_with_duration, EXTRA
-from kachaka_simple_control.report.plan_view import format_fixed, format_number, pluralize
+from kachaka_simple_control.report.metrics import EXTRA
+from kachaka_simple_control.report.plan_view import format_fixed, pluralize
 from kachaka_simple_control.report.report_directory import NEEDS_JINJA2
 from kachaka_simple_control.report.summary import OutcomeKind, Summary
 
@@ -66,7 +67,7 @@ def render_page(summary: Summary, pictures: Mapping[str, str], no_pictures: str 
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True)
     environment.filters.update(
-        number=_number, degrees=_degrees, short=format_number, describe=describe_with_duration)
+        number=_number, degrees=_degrees, short=format_number)
     template = environment.from_string(_resource('templates/report.html.j2'))
     return template.render(
         style=_resource('report.css'), summary=summary, log=summary.log,

@@ -22,11 +22,9 @@ import json
 import math
 from typing import Any
 
-from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.report.drive_log import MotionLog
 from kachaka_simple_control.report.metrics import (
-    describe_with_duration,
-    Displacement,
     Quantiles,
     StepResult,
 )
@@ -144,7 +142,7 @@ def _step(number: int, result: StepResult, start_time: float) -> Fields:
     log = result.log
     return {
         'number': number, 'motion': result.motion, 'path': log.planned.path,
-        'step': describe_with_duration(log.step), 'start_s': log.began - start_time,
+        'step': log.step.describe_fully(), 'start_s': log.began - start_time,
         'duration_s': log.planned.end - log.planned.start, 'is_whole': log.is_complete,
         'messages': max(0, len(log.sent) - 1),
         'requested': _distance_and_angle(result.requested),

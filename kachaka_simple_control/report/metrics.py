@@ -24,16 +24,15 @@ from typing import NamedTuple
 
 from kachaka_simple_control.motion.geometry import (
     compose,
+    Displacement,
     distance_between,
     integrate,
     ORIGIN,
     Pose,
 )
 from kachaka_simple_control.motion.plan import Plan, PlannedStep, Segment
-from kachaka_simple_control.motion.planner import path_segment
-from kachaka_simple_control.motion.steps import Arc, Forward, Move, Step, Turn, Wait
 from kachaka_simple_control.report.drive_log import MotionLog, StepLog
-from kachaka_simple_control.report.plan_view import describe_step, ticks
+from kachaka_simple_control.report.plan_view import ticks
 from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySent
 
 
@@ -174,34 +173,6 @@ def _interval_errors(due: Sequence[float], sent_at: Sequence[float | None]) -> l
 SETTLING = 0.06
 
 
-@dataclass(frozen=True)
-class Displacement:
-    """
-    A displacement along a path.
-
-    :param distance: signed length of the path [m], negative backwards
-    :param angle: heading change [rad], counter-clockwise positive
-    """
-
-    distance: float
-    angle: float
-
-
-def requested(step: Step) -> Displacement:
-    """
-    Return what a step asks for.
-
-    :param step: the step; not a repeat
-    :returns: velocity times duration, or the goal
-    """
-    if isinstance(step, Move):
-        return Displacement(step.linear_x * step.duration, step.angular_z * step.duration)
-    if isinstance(step, (Forward, Turn, Arc)):
-        way = path_segment(step)
-        return Displacement(way.length, way.angle)
-    return Displacement(0.0, 0.0)
-
-
 def sent(messages: Sequence[VelocitySent], command_timeout: float = math.inf) -> Displacement:
     """
     Return the displacement of a robot that keeps each velocity until the next message.
@@ -252,10 +223,10 @@ def segment_odometry(
     """
     first = steps[0]
     cuts = [first.began]
-    if odometry and _rests(first.step):
+    if odometry and first.step.is_rest:
         cuts = [min(max(cuts[0], odometry[0].time), first.sent[-1].time)]
     for before, after in pairwise(steps):
-        offset = SETTLING * (_rests(after.step) - _rests(before.step))
+        offset = SETTLING * (after.step.is_rest - before.step.is_rest)
         cuts.append(max(cuts[-1], after.sent[0].time + offset))
     return [*cuts, max(cuts[-1], steps[-1].sent[-1].time)]
 
@@ -276,10 +247,6 @@ def pose_at(odometry: Sequence[OdometryReceived], time: float) -> Pose:
         one.x + part * (two.x - one.x),
         one.y + part * (two.y - one.y),
         one.theta + part * _wrapped(two.theta - one.theta))
-
-
-def _rests(step: Step) -> bool:
-    return isinstance(step, Wait) or (isinstance(step, Move) and step.velocity.is_zero)
 
 
 def _time(sample: OdometryReceived) -> float:
@@ -344,16 +311,9 @@ def step_results(
         return []
     cuts = pairwise(segment_odometry(steps, odometry))
     return [
-        StepResult(log, name, requested(log.step), sent(log.sent, command_timeout),
+        StepResult(log, name, log.step.displacement, sent(log.sent, command_timeout),
                    driven(odometry, begin, end))
         for log, name, (begin, end) in zip(steps, names, cuts)]
-
-
-def describe_with_duration(step: Step) -> str:
-    """Return a step in words, with the time for which a velocity is held."""
-    if isinstance(step, Move):
-        return f'{describe_step(step).removeprefix("move ")} for {step.duration:g} s'
-    return describe_step(step)
 
 
 #: By how much an iteration of the lesson's loop is longer than its period [s].  Measured by the

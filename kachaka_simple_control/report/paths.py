@@ -29,8 +29,7 @@ from kachaka_simple_control.motion.geometry import (
     Point,
     Pose,
 )
-from kachaka_simple_control.motion.plan import Plan, PlannedStep
-from kachaka_simple_control.motion.steps import Arc, Forward, Move
+from kachaka_simple_control.motion.plan import Plan
 
 #: How far an arc turns between two points [rad]: 4 degrees, off by 1/1600 of the radius.
 BEND = math.radians(4.0)
@@ -51,7 +50,7 @@ Cell = tuple[int, int]
 @dataclass(frozen=True)
 class ArcSegment:
     """
-    The path of one step: its curvature is the same all along.
+    A part of the path of a plan, with the same curvature all along.
 
     :param start: the pose at its start
     :param distance: its signed length [m], negative backwards
@@ -110,19 +109,15 @@ class ArcSegment:
 
 
 def arc_segments(plan: Plan) -> list[ArcSegment]:
-    """Return the path of each step of a plan; each starts where the one before ends."""
-    starts = [ORIGIN, *(step.pose for step in plan.steps)]
-    return [ArcSegment(start, _signed(step), step.pose.theta - start.theta)
-            for start, step in zip(starts, plan.steps)]
-
-
-def _signed(planned: PlannedStep) -> float:
-    step = planned.step
-    if isinstance(step, Move):
-        return math.copysign(planned.length, step.linear_x)
-    if isinstance(step, Forward):
-        return math.copysign(planned.length, step.distance)
-    return math.copysign(planned.length, step.angle) if isinstance(step, Arc) else planned.length
+    """Return the path of a plan in segments of constant curvature, in order."""
+    segments = []
+    start = ORIGIN
+    for planned in plan.steps:
+        for segment in planned.step.path():
+            segments.append(ArcSegment(start, segment.length, segment.angle))
+            start = advance(start, segment.length, segment.angle)
+        start = planned.pose  # the same, but for rounding
+    return segments
 
 
 def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:

@@ -33,10 +33,10 @@ from kachaka_simple_control.motion.geometry import (
     Pose,
     transform_point,
 )
+from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.paths import arc_segments, ArcSegment, distinct, polyline
 from kachaka_simple_control.report.plan_view import (
     format_fixed,
-    format_number,
     PlanView,
     pluralize,
 )

@@ -21,7 +21,6 @@ import math
 from kachaka_simple_control.motion.geometry import Footprint
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, Segment
-from kachaka_simple_control.motion.steps import Arc, Forward, Move, Repeat, Step, Turn
 
 #: A last tick shorter than this part of a period is rounding, as it is to the plan runner.
 TIME_TOLERANCE = 1e-6
@@ -64,31 +63,6 @@ def ticks(segment: Segment, period: float) -> int:
     :param period: how often that is repeated [s]
     """
     return max(1, math.ceil((segment.end - segment.start) / period - TIME_TOLERANCE))
-
-
-def describe_step(step: Step) -> str:
-    """
-    Return a step in a person's words; how fast and how long stand elsewhere.
-
-    :param step: the step
-    :returns: a few words, with units
-    """
-    if isinstance(step, Move):
-        return f'move {format_number(step.linear_x)} m/s, {format_number(step.angular_z)} rad/s'
-    if isinstance(step, Forward):
-        return f'forward {format_number(step.distance)} m'
-    if isinstance(step, Turn):
-        return f'turn {format_number(math.degrees(step.angle))} deg'
-    if isinstance(step, Arc):
-        return f'arc {format_number(step.radius)} m, {format_number(math.degrees(step.angle))} deg'
-    if isinstance(step, Repeat):
-        return f'repeat {step.times} times'
-    return f'wait {format_number(step.duration)} s'
-
-
-def format_number(value: float) -> str:
-    """Return a number with up to five digits: 0.5, not 0.500, and 0, not -0."""
-    return f'{value + 0.0:.5g}'
 
 
 def format_fixed(value: float, digits: int) -> str:

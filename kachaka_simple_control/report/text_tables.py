@@ -22,22 +22,18 @@ import math
 import sys
 import unicodedata
 
-from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
+from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.drive_log import DriveLog, StepLog
 from kachaka_simple_control.report.metrics import (
-    describe_with_duration,
-    Displacement,
     driven,
-    requested,
     segment_odometry,
     sent,
 )
 from kachaka_simple_control.report.plan_view import (
-    describe_step,
     format_fixed,
-    format_number,
     PlanView,
     pluralize,
 )
@@ -168,7 +164,7 @@ def _steps(view: PlanView, most: int, with_total: bool) -> list[str]:
 
 def _plan_row(index: int, step: PlannedStep, number: int, times: int) -> Row:
     return (
-        str(index + 1), describe_step(step.step), f'{number} of {times}' if times > 1 else '',
+        str(index + 1), step.step.describe(), f'{number} of {times}' if times > 1 else '',
         _time(step.start),
         *_figures(step.end - step.start, step.length, step.pose,
                   step.max_linear_velocity, step.max_angular_velocity))
@@ -297,7 +293,7 @@ def drive_table(log: DriveLog, still_after: float | None) -> str:
 
 def _drive_row(step: StepLog, seen: Displacement | None) -> Row:
     return (
-        describe_with_duration(step.step), _amount(requested(step.step)),
+        step.step.describe_fully(), _amount(step.step.displacement),
         _amount(sent(step.sent)), 'none' if seen is None else _amount(seen))
 
 

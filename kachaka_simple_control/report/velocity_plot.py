@@ -24,7 +24,8 @@ from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.report.plan_view import format_number, PlanView
+from kachaka_simple_control.motion.units import format_number
+from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.plot_style import BLUE, GREY, ORANGE
 
 if TYPE_CHECKING:

@@ -29,7 +29,8 @@ from kachaka_simple_control.control.plan_runner import min_rate
 from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped, quoted
-from kachaka_simple_control.files.robot_profile import KACHAKA, profile_of, RobotProfile
+from kachaka_simple_control.files.robot_file import find_robot
+from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.telemetry.events import SessionStarted
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
@@ -110,7 +111,7 @@ def declare_parameters(node: Node) -> tuple[RobotProfile, NodeParameters]:
     """
     robot, *others = fields(NodeParameters)
     name = str(_declare(node, robot, robot.default, None))
-    profile = profile_of(name)
+    profile = find_robot(name)
     defaults = {'robot_namespace': profile.namespace}
     ranges = {'rate': (min_rate(profile.hold), MAX_RATE)}
     values = {

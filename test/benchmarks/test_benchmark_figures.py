@@ -33,7 +33,7 @@ from benchmarks.figures import figures, find  # noqa: E402
 from benchmarks.nanosleep import sleep_until  # noqa: E402
 from benchmarks.page import BEGIN, END, updated  # noqa: E402
 from benchmarks.tables import number, Table, tables  # noqa: E402
-from benchmarks.thresholds import BARS, judge, Verdict  # noqa: E402, I100
+from benchmarks.thresholds import judge, THRESHOLDS, Verdict  # noqa: E402, I100
 from benchmarks.wire import (  # noqa: E402
     displacement,
     jitters,
@@ -68,7 +68,7 @@ def test_a_movement_on_time_is_exact(rate, count, velocity):
 
 
 @given(st.lists(st.floats(0.001, 0.2), min_size=1), st.sampled_from([0.1, -0.3]))
-def test_a_velocity_is_held_until_the_next_message(intervals, velocity):
+def test_a_velocity_is_met_until_the_next_message(intervals, velocity):
     times = [sum(intervals[:count]) for count in range(len(intervals) + 1)]
     rows = [Row(at, velocity) for at in times]
     assert displacement(rows) == pytest.approx(velocity * sum(intervals))
@@ -161,10 +161,10 @@ def a_run(**changes):
                 for way, lost in (('ours', 0.0), ('samples', 0.001))], **changes}
 
 
-def test_a_good_run_holds_every_bar():
+def test_a_good_run_holds_every_threshold():
     verdicts = judge(figures(a_run()))
-    assert [verdict.bar for verdict in verdicts] == list(BARS)
-    assert all(verdict.is_held for verdict in verdicts)
+    assert [verdict.threshold for verdict in verdicts] == list(THRESHOLDS)
+    assert all(verdict.is_met for verdict in verdicts)
 
 
 @pytest.mark.parametrize('changes, missed', [
@@ -176,20 +176,20 @@ def test_a_good_run_holds_every_bar():
 ])
 def test_what_never_came_or_was_not_measured_is_missed(changes, missed):
     verdicts = judge(figures(a_run(**changes)))
-    assert sum(not verdict.is_held for verdict in verdicts) == missed
+    assert sum(not verdict.is_met for verdict in verdicts) == missed
 
 
-def test_a_bar_beside_the_lesson_moves_with_it():
+def test_a_threshold_relative_to_the_lesson_moves_with_it():
     run = a_run()
     run['timing'][-1]['thread'] = 0.007
-    (missed,) = [verdict for verdict in judge(figures(run)) if not verdict.is_held]
-    assert missed.bar.what == 'CPU a command, the loop, at 100 Hz'
+    (missed,) = [verdict for verdict in judge(figures(run)) if not verdict.is_met]
+    assert missed.threshold.what == 'CPU a command, the loop, at 100 Hz'
     assert missed.limit == pytest.approx(0.5e6 * 0.007 / 22)
 
 
-def test_a_figure_is_held_up_to_its_bar():
-    assert Verdict(BARS[0], 0.1, 0.1, '%').is_held
-    assert not Verdict(BARS[0], 0.1001, 0.1, '%').is_held
+def test_a_figure_is_met_up_to_its_bar():
+    assert Verdict(THRESHOLDS[0], 0.1, 0.1, '%').is_met
+    assert not Verdict(THRESHOLDS[0], 0.1001, 0.1, '%').is_met
 
 
 def test_errors_count_whichever_sign_they_have():

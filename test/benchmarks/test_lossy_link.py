@@ -31,9 +31,9 @@ sys.path.append(str(ROOT))  # the benchmarks are not installed
 
 from benchmarks.lossy_link import disconnect_test, network, stop_test  # noqa: E402, I100
 from benchmarks.lossy_link.__main__ import BEGIN, joined, main, PAGE  # noqa: E402
-from benchmarks.lossy_link.fixture import rig  # noqa: E402
-from benchmarks.lossy_link.observed import after_stop, Log  # noqa: E402
-from benchmarks.lossy_link.tables import BRIEF, broken, QUIET, tables  # noqa: E402
+from benchmarks.lossy_link.fixture import fixture  # noqa: E402
+from benchmarks.lossy_link.observed import evaluate_stop, RobotLog  # noqa: E402
+from benchmarks.lossy_link.tables import BRIEF, find_violations, QUIET, tables  # noqa: E402
 from benchmarks.page import updated  # noqa: E402
 
 TIMES = st.floats(0.0, 10.0)
@@ -44,13 +44,13 @@ def bad_link():
     """Yield a network with a robot, where this machine can have one."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
     skip_where_impossible()
-    with rig() as made:
+    with fixture() as made:
         yield made
 
 
 def skip_where_impossible():
     """Skip the test, with the reason, where no network can be made."""
-    if (reason := network.why_not()) is not None:
+    if (reason := network.unavailable_reason()) is not None:
         pytest.skip(reason)
 
 
@@ -76,7 +76,7 @@ def test_every_stop_arrives_where_a_third_is_lost(bad_link):
 @pytest.mark.slow
 @pytest.mark.parametrize('case', disconnect_test.CASES)
 def test_a_pulled_cable_stops_both_ends(bad_link, case):
-    found = disconnect_test.pull_once(bad_link, case)
+    found = disconnect_test.disconnect_once(bad_link, case)
     assert found['still'] < 0.35  # the robot's own hold
     if case == BRIEF:
         assert found['code'] == 0
@@ -94,8 +94,8 @@ def test_a_pulled_cable_stops_both_ends(bad_link, case):
 def test_a_network_is_gone_after_its_block():
     skip_where_impossible()
     with contextlib.suppress(KeyError), network.Network() as made:
-        made.lose(30)
-        assert made.counts() == (0, 0)
+        made.set_loss(30)
+        assert made.packet_counts() == (0, 0)
         assert len(namespaces(os.getpid())) == 2
         raise KeyError
     assert namespaces(os.getpid()) == []
@@ -121,7 +121,8 @@ def test_what_a_killed_run_has_left_is_removed_by_the_next():
 
 def test_a_missing_command_is_named_with_its_package(monkeypatch, capsys):
     monkeypatch.setattr(network, '_path', lambda: '/nowhere')
-    assert network.why_not() == 'the command ip is missing: install the package iproute2'
+    assert network.unavailable_reason() == (
+        'the command ip is missing: install the package iproute2')
     assert main(['--quick']) == 0
     assert capsys.readouterr().out.startswith('skipped: the command ip is missing')
 
@@ -134,7 +135,7 @@ def test_a_network_that_cannot_be_made_says_why(monkeypatch):
 
 def a_log(*velocities, x=0.0):
     """Return what a robot says that was told these at 0, 1, 2 ... s and reaches x in the end."""
-    log = Log()
+    log = RobotLog()
     log.add(['pose', 0.0, 0.0, 0.0, 0.0])
     for time_told, velocity in enumerate(velocities):
         log.add(['velocity', float(time_told), velocity, 0.0, True])
@@ -143,7 +144,7 @@ def a_log(*velocities, x=0.0):
 
 
 def test_a_stop_is_judged_by_what_arrived_after_it():
-    found = after_stop(a_log(0.1, 0.1, 0.0, 0.0, x=0.4), 1.5)
+    found = evaluate_stop(a_log(0.1, 0.1, 0.0, 0.0, x=0.4), 1.5)
     assert found == {
         'zeros': 2, 'first': 0.5, 'motions': 0, 'driven': pytest.approx(0.25)}
 
@@ -154,7 +155,7 @@ def test_a_stop_is_judged_by_what_arrived_after_it():
     ((0.0, 0.1, 0.1, 0.0), 1, 0),  # a zero before the stop is none of it
 ])
 def test_motion_counts_after_the_first_zero(velocities, zeros, motions):
-    found = after_stop(a_log(*velocities), 0.5)
+    found = evaluate_stop(a_log(*velocities), 0.5)
     assert (found['zeros'], found['motions']) == (zeros, motions)
     assert (found['first'] is None) == (zeros == 0)
 
@@ -168,16 +169,16 @@ def test_the_way_driven_is_the_same_in_parts(one, two, x):
 
 
 def test_a_robot_that_said_nothing_is_where_it_began():
-    log = Log()
+    log = RobotLog()
     assert log.driven(1.0, 2.0) == (0.0, 0.0)
-    assert log.still_from(3.0, 4.0) == 3.0
-    assert after_stop(log, 0.0)['first'] is None
+    assert log.at_rest_since(3.0, 4.0) == 3.0
+    assert evaluate_stop(log, 0.0)['first'] is None
 
 
 def test_a_robot_stands_still_from_when_it_was_last_seen_to_move():
     log = a_log(0.1, 0.1, x=0.2)
-    assert log.still_from(1.0, 5.0) == 2.0
-    assert log.still_from(1.0, 1.5) == 1.0  # what it did later does not count
+    assert log.at_rest_since(1.0, 5.0) == 2.0
+    assert log.at_rest_since(1.0, 1.5) == 1.0  # what it did later does not count
 
 
 def a_stop(**changes):
@@ -207,15 +208,15 @@ def of_stops(*found):
     (of_stops(a_stop(motions=1)), ['motion after the first zero of a stop at 30 % loss']),
 ])
 def test_a_promise_that_was_not_kept_is_named(run, words):
-    assert broken(run) == words
+    assert find_violations(run) == words
 
 
-@pytest.mark.parametrize('case, changes, is_broken', [
+@pytest.mark.parametrize('case, changes, is_violation', [
     (QUIET, {}, False), (QUIET, {'motions': 1}, True), (QUIET, {'taken': 1}, True),
     (QUIET, {'code': 0}, True), ('at once', {'motions': 1}, True),
     ('at once', {'taken': 1}, False), (BRIEF, {'motions': 9, 'code': 0}, False)])
-def test_a_cable_that_is_back_moves_nothing(case, changes, is_broken):
-    assert len(broken(a_run(cable=[a_pull(case=case, **changes)]))) == is_broken
+def test_a_cable_that_is_back_moves_nothing(case, changes, is_violation):
+    assert len(find_violations(a_run(cable=[a_pull(case=case, **changes)]))) == is_violation
 
 
 def test_tables_tell_what_never_came():

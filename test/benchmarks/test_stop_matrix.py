@@ -13,7 +13,7 @@
 # limitations under the License.
 """The stop matrix sees a promise that is not kept, and its rows can be brought about."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 import json
 from pathlib import Path
 import re
@@ -27,26 +27,31 @@ sys.path.append(str(ROOT))  # the benchmarks are not installed
 from benchmarks.page import updated  # noqa: E402, I100
 from benchmarks.stop_matrix.__main__ import (  # noqa: E402
     BEGIN,
-    breaches,
     END,
     merged,
     PAGE,
     REFERENCE,
     trials_of,
+    violations,
 )
-from benchmarks.stop_matrix.expectation import broken, Promise, too_slow, Zero  # noqa: E402
-from benchmarks.stop_matrix.message import message  # noqa: E402
+from benchmarks.stop_matrix.expectation import (  # noqa: E402
+    Expectation,
+    find_late_stops,
+    find_violations,
+    Zero,
+)
+from benchmarks.stop_matrix.message import last_message  # noqa: E402
 from benchmarks.stop_matrix.rows import CORE, ROWS  # noqa: E402
 from benchmarks.stop_matrix.table import HEAD, matrix, row  # noqa: E402
 from benchmarks.stop_matrix.trial import Trial  # noqa: E402
 
-PROMISE = Promise('SIGTERM', 'the node', (143,), bar=0.02)
+EXPECTATION = Expectation('SIGTERM', 'the node', (143,), limit=0.02)
 GOOD = Trial(zero=0.001, zeros=20, late=0, metres=0.002, code=143, message='ended')
 
 
 def test_what_was_kept_is_not_complained_about():
-    assert broken(PROMISE, [GOOD] * 20) == []
-    assert too_slow(PROMISE, [GOOD] * 20) == []
+    assert find_violations(EXPECTATION, [GOOD] * 20) == []
+    assert find_late_stops(EXPECTATION, [GOOD] * 20) == []
 
 
 @pytest.mark.parametrize('change, told', [
@@ -60,45 +65,45 @@ def test_what_was_kept_is_not_complained_about():
 ])
 def test_one_broken_promise_among_many_trials_is_seen(change, told):
     trials = [GOOD] * 19 + [replace(GOOD, **change)]
-    assert broken(PROMISE, trials) == [f'SIGTERM: {told} (1 of 20)']
+    assert find_violations(EXPECTATION, trials) == [f'SIGTERM: {told} (1 of 20)']
 
 
 def test_zeros_may_be_lost_to_a_listener_but_not_every_time():
     few = replace(GOOD, zeros=9)
-    assert broken(PROMISE, [few] * 19 + [GOOD]) == []
-    assert broken(PROMISE, [few] * 20) == [
+    assert find_violations(EXPECTATION, [few] * 19 + [GOOD]) == []
+    assert find_violations(EXPECTATION, [few] * 20) == [
         'SIGTERM: fewer than 10 zeros came (20 of 20)']
 
 
 def test_a_row_that_was_not_tried_is_not_kept():
-    assert broken(PROMISE, []) == ['SIGTERM: it was not tried']
+    assert find_violations(EXPECTATION, []) == ['SIGTERM: it was not tried']
 
 
 def test_the_worst_time_counts_and_a_busy_machine_has_wide_bars():
     trials = [GOOD] * 19 + [replace(GOOD, zero=0.15)]
-    assert too_slow(PROMISE, trials) == [
+    assert find_late_stops(EXPECTATION, trials) == [
         'SIGTERM: 150.0 ms to the first zero, more than the 20 ms of its bar']
-    assert too_slow(PROMISE, trials, wide=True) == []
-    assert too_slow(PROMISE, [replace(GOOD, zero=0.21)], wide=True) != []
-    assert too_slow(replace(PROMISE, bar=None), trials) == []
+    assert find_late_stops(EXPECTATION, trials, under_load=True) == []
+    assert find_late_stops(EXPECTATION, [replace(GOOD, zero=0.21)], under_load=True) != []
+    assert find_late_stops(replace(EXPECTATION, limit=None), trials) == []
 
 
 @pytest.mark.parametrize('zero, kind, kept', [
-    (0.001, Zero.ON_TIME, True), (-0.3, Zero.ON_TIME, False), (-0.3, Zero.EARLY_TOO, True),
-    (None, Zero.EARLY_TOO, False), (None, Zero.NONE, True)])
+    (0.001, Zero.AT_END, True), (-0.3, Zero.AT_END, False), (-0.3, Zero.ANY_TIME, True),
+    (None, Zero.ANY_TIME, False), (None, Zero.NONE, True)])
 def test_a_zero_is_wanted_where_it_is_promised(zero, kind, kept):
     trial = replace(GOOD, zero=zero)
-    assert (broken(replace(PROMISE, zero=kind), [trial]) == []) == kept
+    assert (find_violations(replace(EXPECTATION, zero=kind), [trial]) == []) == kept
 
 
 def test_where_only_the_hold_helps_motion_after_the_fault_is_still_seen():
-    nobody = replace(PROMISE, zero=Zero.NONE)
-    assert broken(nobody, [replace(GOOD, zero=None, zeros=0, late=1)]) != []
+    nobody = replace(EXPECTATION, zero=Zero.NONE)
+    assert find_violations(nobody, [replace(GOOD, zero=None, zeros=0, late=1)]) != []
 
 
 def test_the_table_shows_the_worst():
     trials = [GOOD, replace(GOOD, zero=0.0045, zeros=12, metres=0.031), replace(GOOD, code=None)]
-    cells = dict(zip(HEAD, row(PROMISE, trials)))
+    cells = dict(zip(HEAD, row(EXPECTATION, trials)))
     assert cells['to the first zero [ms], median / worst'] == '1.00 / 4.50'
     assert (cells['zeros, least'], cells['driven [m], worst']) == ('12', '0.031')
     assert cells['exit code'] == 'none, 143'
@@ -106,17 +111,17 @@ def test_the_table_shows_the_worst():
 
 
 def test_the_table_leaves_out_what_was_not_tried():
-    table = matrix([PROMISE, replace(PROMISE, what='other')], {'SIGTERM': [GOOD]})
+    table = matrix([EXPECTATION, replace(EXPECTATION, what='other')], {'SIGTERM': [GOOD]})
     assert [cells[0] for cells in table.rows] == ['SIGTERM']
 
 
 def test_a_time_is_counted_from_the_end_where_nothing_needs_stopping():
-    cells = dict(zip(HEAD, row(replace(PROMISE, zero=Zero.ON_TIME), [GOOD])))
+    cells = dict(zip(HEAD, row(replace(EXPECTATION, zero=Zero.AT_END), [GOOD])))
     assert cells['to the first zero [ms], median / worst'] == '1.00 / 1.00 after its end'
 
 
 def test_a_matrix_can_be_kept_and_made_in_pieces():
-    data = {'rows': {'SIGTERM': [GOOD.data()]}}
+    data = {'rows': {'SIGTERM': [asdict(GOOD)]}}
     kept = json.loads(json.dumps(merged({'rows': {'other': []}}, data)))
     assert trials_of(kept) == {'other': [], 'SIGTERM': [GOOD]}
 
@@ -127,39 +132,39 @@ def test_the_last_line_that_says_something_is_the_message():
 kachaka_simple_control: the robot left: nobody subscribes to /stop_3/manual_control/cmd_vel
 """
     said = 'the robot left: nobody subscribes to /kachaka/manual_control/cmd_vel'
-    assert message(text, 'stop_3', False) == said
+    assert last_message(text, 'stop_3', False) == said
     trace = f'Traceback (most recent call last):\n  File "a"\n{text}'
-    assert message(trace, 'stop_3', True) == said
-    assert message(trace, 'stop_3', False).startswith('Traceback: ')
+    assert last_message(trace, 'stop_3', True) == said
+    assert last_message(trace, 'stop_3', False).startswith('Traceback: ')
 
 
 def test_rows_have_names_of_their_own_and_are_tried():
-    names = [row.promise.what for row in ROWS]
+    names = [row.expectation.what for row in ROWS]
     assert len(set(names)) == len(names) > 35
     assert all(row.full or row.quick for row in ROWS)
 
 
 def test_core_rows_are_such_as_a_robot_over_grpc_can_play():
-    core = [row for row in ROWS if row.promise.what in CORE]
+    core = [row for row in ROWS if row.expectation.what in CORE]
     assert len(core) == len(CORE)
     for one in core:
         assert one.full
         assert one.quick
         # Nothing happens to the robot, and no bridge of another kind is asked for.
-        assert not one.harms
-        assert not one.slow
-        assert one.promise.zero is not Zero.NONE
+        assert one.robot_reusable
+        assert not one.slow_robot
+        assert one.expectation.zero is not Zero.NONE
 
 
 def test_the_page_shows_the_matrix_that_is_kept():
     page = PAGE.read_text()
     assert 'new' in updated(page, 'new', BEGIN, END)
     run = json.loads(REFERENCE.read_text())
-    table = matrix([row.promise for row in ROWS], trials_of(run)).markdown()
+    table = matrix([row.expectation for row in ROWS], trials_of(run)).markdown()
     assert table.strip() in page
     full = [row for row in ROWS if row.full]
     assert len(re.findall(r'^\| [^|]+ \| [^|]+ \| \d+ \|', table, re.MULTILINE)) == len(full)
-    assert breaches(full, trials_of(run), wide=False) == []
+    assert violations(full, trials_of(run), under_load=False) == []
 
 
 @pytest.mark.ros
@@ -169,9 +174,9 @@ def test_rows_are_brought_about():
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     from benchmarks.stop_matrix.runner import run
     names = ('SIGTERM', 'SIGKILL', 'program and guardian killed')
-    rows = [row for row in ROWS if row.promise.what in names]
+    rows = [row for row in ROWS if row.expectation.what in names]
     seen = run([(row, 1) for row in rows])
-    assert breaches(rows, seen, wide=True) == []
+    assert violations(rows, seen, under_load=True) == []
     ((stopped,), (guarded,), (lost,)) = (seen[name] for name in names)
     assert guarded.zero is not None
     assert stopped.metres is not None
@@ -187,9 +192,9 @@ def test_a_robot_over_grpc_is_stopped_too():
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
     from benchmarks.stop_matrix.runner import run
-    rows = [row for row in ROWS if row.promise.what in ('SIGTERM', 'SIGKILL')]
+    rows = [row for row in ROWS if row.expectation.what in ('SIGTERM', 'SIGKILL')]
     seen = run([(row, 1) for row in rows], over_grpc=True)
-    assert breaches(rows, seen, wide=True) == []
+    assert violations(rows, seen, under_load=True) == []
     for (trial,) in seen.values():
         assert trial.metres is not None
         assert trial.metres < 0.03

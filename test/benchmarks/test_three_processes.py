@@ -30,11 +30,11 @@ sys.path.append(str(ROOT))  # the benchmarks are not installed
 from benchmarks.three_processes import (  # noqa: E402, I100
     errors,
     HEAD,
-    HEADING,
     main,
+    MAX_ANGLE,
+    MAX_OFFSET,
     missed,
     planned_as_driven,
-    POSITION,
     Run,
     table,
 )
@@ -83,7 +83,7 @@ def test_the_table_has_a_row_for_each_motion_and_leaves_out_what_failed():
 
 def test_bars_are_for_the_median_and_every_run_must_come_to_its_end():
     assert missed([GOOD] * 10) == []
-    far, turned = Run('square', 2.0 * POSITION, 0.0), Run('square', 0.0, 2.0 * HEADING)
+    far, turned = Run('square', 2.0 * MAX_OFFSET, 0.0), Run('square', 0.0, 2.0 * MAX_ANGLE)
     assert missed([GOOD] * 6 + [far] * 4) == []
     assert missed([GOOD] * 4 + [far] * 6) == ['square: more than 3 mm off at the median']
     assert missed([GOOD] * 4 + [turned] * 6) == [
@@ -99,7 +99,7 @@ def test_one_run_through_three_processes(monkeypatch, capsys):
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
-    monkeypatch.setattr('benchmarks.three_processes.POSITION', 0.1)
-    monkeypatch.setattr('benchmarks.three_processes.HEADING', math.radians(10.0))
+    monkeypatch.setattr('benchmarks.three_processes.MAX_OFFSET', 0.1)
+    monkeypatch.setattr('benchmarks.three_processes.MAX_ANGLE', math.radians(10.0))
     assert main(['--runs', '1', '--motions', 'straight']) == 0
     assert '| straight | 1 of 1 |' in capsys.readouterr().out

@@ -15,7 +15,7 @@
 
 import threading
 
-from fake_time import FakeTime, Wire
+from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.drive_requests import DriveRequests
 from kachaka_simple_control.control.latch import Latch
 from kachaka_simple_control.control.velocity_gate import VelocityGate
@@ -33,7 +33,7 @@ class Bench:
     def __init__(self):
         self.time = FakeTime()
         self.gate = VelocityGate(
-            Wire(self.time).transmit, Limits(0.3, 1.57), Latch(), None, self.time.clock,
+            FakePublisher(self.time).transmit, Limits(0.3, 1.57), Latch(), None, self.time.clock,
             self.time.clock)
         self.gate.open()
         self.requests = DriveRequests(self.gate, PERIOD, self.time.clock)

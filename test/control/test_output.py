@@ -199,7 +199,7 @@ sys.stdin.readline()
 print('x')
 print('y', file=sys.stderr)
 """]) as shown:
-        shown.look_for('begun')
+        shown.wait_for_text('begun')
         shown.press(b'\x13\n')
         assert shown.process.wait(10.0) == 0
 
@@ -379,7 +379,7 @@ threading.Thread(target=node.move_robot, args=(0.1, 0.0, 30.0), daemon=True).sta
 def test_after_ctrl_s_a_drive_ends_and_leaves_the_terminal_clean(listener):
     pytest.importorskip('rich', reason='needs rich')
     with at_terminal([*COMMAND, 'square'], 130, 30) as shown:
-        shown.look_for('DRIVING')
+        shown.wait_for_text('DRIVING')
         display = shown.display()
         shown.press(b'\x13')
         time.sleep(1.0)
@@ -388,7 +388,7 @@ def test_after_ctrl_s_a_drive_ends_and_leaves_the_terminal_clean(listener):
         assert shown.process.wait(SOON) == 130
         assert_stopped_and_released(listener, told)
         shown.press(b'\x11')
-        shown.look(1.0)
+        shown.read_for(1.0)
         assert shown.screen.bottom == shown.screen.rows
         assert shown.screen.cursor_is_shown
         assert not any('Ctrl+C' in line for line in shown.screen.lines)

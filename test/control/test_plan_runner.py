@@ -15,7 +15,7 @@
 
 from itertools import pairwise
 
-from fake_time import FakeTime, Wire
+from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.latch import Latch
 from kachaka_simple_control.control.plan_runner import max_gap, run_plan
 from kachaka_simple_control.control.timing import POLL_PERIOD
@@ -52,7 +52,7 @@ class Bench:
     def __init__(self, *moves, rate=10.0):
         """Open the gate: the robot is ours."""
         self.time = FakeTime()
-        self.wire = Wire(self.time)
+        self.wire = FakePublisher(self.time)
         self.latch = Latch()
         self.gate = VelocityGate(
             self.wire.transmit, LIMITS, self.latch, None,

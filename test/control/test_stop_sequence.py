@@ -15,7 +15,7 @@
 
 from itertools import pairwise
 
-from fake_time import FakeTime, Wire
+from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.latch import Latch
 from kachaka_simple_control.control.stop import StopController
 from kachaka_simple_control.control.velocity_gate import VelocityGate
@@ -50,7 +50,7 @@ class Bench:
     def __init__(self):
         """Send one velocity."""
         self.time = FakeTime()
-        self.wire = Wire(self.time)
+        self.wire = FakePublisher(self.time)
         self.gate = VelocityGate(
             self.wire.transmit, Limits(0.3, 1.57), Latch(), None,
             self.time.clock, self.time.clock)
@@ -115,7 +115,7 @@ def test_a_stop_that_was_cut_short_is_sent_whole_by_the_next():
 
 def test_nothing_is_sent_when_nothing_ever_moved():
     time = FakeTime()
-    wire = Wire(time)
+    wire = FakePublisher(time)
     gate = VelocityGate(wire.transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
     controller = StopController(gate, COMMAND_TIMEOUT, Guard(), clock=time.clock, sleep=time.sleep)
     controller.stop(REASON)

@@ -16,7 +16,7 @@
 import contextlib
 import threading
 
-from fake_time import FakeTime, Wire
+from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.latch import Latch, SharedFlag
 from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
@@ -36,7 +36,7 @@ def time():
 @pytest.fixture
 def wire(time):
     """Return what takes the velocities."""
-    return Wire(time)
+    return FakePublisher(time)
 
 
 @pytest.fixture

@@ -88,9 +88,9 @@ def publisher(distance):
 
 def begin(shown):
     """Let a drive begin once the panel is drawn."""
-    shown.look_for('WAITING')
+    shown.wait_for_text('WAITING')
     shown.press(b'\n')
-    shown.look_for('DRIVING')
+    shown.wait_for_text('DRIVING')
 
 
 def is_clean(screen):
@@ -127,7 +127,7 @@ def test_a_terminal_that_changes_its_size_gets_a_panel_that_fits():
         # A real terminal keeps its lines; this one only has to be written to as one of that size.
         shown.screen.lines, shown.screen.row = [''] * 20, 0
         shown.screen.columns, shown.screen.rows, shown.screen.bottom = 70, 20, 20
-        shown.look_for('DRIVING')
+        shown.wait_for_text('DRIVING')
         assert shown.screen.bottom == 14
         assert len(shown.screen.lines[14]) == 69
         assert shown.end() == 0
@@ -147,8 +147,9 @@ def test_when_the_program_is_killed_the_terminal_is_left_as_it_was():
         begin(shown)
         shown.process.send_signal(signal.SIGKILL)
         shown.process.wait()
-        shown.look_for('kachaka_simple_control was killed in mid-motion: its guardian stops the')
-        shown.look(0.3)
+        shown.wait_for_text(
+            'kachaka_simple_control was killed in mid-motion: its guardian stops the')
+        shown.read_for(0.3)
         assert is_clean(shown.screen)
 
 
@@ -156,7 +157,7 @@ def test_when_the_display_is_killed_the_terminal_is_cleared_and_the_drive_goes_o
     with at_terminal(publisher(1.0)) as shown:
         begin(shown)
         os.kill(shown.display(), signal.SIGKILL)
-        shown.look(0.5)
+        shown.read_for(0.5)
         assert shown.process.poll() is None
         assert is_clean(shown.screen)
         assert shown.end() == 0
@@ -184,10 +185,10 @@ def test_a_program_that_was_suspended_gives_the_terminal_back():
     with at_terminal(publisher(1.0)) as shown:
         begin(shown)
         shown.process.send_signal(signal.SIGSTOP)
-        shown.look(1.0)
+        shown.read_for(1.0)
         assert is_clean(shown.screen)
         shown.process.send_signal(signal.SIGCONT)
-        shown.look_for('DRIVING')
+        shown.wait_for_text('DRIVING')
         assert shown.end() == 0
 
 
@@ -289,7 +290,7 @@ def motion(tmp_path):
 @pytest.mark.ros
 def test_a_drive_is_shown_and_its_log_lines_stay(motion):
     with at_terminal([*COMMAND, motion, '--sim'], 130, 30) as shown:
-        shown.look_for('step 2 of 3: wait 1 s')
+        shown.wait_for_text('step 2 of 3: wait 1 s')
         assert 'short on kachaka' in shown.screen.lines[-6]
         assert not shown.screen.lines[-1].endswith('nothing yet')
         assert shown.end(40.0) == 0
@@ -304,7 +305,7 @@ def test_a_drive_is_shown_and_its_log_lines_stay(motion):
 @pytest.mark.ros
 def test_ctrl_c_ends_the_drive_and_the_display(motion):
     with at_terminal([*COMMAND, motion, '--sim'], 130, 30) as shown:
-        shown.look_for('DRIVING')
+        shown.wait_for_text('DRIVING')
         shown.press(b'\x03')
         began = time.monotonic()
         assert shown.end() == 130
@@ -326,7 +327,7 @@ def test_what_is_no_terminal_gets_a_line_for_each_step(motion, tmp_path):
 @pytest.mark.ros
 def test_quiet_leaves_log_lines_and_the_result(motion):
     with at_terminal([*COMMAND, motion, '--sim', '--quiet'], 130, 30) as shown:
-        shown.look_for('Motion completed: short, 3 steps')
+        shown.wait_for_text('Motion completed: short, 3 steps')
         assert 'DRIVING' not in str(shown)
         assert not any(line.startswith('step ') for line in shown.screen.above)
         assert shown.end(40.0) == 0

@@ -19,12 +19,13 @@ from pathlib import Path
 import re
 
 from kachaka_simple_control.files.library import library
-from kachaka_simple_control.files.motion_file import KINDS, loads
-from kachaka_simple_control.files.quantities import LIMITS
+from kachaka_simple_control.files.motion_file import loads
 from kachaka_simple_control.files.robot_file import find_robot, robots
-from kachaka_simple_control.files.units import QUANTITIES
 from kachaka_simple_control.files.yaml_document import MAX_BYTES, MAX_VALUES
 from kachaka_simple_control.motion.geometry import advance, ORIGIN
+from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES
+from kachaka_simple_control.motion.step_base import KINDS
+from kachaka_simple_control.motion.units import QUANTITIES
 import pytest
 
 pytest.importorskip('yaml', reason='needs PyYAML')
@@ -70,7 +71,7 @@ def test_each_unit_is_in_the_table(page):
 
 
 def test_each_word_is_on_the_page(page):
-    for word in [*KINDS, *LIMITS, *library(), *robots()]:
+    for word in [*KINDS, *LIMIT_QUANTITIES, *library(), *robots()]:
         assert f'`{word}' in page, word
 
 

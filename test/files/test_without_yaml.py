@@ -45,6 +45,7 @@ from kachaka_simple_control import Limits, Motion, Move, plan
 from kachaka_simple_control.files.robot_profile import KACHAKA
 import kachaka_simple_control.files.motion_file, kachaka_simple_control.files.robot_file
 plan(Motion('one', (Move(0.1, 0.0, 1.0),)), KACHAKA.limits, 10.0)
+assert kachaka_simple_control.files.robot_file.find_robot('kachaka') is KACHAKA
 """, 'yaml', 'jsonschema')
 
 
@@ -52,7 +53,7 @@ plan(Motion('one', (Move(0.1, 0.0, 1.0),)), KACHAKA.limits, 10.0)
 @pytest.mark.parametrize('what', [
     "from kachaka_simple_control.files.library import find; find('square')",
     "from kachaka_simple_control.files.motion_file import loads; loads('steps: []')",
-    "from kachaka_simple_control.files.robot_file import find_robot; find_robot('kachaka')",
+    "from kachaka_simple_control.files.robot_file import find_robot; find_robot('generic')",
 ])
 def test_who_reads_a_file_is_told_what_to_install(what, blocked):
     if blocked != 'yaml':

@@ -25,8 +25,9 @@ from kachaka_simple_control.control import processes
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError
 from kachaka_simple_control.kachaka import bridge_process as module
 from kachaka_simple_control.kachaka.bridge_process import simulated_bridge
+from program import environment, is_running, ROOT
 import pytest
-from ros_support import environment, is_running, PATIENCE, ROOT, wait_until
+from ros_support import TIMEOUT, wait_until
 
 needs_ros = pytest.mark.ros
 #: Programs in place of the bridge, for what needs no ROS.
@@ -78,7 +79,7 @@ def test_process_that_ignores_sigterm_is_killed(stand_in, monkeypatch):
         assert wait_until(lambda: process._last_line == 'deaf')
         asked = time.monotonic()
     assert not is_running(process.pid)
-    assert time.monotonic() - asked < PATIENCE
+    assert time.monotonic() - asked < TIMEOUT
 
 
 def run_until_over(error=None, options=()):
@@ -147,7 +148,7 @@ def test_death_of_the_parent_ends_the_robot(folder):
         assert 'ready' in parent.stderr.readline()
         assert has_ros == 'False'
         parent.send_signal(signal.SIGKILL)
-        parent.wait(PATIENCE)
+        parent.wait(TIMEOUT)
         assert wait_until(lambda: not is_running(robot), 3.0)
         assert is_running(sleeper)
     finally:

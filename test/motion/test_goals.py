@@ -22,7 +22,7 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Turn
 import pytest
-from strategies import drawn, GOALS, LIMITS, RATES, UNHURRIED
+from strategies import GOALS, LIMITS, line_or_circle, RATES, UNHURRIED
 
 #: What rounding does to a position, in parts of the distance: a few of the last bits.
 NOISE = 64.0 * sys.float_info.epsilon
@@ -48,7 +48,7 @@ def differences(values):
 def test_no_limit_of_a_robot_is_broken_from_tick_to_tick(goal, limits, rate):
     """Linear and angular ones at once, with rest before and after; (12) in docs/theory.md."""
     tick, linear, angular = speeds(goal, limits, rate)
-    length, _, angle = drawn(goal)
+    length, _, angle = line_or_circle(goal)
     for values, distance, acceleration, deceleration, jerk in (
             (linear, length, limits.max_linear_acceleration, limits.linear_deceleration,
              limits.max_linear_jerk),

@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.motion.limits import Limits, OPTIONAL, UNITS
+from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits, OPTIONAL
 import pytest
 
 KACHAKA = Limits(0.3, 1.57)
@@ -73,12 +73,12 @@ def test_what_is_not_given_is_as_large_as_the_other():
     assert (other.linear_deceleration, other.angular_deceleration) == (0.8, math.inf)
 
 
-@pytest.mark.parametrize('name', UNITS)
+@pytest.mark.parametrize('name', LIMIT_QUANTITIES)
 @pytest.mark.parametrize('value', [0.0, -0.1, math.nan, -math.inf])
 def test_limits_no_robot_has_are_refused(name, value):
     with pytest.raises(InvalidMotionError) as caught:
         Limits(**{'max_linear_velocity': 0.3, 'max_angular_velocity': 1.0, name: value})
-    unit = UNITS[name]
+    unit = LIMIT_QUANTITIES[name].unit
     assert f'{name} is {value} {unit}; it must be above 0 {unit}' == str(caught.value)
 
 
@@ -89,7 +89,7 @@ def test_a_limit_is_a_number(value):
 
 
 def test_every_limit_has_a_unit():
-    assert [field.name for field in fields(Limits)] == list(UNITS)
+    assert [field.name for field in fields(Limits)] == list(LIMIT_QUANTITIES)
     assert {field.name for field in fields(Limits) if field.default is None} == set(OPTIONAL)
 
 

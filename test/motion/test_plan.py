@@ -26,6 +26,7 @@ from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repe
 import pytest
 from strategies import (
     closed_form,
+    expand,
     GOALS,
     KACHAKA,
     LIMITS,
@@ -33,7 +34,6 @@ from strategies import (
     motions,
     RATES,
     UNHURRIED,
-    written_out,
 )
 
 
@@ -70,7 +70,7 @@ def test_a_plan_ends_where_geometry_says(motion, limits, rate):
 @given(MOTIONS, LIMITS, RATES)
 def test_every_stage_ends_where_geometry_says(motion, limits, rate):
     planned = plan(motion, limits, rate)
-    leaves = written_out(motion.steps)
+    leaves = expand(motion.steps)
     assert [stage.step for stage in planned.steps] == leaves
     pose = Pose()
     for leaf, stage in zip(leaves, planned.steps):

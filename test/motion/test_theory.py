@@ -27,7 +27,7 @@ LABELS = (
     'none-reached', 'both-reached', 'one-reached', 'mean', 'means-keep', 'along', 'chord')
 #: Which file carries which of them out.
 CITED = {
-    'velocity_profile.py': {2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, 'planner.py': {13},
+    'velocity_profile.py': {2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, 'trajectory.py': {13},
     'geometry.py': {14}}
 
 

@@ -58,15 +58,15 @@ def test_what_was_told_is_what_both_readers_find(opened, told, flushes):
         drive = RecordedDrive(folder, opened)
         for number, event in enumerate(told):
             for _, until in (flush for flush in flushes if flush[0] == number):
-                drive.bag.flush(until)
-            drive.tell(event)
-        assert drive.bag.finish() is None
+                drive.recorder.flush(until)
+            drive.publish(event)
+        assert drive.recorder.finish() is None
         for read in (*READERS, lambda file: read_with_rosbags(file.parent)):
             found = read(drive.file)
             assert exactly(velocities(found, opened)) == exactly(drive.expected())
             poses = [one for one in found if one.topic == opened.odometry_topic]
             assert exactly(map(pose_row, poses)) == exactly(
-                expected_row(opened, one) for one in drive.record.odometry)
+                expected_row(opened, one) for one in drive.drive_log.odometry)
             assert [one.stamp for one in found] == sorted(one.stamp for one in found)
 
 
@@ -109,9 +109,9 @@ def test_the_definitions_are_those_of_ros(message_type):
 def test_the_path_leads_from_where_the_robot_is_to_where_the_plan_ends(read, tmp_path):
     drive = RecordedDrive(tmp_path)
     start = Pose(1.0, -2.0, math.pi / 2.0)
-    drive.tell(
+    drive.publish(
         OdometryReceived(9.9, start), VelocitySent(10.0, Velocity(0.1, 0.5)), MotionStarted(10.0))
-    assert drive.bag.finish() is None
+    assert drive.recorder.finish() is None
     (path,) = [one for one in read(drive.file) if one.topic == PATH]
     first, last = path.message.poses[0], path.message.poses[-1]
     assert (first.pose.position.x, first.pose.position.y) == (1.0, -2.0)
@@ -128,8 +128,8 @@ def test_the_folder_is_a_bag_with_all_that_rosbag2_asks_for(tmp_path):
     rosbag2 = pytest.importorskip('rosbags.rosbag2')
     drive = RecordedDrive(tmp_path, STAMPED)
     drive.send(10.0, 20)
-    drive.tell(MotionStarted(10.0), OdometryReceived(10.5, Pose()))
-    assert drive.bag.finish() is None
+    drive.publish(MotionStarted(10.0), OdometryReceived(10.5, Pose()))
+    assert drive.recorder.finish() is None
     (tmp_path / 'report.html').write_text('other files do no harm')
     with rosbag2.Reader(tmp_path) as reader, rosbag2.Reader(drive.file) as file:
         assert reader.message_count == file.message_count == 22
@@ -153,7 +153,7 @@ def test_the_file_says_what_it_is(tmp_path):
     make_reader = pytest.importorskip('mcap.reader').make_reader
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 3)
-    assert drive.bag.finish() is None
+    assert drive.recorder.finish() is None
     with drive.file.open('rb') as stream:
         reader = make_reader(stream)
         assert reader.get_header().profile == 'ros2'
@@ -172,9 +172,9 @@ def test_a_minute_at_50_hz_takes_little_room(tmp_path):
     drive = RecordedDrive(tmp_path)
     for second, tick in itertools.product(range(60), range(50)):
         time = 10.0 + second + tick / 50.0
-        drive.tell(VelocitySent(time, Velocity(0.1, 0.001 * tick)),
+        drive.publish(VelocitySent(time, Velocity(0.1, 0.001 * tick)),
             OdometryReceived(time, Pose(time, 0.0, 0.1)))
         if tick == 0:
-            drive.bag.flush(time)
-    assert drive.bag.finish() is None
+            drive.recorder.flush(time)
+    assert drive.recorder.finish() is None
     assert drive.file.stat().st_size < 60 * 10_000

@@ -17,18 +17,19 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.geometry import integrate, ORIGIN, Pose, Velocity, ZERO
+from kachaka_simple_control.motion.geometry import (
+    Displacement,
+    integrate,
+    ORIGIN,
+    Pose,
+    Velocity,
+    ZERO,
+)
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Turn, Wait
 from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.metrics import (
-    Displacement,
-    driven,
-    requested,
-    segment_odometry,
-    sent,
-)
+from kachaka_simple_control.report.metrics import driven, segment_odometry, sent
 from kachaka_simple_control.report.text_tables import drive_table
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
@@ -77,7 +78,7 @@ def test_each_movement_gets_what_it_moved():
     record = record_of(STEPS)
     cuts = segment_odometry(record.steps, record.odometry)
     for movement, begin, end in zip(record.steps, cuts, cuts[1:]):
-        seen, wanted = driven(record.odometry, begin, end), requested(movement.step)
+        seen, wanted = driven(record.odometry, begin, end), movement.step.displacement
         assert seen is not None
         # Where two movements meet without a rest, the cut is blurred by odometry's delay.
         assert seen.distance == pytest.approx(wanted.distance, abs=0.001)
@@ -111,7 +112,7 @@ def test_the_steps_of_one_run_share_its_messages():
     assert [movement.step for movement in record.steps] == steps
     assert len(record.motions[0].own_messages) == len(whole.segments) + 1
     for movement in record.steps:
-        told, wanted = sent(movement.sent), requested(movement.step)
+        told, wanted = sent(movement.sent), movement.step.displacement
         assert told.distance == pytest.approx(wanted.distance, abs=1e-9)
         assert told.angle == pytest.approx(wanted.angle, abs=1e-9)
 

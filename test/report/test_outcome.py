@@ -25,12 +25,12 @@ from outcome_logs import (
     killed,
     lesson,
     never_began,
-    NOBODY,
+    NO_ROBOT,
     stopped,
 )
 from plans import SQUARE
 import pytest
-from simulated_drive import Rehearsal
+from simulated_drive import SimulatedDrive
 
 SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
 
@@ -45,7 +45,7 @@ SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
     (ended_on_request, OutcomeKind.STOPPED, 'Stopped on request',
      'The movement was ended by stop_robot(). The motion ended in step 3 of 8, 5.03 s'),
     (killed, OutcomeKind.KILLED, 'Killed', 'The motion ended in step 3 of 8, 4.99 s'),
-    (never_began, OutcomeKind.NEVER_BEGAN, 'Never began', NOBODY[1:] + '.'),
+    (never_began, OutcomeKind.NEVER_BEGAN, 'Never began', NO_ROBOT[1:] + '.'),
     (DriveLog, OutcomeKind.KILLED, 'Killed', 'No motion had begun.'),
 ])
 def test_the_verdict_says_how_it_ended_and_why(drive, ending, headline, says):
@@ -64,18 +64,18 @@ def test_each_signal_is_named(signum, name):
 
 def test_a_fault_before_the_signal_is_told_too():
     """Standing by, a program goes on after a motion that came to nothing."""
-    rehearsal = Rehearsal(20.0)
-    rehearsal.drive(SQUARE, 6.4, HELD_UP)
-    rehearsal.drive(SECOND)
-    found = outcome(rehearsal.close(signal=2))
+    simulated = SimulatedDrive(20.0)
+    simulated.drive(SQUARE, 6.4, HELD_UP)
+    simulated.drive(SECOND)
+    found = outcome(simulated.close(signal=2))
     assert found.kind is OutcomeKind.STOPPED
     assert HELD_UP[1:] in found.reason
     assert 'of 2 motions 1 were driven to their end' in found.reason
 
 
 def test_an_error_after_the_last_motion_is_a_fault():
-    rehearsal = Rehearsal()
-    rehearsal.drive(SECOND)
-    found = outcome(rehearsal.close(error='the disk is full'))
+    simulated = SimulatedDrive()
+    simulated.drive(SECOND)
+    found = outcome(simulated.close(error='the disk is full'))
     assert found.kind is OutcomeKind.FAULTED
     assert found.reason == 'The disk is full. Its motion was driven to its end, 1 step.'

@@ -21,7 +21,7 @@ from kachaka_simple_control.control.plan_runner import TickScheduler
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
-from kachaka_simple_control.report.plan_view import describe_step, PlanView
+from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.text_tables import plan_table
 from plans import ABRUPT, EIGHT, EMPTY, GENTLE, HOUR, LESSON, preview, SPIN, SQUARE, SQUARE_CW
 import pytest
@@ -153,7 +153,7 @@ def test_robots_and_rates_that_differ_have_a_column():
     (Repeat(4, [Wait(1.0)]), 'repeat 4 times'),
 ])
 def test_steps_in_words(step, words):
-    assert describe_step(step) == words
+    assert step.describe() == words
 
 
 @pytest.mark.parametrize('name', [

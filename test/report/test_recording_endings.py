@@ -38,7 +38,7 @@ def test_the_file_is_whole_after_each_flush(read, tmp_path):
     for first in range(10, 15):
         drive.send(float(first), 10)
         until = first + 0.85
-        drive.bag.flush(until)
+        drive.recorder.flush(until)
         assert velocities(read(drive.file), TWIST) == drive.expected(until)
 
 
@@ -46,9 +46,9 @@ def test_what_was_told_late_comes_in_its_place(tmp_path):
     """Threads tell what happens, and one may be overtaken by another."""
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 5)
-    drive.bag.flush(10.25)
-    drive.tell(OdometryReceived(10.26, Pose()))
-    drive.bag.flush(11.0)
+    drive.recorder.flush(10.25)
+    drive.publish(OdometryReceived(10.26, Pose()))
+    drive.recorder.flush(11.0)
     for read in READERS:
         stamps = [one.stamp for one in read(drive.file)]
         assert len(stamps) == 6
@@ -62,7 +62,7 @@ def test_a_file_cut_off_in_a_part_is_readable_up_to_that_part(tmp_path):
     sizes = []
     for first in range(10, 13):
         drive.send(float(first), 10)
-        drive.bag.flush(first + 1.0)
+        drive.recorder.flush(first + 1.0)
         sizes.append(drive.file.stat().st_size)
     data = drive.file.read_bytes()
     for size in range(sizes[0], sizes[2], 7):
@@ -93,10 +93,10 @@ def test_a_full_disk_ends_the_recording_and_leaves_what_was_there(limit, monkeyp
     stored = 0
     for first in range(10, 30):
         drive.send(float(first), 10, velocity=first / 1000.0)
-        drive.tell(OdometryReceived(first + 0.5, Pose(first / 7.0, first / 3.0)))
-        drive.bag.flush(first + 1.0)
-        stored += 0 if drive.bag.failure else 11
-    assert drive.bag.finish() == 'run.mcap ends early: No space left on device'
+        drive.publish(OdometryReceived(first + 0.5, Pose(first / 7.0, first / 3.0)))
+        drive.recorder.flush(first + 1.0)
+        stored += 0 if drive.recorder.failure else 11
+    assert drive.recorder.finish() == 'run.mcap ends early: No space left on device'
     assert drive.file.stat().st_size <= limit
     for read in READERS:
         assert len(read(drive.file)) == stored
@@ -112,17 +112,17 @@ def test_a_disk_without_any_room_leaves_no_file(monkeypatch, tmp_path):
     full_from(10, monkeypatch)
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 3)
-    drive.bag.flush(20.0)
-    assert drive.bag.finish() == 'run.mcap is left out: No space left on device'
+    drive.recorder.flush(20.0)
+    assert drive.recorder.finish() == 'run.mcap is left out: No space left on device'
     assert not drive.file.exists()
 
 
 def test_a_full_disk_at_the_very_end_costs_the_index_alone(monkeypatch, tmp_path):
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 10)
-    drive.bag.flush(20.0)
+    drive.recorder.flush(20.0)
     full_from(drive.file.stat().st_size, monkeypatch)
-    assert drive.bag.finish() == 'run.mcap ends early: No space left on device'
+    assert drive.recorder.finish() == 'run.mcap ends early: No space left on device'
     for read in READERS:
         assert velocities(read(drive.file), TWIST) == drive.expected()
 
@@ -135,7 +135,7 @@ def test_a_full_disk_after_the_recording_leaves_no_half_of_a_description(monkeyp
     monkeypatch.setattr(Path, 'write_text', write_text)
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 10)
-    assert drive.bag.finish() == 'metadata.yaml is left out: No space left on device'
+    assert drive.recorder.finish() == 'metadata.yaml is left out: No space left on device'
     assert list(tmp_path.iterdir()) == [drive.file]
     for read in READERS:
         assert velocities(read(drive.file), TWIST) == drive.expected()
@@ -144,12 +144,12 @@ def test_a_full_disk_after_the_recording_leaves_no_half_of_a_description(monkeyp
 def test_a_failure_of_another_kind_ends_the_recording_too(monkeypatch, tmp_path):
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 10)
-    drive.bag.flush(20.0)
+    drive.recorder.flush(20.0)
     monkeypatch.setattr(CrashSafeFile, 'flush', lambda self: 1 // 0)
     drive.send(12.0, 10)
-    drive.bag.flush(20.0)
-    assert drive.bag.failure.startswith('run.mcap ends early: ZeroDivisionError')
-    assert drive.bag.finish() == drive.bag.failure
+    drive.recorder.flush(20.0)
+    assert drive.recorder.failure.startswith('run.mcap ends early: ZeroDivisionError')
+    assert drive.recorder.finish() == drive.recorder.failure
     assert len(read_with_mcap(drive.file)) == 10
 
 
@@ -157,8 +157,8 @@ def test_without_the_library_the_recording_is_left_out_in_a_sentence(monkeypatch
     monkeypatch.setattr(mcap_recorder.importlib.util, 'find_spec', lambda name: None)
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 3)
-    drive.bag.flush(20.0)
-    assert drive.bag.finish() == (
+    drive.recorder.flush(20.0)
+    assert drive.recorder.finish() == (
         "run.mcap is left out: it needs mcap 1.5 or newer: pip install 'mcap>=1.5'")
     assert list(tmp_path.iterdir()) == []
 
@@ -167,6 +167,6 @@ def test_an_old_library_is_told_from_a_new_one(monkeypatch, tmp_path):
     from mcap.writer import Writer
     monkeypatch.delattr(Writer, 'flush')
     drive = RecordedDrive(tmp_path)
-    assert drive.bag.finish() == (
+    assert drive.recorder.finish() == (
         "run.mcap is left out: it needs mcap 1.5 or newer: pip install 'mcap>=1.5'")
     assert list(tmp_path.iterdir()) == []

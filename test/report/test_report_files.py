@@ -42,7 +42,7 @@ from kachaka_simple_control.telemetry.events import (
 from outcome_logs import done, faulted, hour, killed, lesson, never_began, stopped
 from plans import EMPTY, LESSON
 import pytest
-from simulated_drive import EPOCH, Rehearsal
+from simulated_drive import EPOCH, SimulatedDrive
 from strategies import UNHURRIED
 
 LIMITS = Limits(1.0, 2.0)
@@ -175,13 +175,14 @@ def test_why_there_is_no_recording_is_told():
 
 
 def test_what_comes_from_outside_is_escaped(tmp_path):
-    rehearsal = Rehearsal(title=EVIL)
-    rehearsal.tell(replace(
-        rehearsal.record.session_started, robot=EVIL, settings={EVIL: EVIL}, versions={EVIL: EVIL},
+    simulated = SimulatedDrive(title=EVIL)
+    simulated.publish(replace(
+        simulated.drive_log.session_started, robot=EVIL, settings={EVIL: EVIL},
+        versions={EVIL: EVIL},
         velocity_topic=EVIL, odometry_topic=EVIL))
-    rehearsal.drive(replace(SECOND, name=EVIL))
-    rehearsal.drive(replace(SECOND, name='other'), 0.5, EVIL)
-    write_report(rehearsal.close(error=EVIL), tmp_path, EVIL)
+    simulated.drive(replace(SECOND, name=EVIL))
+    simulated.drive(replace(SECOND, name='other'), 0.5, EVIL)
+    write_report(simulated.close(error=EVIL), tmp_path, EVIL)
     text = (tmp_path / 'report.html').read_text()
     assert '<script' not in text
     assert text.count('&lt;script&gt;') >= 10
@@ -200,17 +201,17 @@ def test_headings_tell_where_it_looks_and_not_how_often_it_turned():
     assert headings(done()) == [0.0, pytest.approx(0.0, abs=0.1), pytest.approx(4.3, abs=0.1)]
     assert headings(stopped()) == [0.0, pytest.approx(90.0, abs=0.1), pytest.approx(91.1, abs=0.1)]
     half = Motion('half', [Turn(3.14)])
-    rehearsal = Rehearsal(20.0)
-    rehearsal.drive(half)
-    planned, _, odometry = headings(rehearsal.close())
+    simulated = SimulatedDrive(20.0)
+    simulated.drive(half)
+    planned, _, odometry = headings(simulated.close())
     assert planned == pytest.approx(179.9, abs=0.1)
     assert odometry == pytest.approx(182.1, abs=0.2)
 
 
 def test_of_very_many_steps_the_first_and_the_last_are_shown(tmp_path):
-    rehearsal = Rehearsal(10.0, odometry_period=0.2)
-    rehearsal.drive(Motion('many', [Move(0.1, 0.0, 0.1), Turn(0.0)] * 200))
-    record = rehearsal.close()
+    simulated = SimulatedDrive(10.0, odometry_period=0.2)
+    simulated.drive(Motion('many', [Move(0.1, 0.0, 0.1), Turn(0.0)] * 200))
+    record = simulated.close()
     text = render_page(Summary(record), {}, None, None)
     assert '<td class="n">150</td>' in text
     assert '<td class="n">151</td>' not in text

@@ -33,7 +33,7 @@ from kachaka_simple_control.telemetry.events import VelocitySent
 from outcome_logs import done, HELD_UP, lesson
 from plans import SQUARE
 import pytest
-from simulated_drive import Rehearsal
+from simulated_drive import SimulatedDrive
 
 SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
 
@@ -63,10 +63,10 @@ def test_odometry_is_laid_onto_the_start_wherever_its_frame_is():
 
 
 def test_after_a_motion_cut_short_the_next_plan_begins_where_the_messages_led():
-    rehearsal = Rehearsal(20.0)
-    rehearsal.drive(SQUARE, 2.6, HELD_UP)
-    rehearsal.drive(SECOND)
-    first, second = Summary(rehearsal.close()).path.motion_starts
+    simulated = SimulatedDrive(20.0)
+    simulated.drive(SQUARE, 2.6, HELD_UP)
+    simulated.drive(SECOND)
+    first, second = Summary(simulated.close()).path.motion_starts
     assert first.pose == ORIGIN
     assert second.pose.x == pytest.approx(0.5, abs=0.001)
     assert second.pose.y == pytest.approx(0.0, abs=0.001)

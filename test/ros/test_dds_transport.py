@@ -212,7 +212,7 @@ def test_a_robot_with_the_range_localhost_is_met_among_many_nodes():
 def cable():
     """Yield a cable to another machine, which listens where all announcements are made."""
     needs_fast_dds()
-    if (reason := network.why_not()) is not None:
+    if (reason := network.unavailable_reason()) is not None:
         pytest.skip(reason)
     listen = (
         'import socket, sys; group, own = map(socket.inet_aton, sys.argv[1:]); '

@@ -29,7 +29,7 @@ rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
 pytest.importorskip('nav_msgs', reason='needs nav_msgs')
 pytest.importorskip('diagnostic_msgs', reason='needs diagnostic_msgs')
 
-from topic_observer import figures, ODOMETRY, places, SHOWN, VELOCITY  # noqa: E402, I100
+from topic_observer import figures, ODOMETRY, positions, SHOWN, VELOCITY  # noqa: E402, I100
 
 
 def drive(node, *arguments):
@@ -39,39 +39,40 @@ def drive(node, *arguments):
     return thread
 
 
-def test_the_plan_is_shown_before_the_robot_moves_from_where_it_is(listener, watcher, make):
-    watcher.tell_odometry(ODOMETRY, 1.0, 2.0, math.sin(math.pi / 4), math.cos(math.pi / 4), 'lab')
+def test_the_plan_is_shown_before_the_robot_moves_from_where_it_is(listener, observer, make):
+    observer.publish_odometry(
+        ODOMETRY, 1.0, 2.0, math.sin(math.pi / 4), math.cos(math.pi / 4), 'lab')
     node = make()
-    planned = watcher.planned()
+    planned = observer.planned()
     thread = threading.Thread(target=node.run, args=[Motion('bow', [Arc(0.2, math.pi / 2)])])
     thread.start()
     assert wait_until(lambda: planned and planned[-1].header.frame_id == 'lab')
     assert not listener.moves()
     thread.join()
     # To the left, for the robot looks along y: from (1, 2) by (-0.2, 0.2).
-    assert places(planned[-1])[0] == pytest.approx((1.0, 2.0))
-    assert places(planned[-1])[-1] == pytest.approx((0.8, 2.2))
+    assert positions(planned[-1])[0] == pytest.approx((1.0, 2.0))
+    assert positions(planned[-1])[-1] == pytest.approx((0.8, 2.2))
     assert len(planned[-1].poses) > 20
     assert {pose.header.frame_id for pose in planned[-1].poses} == {'lab'}
     # Who comes later sees it, too.
-    late = watcher.planned()
+    late = observer.planned()
     assert wait_until(lambda: late)
-    assert places(late[-1]) == places(planned[-1])
+    assert positions(late[-1]) == positions(planned[-1])
 
 
 def test_without_odometry_the_path_is_planned_from_the_origin(
-        listener, watcher, make):
+        listener, observer, make):
     node = make()
-    planned = watcher.planned()
+    planned = observer.planned()
     node.run(Motion('on', [Forward(0.05)]))
     assert wait_until(lambda: planned)
     assert planned[-1].header.frame_id == 'odom'
-    assert places(planned[-1]) == [pytest.approx((0.0, 0.0)), pytest.approx((0.05, 0.0))]
+    assert positions(planned[-1]) == [pytest.approx((0.0, 0.0)), pytest.approx((0.05, 0.0))]
 
 
-def test_each_velocity_is_shown_with_its_time(listener, watcher, make):
+def test_each_velocity_is_shown_with_its_time(listener, observer, make):
     node = make(rate=20.0)
-    seen = watcher.velocities()
+    seen = observer.velocities()
     assert wait_until(lambda: node.count_subscribers(node.get_name() + '/commanded_velocity'))
     node.move_robot(0.1, -0.2, 0.5)
     assert wait_until(lambda: seen and seen[-1].twist.linear.x == 0.0)
@@ -85,17 +86,17 @@ def test_each_velocity_is_shown_with_its_time(listener, watcher, make):
     assert stamps == pytest.approx(sent, abs=0.05)
 
 
-def test_the_driven_path_follows_odometry(listener, watcher, make):
-    pose = watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
+def test_the_driven_path_follows_odometry(listener, observer, make):
+    pose = observer.publish_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make()
-    seen = watcher.driven()
+    seen = observer.driven()
     thread = drive(node, 0.1, 0.0, 1.0)
     assert wait_until(lambda: seen)
     for number in range(1, 11):
         pose.position.x = 0.1 * number
         time.sleep(0.1)
-    assert wait_until(lambda: places(seen[-1])[-1][0] == pytest.approx(1.0))
-    assert places(seen[-1])[0] == (0.0, 0.0)
+    assert wait_until(lambda: positions(seen[-1])[-1][0] == pytest.approx(1.0))
+    assert positions(seen[-1])[0] == (0.0, 0.0)
     assert 8 <= len(seen[-1].poses) <= 11
     assert all(pose.header.stamp.sec > 1e9 for pose in seen[-1].poses)
     count, since = len(seen), time.monotonic()
@@ -104,9 +105,9 @@ def test_the_driven_path_follows_odometry(listener, watcher, make):
     thread.join()
 
 
-def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, watcher, make):
+def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, observer, make):
     node = make(use_sim_time=True)
-    seen = watcher.diagnoses()
+    seen = observer.diagnostics()
     thread = drive(node, 0.1, 0.0, 2.5)
     assert wait_until(lambda: any(figures(one)['state'] == 'driving' for one in seen))
     driving = next(one for one in seen if figures(one)['state'] == 'driving')
@@ -128,9 +129,9 @@ def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, 
     assert [move.count for move in listener.moves()] == [25]
 
 
-def test_a_diagnosis_tells_of_the_end_of_a_motion(listener, watcher, make):
+def test_a_diagnosis_tells_of_the_end_of_a_motion(listener, observer, make):
     node = make()
-    seen = watcher.diagnoses()
+    seen = observer.diagnostics()
     stop_soon(node, listener)
     with pytest.raises(MotionRefusedError):
         node.move_robot(0.1, 0.0, 10.0)
@@ -151,7 +152,7 @@ def stop_soon(node, listener):
     threading.Thread(target=stop).start()
 
 
-def test_a_topic_that_fails_is_logged_once_and_ends_nothing(listener, watcher, make, monkeypatch):
+def test_a_topic_that_fails_is_logged_once_and_ends_nothing(listener, observer, make, monkeypatch):
     from kachaka_simple_control.ros import debug_topics, path_topics, session_status
 
     def fail(*what):
@@ -160,12 +161,12 @@ def test_a_topic_that_fails_is_logged_once_and_ends_nothing(listener, watcher, m
     monkeypatch.setattr(debug_topics.CommandedVelocityPublisher, 'on_sent', fail)
     monkeypatch.setattr(path_topics.PathSerializer, 'pose', fail)
     monkeypatch.setattr(session_status.StatusReader, 'read', fail)
-    watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
+    observer.publish_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make()
     warnings = []
     monkeypatch.setattr(
         node.get_logger().__class__, 'warning', lambda self, text: warnings.append(text))
-    watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()
+    observer.diagnostics(), observer.driven(), observer.planned(), observer.velocities()
     node.move_robot(0.1, 0.0, 1.5)
     assert [move.count for move in listener.moves()] == [15]
     shown = [text for text in warnings if 'cannot show' in text]
@@ -175,14 +176,14 @@ def test_a_topic_that_fails_is_logged_once_and_ends_nothing(listener, watcher, m
 
 
 def test_slow_dds_of_debug_topics_delays_no_velocity(
-        listener, watcher, make, monkeypatch):
+        listener, observer, make, monkeypatch):
     """As it was seen to, for a third of a second, while somebody joins the graph."""
-    watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
+    observer.publish_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make(rate=20.0)
     thread, sent = node._introspection._thread, []
     monkeypatch.setattr(
         thread, '_publish', lambda *what: sent.append(what) or time.sleep(0.4))
-    watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()
+    observer.diagnostics(), observer.driven(), observer.planned(), observer.velocities()
     node.move_robot(0.1, 0.0, 2.0)
     assert sent
     (move,) = listener.moves()
@@ -210,10 +211,10 @@ def test_messages_beyond_the_queue_are_dropped(make):
     assert len(made) <= 220
 
 
-def test_nothing_is_published_after_the_session_was_closed(listener, watcher, make):
-    watcher.tell_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
+def test_nothing_is_published_after_the_session_was_closed(listener, observer, make):
+    observer.publish_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make()
-    seen = [watcher.diagnoses(), watcher.driven(), watcher.planned(), watcher.velocities()]
+    seen = [observer.diagnostics(), observer.driven(), observer.planned(), observer.velocities()]
     node.move_robot(0.1, 0.0, 1.2)
     assert wait_until(lambda: all(seen))
     node.session.close()

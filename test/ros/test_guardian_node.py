@@ -41,32 +41,32 @@ def enter(greeted):
     return lambda: GuardianNode(TOPIC, 'Twist', 'base_link', domain, greeted.append)
 
 
-def publishers(watcher):
+def publishers(observer):
     """Return how many publishers of velocities there are, once that is known."""
     time.sleep(0.5)
-    return watcher.node.count_publishers(TOPIC)
+    return observer.node.count_publishers(TOPIC)
 
 
-def test_who_is_answered_stays(listener, watcher, enter, greeted):
+def test_who_is_answered_stays(listener, observer, enter, greeted):
     presence = create_matched_node(enter, lambda: False)
     try:
         assert presence.is_matched
-        assert publishers(watcher) == 1
+        assert publishers(observer) == 1
     finally:
         presence.end()
     assert len(greeted) <= 2
 
 
-def test_who_is_not_answered_greets_anew(watcher, enter, greeted):
+def test_who_is_not_answered_greets_anew(observer, enter, greeted):
     began = time.monotonic()
     presence = create_matched_node(enter, lambda: False)
     try:
         assert time.monotonic() - began > 2.0
         assert len(set(greeted)) == len(greeted) == 4
-        assert publishers(watcher) == 1
+        assert publishers(observer) == 1
     finally:
         presence.end()
-    assert publishers(watcher) == 0
+    assert publishers(observer) == 0
 
 
 def test_who_has_something_to_do_stays(enter, greeted):

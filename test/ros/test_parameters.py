@@ -42,20 +42,20 @@ def test_nothing_shown_may_be_remapped_to_where_it_would_move_the_robot(make, to
         make('-r', f'{topic}:={target}')
 
 
-def test_the_quality_of_service_can_be_changed(make, watcher):
+def test_the_quality_of_service_can_be_changed(make, observer):
     name = '/kachaka_simple_control/commanded_velocity'
     make(**{f'qos_overrides.{name}.publisher.reliability': 'reliable'})
     # A node of the test before may be seen a little longer.
     assert wait_until(lambda: [
-        info.qos_profile.reliability for info in watcher.node.get_publishers_info_by_topic(name)
+        info.qos_profile.reliability for info in observer.node.get_publishers_info_by_topic(name)
     ] == [ReliabilityPolicy.RELIABLE])
 
 
-def test_odometry_may_be_subscribed_to_reliably(make, watcher):
+def test_odometry_may_be_subscribed_to_reliably(make, observer):
     make(**{f'qos_overrides.{ODOMETRY}.subscription.reliability': 'reliable'})
     assert wait_until(lambda: [
         info.qos_profile.reliability
-        for info in watcher.node.get_subscriptions_info_by_topic(ODOMETRY)
+        for info in observer.node.get_subscriptions_info_by_topic(ODOMETRY)
     ] == [ReliabilityPolicy.RELIABLE])
 
 
@@ -76,7 +76,7 @@ def test_the_velocities_keep_their_quality_of_service(make):
     assert node.publisher.qos_profile.depth == 10
 
 
-def test_parameters_cannot_be_changed_while_driving(listener, watcher, make):
+def test_parameters_cannot_be_changed_while_driving(listener, observer, make):
     node = make(rate=20.0)
     thread = threading.Thread(target=node.move_robot, args=(0.1, 0.0, 2.0))
     thread.start()
@@ -84,7 +84,7 @@ def test_parameters_cannot_be_changed_while_driving(listener, watcher, make):
     for name, value in (('rate', ParameterValue(type=3, double_value=5.0)),
                         ('guardian', ParameterValue(type=1, bool_value=False)),
                         ('robot_namespace', ParameterValue(type=4, string_value='/other'))):
-        answer = watcher.call(
+        answer = observer.call(
             SetParameters, '/kachaka_simple_control/set_parameters',
             SetParameters.Request(parameters=[ParameterMessage(name=name, value=value)]))
         (result,) = answer.results
@@ -95,7 +95,7 @@ def test_parameters_cannot_be_changed_while_driving(listener, watcher, make):
     assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 40)]
 
 
-def test_parameters_are_described_with_their_ranges(watcher, make):
+def test_parameters_are_described_with_their_ranges(observer, make):
     from kachaka_simple_control.ros.parameters import NodeParameters
     node = make()
     executor = rclpy.executors.SingleThreadedExecutor()
@@ -103,7 +103,7 @@ def test_parameters_are_described_with_their_ranges(watcher, make):
     thread = threading.Thread(target=executor.spin, daemon=True)
     thread.start()
     names = [parameter.name for parameter in fields(NodeParameters)]
-    answer = watcher.call(
+    answer = observer.call(
         DescribeParameters, '/kachaka_simple_control/describe_parameters',
         DescribeParameters.Request(names=names))
     executor.shutdown()
@@ -117,22 +117,22 @@ def test_parameters_are_described_with_their_ranges(watcher, make):
         assert ranges == ([pytest.approx(expected)] if expected else [])
 
 
-def test_a_name_that_cannot_be_is_an_error_and_no_node(make, watcher):
+def test_a_name_that_cannot_be_is_an_error_and_no_node(make, observer):
     for arguments in (('-r', '__ns:=/' + 'a' * 230), ('-r', '__node:=' + 'a' * 300),
                       ('-r', f'/rosout:={VELOCITY}')):
         with pytest.raises(UsageError, match='^[^\n]{1,300}$'):
             make(*arguments)
-    assert watcher.node.count_publishers(VELOCITY) == 0
-    assert wait_until(lambda: watcher.node.get_node_names() == ['watcher'])
+    assert observer.node.count_publishers(VELOCITY) == 0
+    assert wait_until(lambda: observer.node.get_node_names() == ['observer'])
 
 
 @pytest.mark.parametrize('clients', [1, 6])
-def test_every_call_of_a_storm_is_answered(make, watcher, clients):
+def test_every_call_of_a_storm_is_answered(make, observer, clients):
     """The default queue keeps ten requests: most of these were never answered."""
     node = make()
     executor = rclpy.executors.SingleThreadedExecutor()
     executor.add_node(node)
-    each = [watcher.node.create_client(
+    each = [observer.node.create_client(
         Trigger, '/kachaka_simple_control/stop', qos_profile=QoSProfile(depth=600))
         for _ in range(clients)]
     for client in each:
@@ -148,9 +148,9 @@ def test_every_call_of_a_storm_is_answered(make, watcher, clients):
         thread.join()
 
 
-def test_a_node_that_was_refused_leaves_nothing_behind(make, watcher):
+def test_a_node_that_was_refused_leaves_nothing_behind(make, observer):
     """Its publisher would be taken for that of another program."""
     for _ in range(3):
         with pytest.raises(UsageError):
             make('-r', f'{SHOWN[0]}:={VELOCITY}')
-    assert wait_until(lambda: watcher.node.count_publishers(VELOCITY) == 0)
+    assert wait_until(lambda: observer.node.count_publishers(VELOCITY) == 0)

@@ -26,9 +26,9 @@ pytest.importorskip('nav_msgs', reason='needs nav_msgs')
 pytest.importorskip('diagnostic_msgs', reason='needs diagnostic_msgs')
 
 from program import program  # noqa: E402, I100
-from topic_observer import places, Watcher  # noqa: E402, I100
+from topic_observer import positions, TopicObserver  # noqa: E402, I100
 
-#: With time before and after, for discovery may find the watcher late.
+#: With time before and after, for discovery may find the observer late.
 MOTION = """
 name: {name}
 steps:
@@ -54,19 +54,19 @@ def driven(robot, namespace, name, distance, folder):
 
 
 def test_two_nodes_drive_two_robots_at_once(tmp_path):
-    with Watcher() as watcher, contextlib.ExitStack() as stack:
+    with TopicObserver() as observer, contextlib.ExitStack() as stack:
         names = [f'{namespace.rstrip("/")}/{name}' for _, namespace, name, _ in PAIRS]
-        planned = [watcher.planned(node, matched=False) for node in names]
-        driven_paths = [watcher.driven(node, matched=False) for node in names]
-        sent = [watcher.velocities(node, matched=False) for node in names]
-        diagnoses = watcher.diagnoses(matched=False)
+        planned = [observer.planned(node, matched=False) for node in names]
+        driven_paths = [observer.driven(node, matched=False) for node in names]
+        sent = [observer.velocities(node, matched=False) for node in names]
+        diagnoses = observer.diagnostics(matched=False)
         programs = [stack.enter_context(driven(*pair, tmp_path)) for pair in PAIRS]
         assert [one.end() for one in programs] == [0, 0], [one.text for one in programs]
         for pair, plans, paths, velocities in zip(PAIRS, planned, driven_paths, sent):
             distance = pair[-1]
-            assert places(plans[-1])[-1] == pytest.approx((distance, 0.0))
+            assert positions(plans[-1])[-1] == pytest.approx((distance, 0.0))
             # The last of it may not have been published any more.
-            assert 0.0 <= places(paths[-1])[-1][0] / distance <= 1.05
+            assert 0.0 <= positions(paths[-1])[-1][0] / distance <= 1.05
             assert {v.twist.linear.x * distance >= 0.0 for v in velocities} == {True}
             assert any(v.twist.linear.x for v in velocities)
         statuses = {(one.status[0].name, one.status[0].hardware_id) for one in diagnoses}

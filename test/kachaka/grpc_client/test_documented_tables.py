@@ -67,7 +67,7 @@ def test_latencies_are_within_the_bar():
     for told, rate in zip(shown[begin:], bridge_latency.RATES):
         cells = [cell.strip() for cell in told.split('|')]
         assert cells[1] == f'{rate} Hz'
-        assert float(cells[4]) <= bridge_latency.BAR
+        assert float(cells[4]) <= bridge_latency.MAX_RATIO
 
 
 def entries(delay):

@@ -23,8 +23,9 @@ import subprocess
 import sys
 import time
 
+from program import environment
 import pytest
-from ros_support import BridgeProcess, environment, Probe, wait_until
+from ros_support import BridgeProcess, Probe, wait_until
 
 pytestmark = pytest.mark.ros
 pytest.importorskip('rclpy')

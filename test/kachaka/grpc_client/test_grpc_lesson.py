@@ -22,9 +22,9 @@ import subprocess
 import sys
 import time
 
-from program import COMMAND, program
+from program import COMMAND, environment, program
 import pytest
-from ros_support import environment, wait_until
+from ros_support import wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 pytest.importorskip('rclpy')

@@ -11,15 +11,17 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Quantities as people write them, ``0.5 m`` or ``90 deg``, and as the program reckons."""
+"""Physical quantities: their SI units, how they are written, and which numbers they may be."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
 import math
+from numbers import Real
 import re
 
+from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.escaping import quoted
 
 #: A number without its sign.  A text matches in one way only, or a long one would take hours.
@@ -29,7 +31,7 @@ _CLOCK = re.compile('[0-9]*:[0-9]+')
 
 
 class UnitError(ValueError):
-    """A text is no quantity of the kind asked for; the text says why, and what is."""
+    """A text is not a quantity of the kind asked for; the message says why, and what is."""
 
 
 class SignRule(Enum):
@@ -45,12 +47,12 @@ class Quantity:
     """
     A kind of quantity, and the units it may be written in.
 
-    :param name: what people call it, with its article
+    :param name: its name, with an article
     :param units: each unit, as a fraction of the SI unit: a numerator and a denominator, because
         57 / 100 is 0.57 and 57 * 0.01 is not; the first is the SI unit itself
     :param example: one, written out
     :param sign: whether it may be negative, may be zero but not negative, or neither
-    :param largest: the largest there may be, in the SI unit
+    :param largest: the largest value allowed in a text [SI unit]
     """
 
     name: str
@@ -65,18 +67,29 @@ class Quantity:
         return next(iter(self.units))
 
     @property
+    def keyword(self) -> str:
+        """Return the name without its article, as the schemas have it."""
+        return self.name.split(' ', 1)[1]
+
+    @property
     def pattern(self) -> str:
         """Return the regular expression, for Python and ECMA alike, of a text that is one."""
         units = '|'.join(unit.replace('^', r'\^') for unit in self.units)
         return f'^[{"-" if self.sign is SignRule.ANY else ""}+]?{DIGITS} *({units})?$'
 
+    @property
+    def wanted(self) -> str:
+        """Return what to write for one, for error messages."""
+        *others, last = self.units
+        units = f'{", ".join(others)} or {last}' if others else last
+        return f'{self.name}, as in {self.example} (in {units})'
+
     def parse(self, text: str) -> float:
         """
-        Return what a text says.
+        Return the value of a text, in the SI unit.
 
         :param text: a number and a unit; a number alone is in the SI unit
-        :returns: the quantity in the SI unit
-        :raises UnitError: if the text is none
+        :raises UnitError: if the text is not such a quantity
         """
         match = _PARTS.fullmatch(text)
         if match is None:
@@ -89,6 +102,21 @@ class Quantity:
         self._check(value, text)
         return value
 
+    def require(self, name: str, value: object) -> None:
+        """
+        Refuse a value that is not a finite number of the sign allowed.
+
+        :param name: the name of the value, for the message
+        :param value: the value [SI unit]
+        :raises InvalidMotionError: if it is refused
+        """
+        number = require_finite(name, value, self.unit)
+        if self.sign is SignRule.NOT_NEGATIVE and number < 0.0:
+            raise InvalidMotionError(
+                f'{name} is {value} {self.unit}; it must be 0 {self.unit} or longer')
+        if self.sign is SignRule.POSITIVE:
+            require_positive(name, value, self.unit)
+
     def _check(self, value: float, text: str) -> None:
         if not math.isfinite(value):
             raise UnitError(f'{quoted(text)} is too large a number')
@@ -98,13 +126,6 @@ class Quantity:
             raise UnitError(f'{quoted(text)}; it must be above 0 {self.unit}')
         if value > self.largest:
             raise UnitError(f'{quoted(text)}; it must be at most {self.largest:g} {self.unit}')
-
-    @property
-    def wanted(self) -> str:
-        """Return what to write for one."""
-        *others, last = self.units
-        units = f'{", ".join(others)} or {last}' if others else last
-        return f'{self.name}, as in {self.example} (in {units})'
 
     def _hint(self, text: str) -> str:
         is_clock = self.units is _SECOND and _CLOCK.search(text)
@@ -135,8 +156,60 @@ LINEAR_JERK = Quantity('a linear jerk', _per(_METRE, 's^3'), '2 m/s^3')
 ANGULAR_JERK = Quantity('an angular jerk', _per(_RADIAN, 's^3'), '360 deg/s^3')
 
 #: By the words that stand for them in the schemas.
-QUANTITIES = {quantity.name.split(' ', 1)[1]: quantity for quantity in (
+QUANTITIES = {quantity.keyword: quantity for quantity in (
     LENGTH, SIZE, ANGLE, TIME, COMMAND_TIMEOUT, FREQUENCY, LINEAR_VELOCITY, ANGULAR_VELOCITY,
-    POSITIVE_LINEAR_VELOCITY,
-    POSITIVE_ANGULAR_VELOCITY, LINEAR_ACCELERATION, ANGULAR_ACCELERATION, LINEAR_JERK,
-    ANGULAR_JERK)}
+    POSITIVE_LINEAR_VELOCITY, POSITIVE_ANGULAR_VELOCITY, LINEAR_ACCELERATION,
+    ANGULAR_ACCELERATION, LINEAR_JERK, ANGULAR_JERK)}
+
+
+def require_number(name: str, value: object, unit: str) -> float:
+    """
+    Return a value as a float; an integer too large for one becomes infinite.
+
+    :param name: the name of the value, for the message
+    :param unit: its unit, for the message
+    :raises InvalidMotionError: if it is not a number
+    """
+    # bool is a Real in Python, and move_robot(True, ...) is a mistake.
+    if isinstance(value, bool) or not isinstance(value, (int, float, Real)):
+        raise InvalidMotionError(f'{name} is {value!r}; it must be a number [{unit}]')
+    try:
+        return float(value)
+    except OverflowError:  # an int may have any number of digits
+        return -math.inf if value < 0.0 else math.inf
+
+
+def require_finite(name: str, value: object, unit: str) -> float:
+    """
+    Return a value as a finite float.
+
+    :param name: the name of the value, for the message
+    :param unit: its unit, for the message
+    :raises InvalidMotionError: if it is not a number, or not finite
+    """
+    number = require_number(name, value, unit)
+    if not math.isfinite(number):
+        raise InvalidMotionError(f'{name} is {number} {unit}; it must be a finite number')
+    return number
+
+
+def require_positive(name: str, value: object, unit: str) -> None:
+    """
+    Refuse a value that is not above zero; infinity is allowed.
+
+    :param name: the name of the value, for the message
+    :param unit: its unit, for the message
+    :raises InvalidMotionError: if it is not a number above zero
+    """
+    # Written so that NaN fails.
+    if not require_number(name, value, unit) > 0.0:
+        raise InvalidMotionError(f'{name} is {value} {unit}; it must be above 0 {unit}')
+
+
+def format_number(value: float) -> str:
+    """
+    Return a number with up to five significant digits: 0.5, not 0.500, and 0, not -0.
+
+    :param value: the number
+    """
+    return f'{value + 0.0:.5g}'

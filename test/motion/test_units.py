@@ -21,7 +21,7 @@ import time
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.files.units import (
+from kachaka_simple_control.motion.units import (
     ANGLE,
     ANGULAR_JERK,
     COMMAND_TIMEOUT,
