@@ -42,7 +42,7 @@ from kachaka_simple_control.report.report_process import write_report
 from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.report.text_tables import plan_table, table
 import pytest
-from simulated_drive import Rehearsal
+from simulated_drive import SimulatedDrive
 
 
 @dataclass(frozen=True)
@@ -198,9 +198,9 @@ def test_an_editor_can_be_told_of_it():
 
 
 def test_it_is_driven_and_reported(tmp_path):
-    rehearsal = Rehearsal(20.0)
-    rehearsal.drive(MOTION)
-    record = rehearsal.close()
+    drive = SimulatedDrive(20.0)
+    drive.drive(MOTION)
+    record = drive.close()
     summary = Summary(record)
     step = summary.steps[1]
     assert step.requested == STEP.displacement
@@ -217,11 +217,11 @@ def test_it_is_driven_and_reported(tmp_path):
 
 
 def test_the_display_shows_how_far_it_is():
-    rehearsal = Rehearsal(20.0, title='overtake')
-    rehearsal.drive(MOTION, until=PLAN.steps[1].start + 0.5)
+    drive = SimulatedDrive(20.0, title='overtake')
+    drive.drive(MOTION, until=PLAN.steps[1].start + 0.5)
     tracker = DriveTracker()
-    for event in rehearsal.events:
+    for event in drive.events:
         tracker.on_event(event)
-    step = tracker.status_at(rehearsal.now).step
+    step = tracker.status_at(drive.now).step
     assert (step.number, step.count, step.description) == (2, 5, 'lane 0.3 m, 1 m')
     assert 0.9 < step.remaining.distance < STEP.displacement.distance
