@@ -40,7 +40,7 @@ from kachaka_simple_control.report.paths import arc_segments, sample_path
 from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.report_process import write_report
 from kachaka_simple_control.report.summary import Summary
-from kachaka_simple_control.report.text_tables import plan_table, table
+from kachaka_simple_control.report.text_tables import drive_table, plan_table
 import pytest
 from simulated_drive import SimulatedDrive
 
@@ -208,7 +208,7 @@ def test_it_is_driven_and_reported(tmp_path):
     assert step.sent.distance == pytest.approx(step.requested.distance, abs=0.002)
     # The simulated robot drives 1.5 % too slow.
     assert step.odometry.distance == pytest.approx(0.985 * step.requested.distance, abs=0.005)
-    assert 'lane 0.3 m, 1 m' in table(record, 0.1)
+    assert 'lane 0.3 m, 1 m' in drive_table(record, 0.1)
     write_report(record, tmp_path, None)
     assert 'lane 0.3 m, 1 m' in (tmp_path / 'report.html').read_text()
     told = json.loads((tmp_path / 'run.json').read_text())
