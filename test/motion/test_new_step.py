@@ -155,8 +155,8 @@ def test_it_is_drawn_through_both_arcs():
 
 def test_a_plot_shows_it():
     pytest.importorskip('matplotlib', reason='needs matplotlib')
-    from kachaka_simple_control.report.plan_plot import draw
-    figure = draw([PlanView('overtake', 'kachaka', PLAN, KACHAKA.limits, KACHAKA.footprint)])
+    from kachaka_simple_control.report.plan_plot import draw_plans
+    figure = draw_plans([PlanView('overtake', 'kachaka', PLAN, KACHAKA.limits, KACHAKA.footprint)])
     line, = figure.findobj(lambda artist: artist.get_gid() == 'path')
     points = list(zip(*line.get_data()))
     assert min(math.dist(point, (0.7, 0.15)) for point in points) < 1e-9
