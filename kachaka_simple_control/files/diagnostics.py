@@ -120,7 +120,7 @@ def format_path(path: KeyPath) -> str:
 
 
 def parse_path(path: str) -> KeyPath:
-    """Return the path that :func:`format_path` made a text of."""
+    """Return the path that ``format_path()`` made a text of."""
     return [key or int(index) for index, key in _PART.findall(path)]
 
 

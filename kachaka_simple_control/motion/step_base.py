@@ -103,8 +103,8 @@ class Step(ABC):
 
     A kind is a frozen dataclass with a path and a description; planner, files, tables, plots and
     reports need no more.  The first line of its docstring explains it in the JSON Schema.  Each
-    field has :func:`in_file` as metadata; one that may be left out is None by default, and the
-    last one that may not says how far or how long the step goes.  Unless :meth:`trajectories` is
+    field has ``in_file()`` as metadata; one that may be left out is None by default, and the
+    last one that may not says how far or how long the step goes.  Unless ``trajectories()`` is
     overridden, each segment of the path is driven from rest to rest.
 
     :cvar keyword: its word in files and in the paths of errors: the class name in lower case

@@ -167,7 +167,7 @@ class SubscriberProcesses:
     """
     The subscriber processes of one program, a context manager.
 
-    Its end publishes :class:`SessionEnded` and waits until they have exited.
+    Its end publishes ``SessionEnded`` and waits until they have exited.
     """
 
     def __init__(self, event_bus: EventBus) -> None:
