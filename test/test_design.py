@@ -21,10 +21,12 @@ from pathlib import Path
 import re
 import sys
 
+import kachaka_simple_control
 from program import ROOT
 import pytest
 
-PACKAGE = ROOT / 'kachaka_simple_control'
+#: Where it is imported from: colcon tests the package that it has installed.
+PACKAGE = Path(kachaka_simple_control.__file__).parent
 PAGE = ROOT / 'docs' / 'design.md'
 if not PAGE.is_file():
     pytest.skip('the documentation is not here', allow_module_level=True)

@@ -18,10 +18,13 @@ import contextlib
 import functools
 from pathlib import Path
 
+import kachaka_simple_control
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = 'kachaka_simple_control'
+#: Where it is imported from: colcon tests the package that it has installed.
+SITE = Path(kachaka_simple_control.__file__).parent.parent
 FILES = [file for folder in ('test', 'benchmarks') for file in (ROOT / folder).rglob('*.py')
          if file != Path(__file__)]
 
@@ -42,7 +45,7 @@ def code_of(text):
 @functools.cache
 def module(name):
     """Return a module, parsed; None if there is none of that name."""
-    path = ROOT.joinpath(*name.split('.'))
+    path = SITE.joinpath(*name.split('.'))
     file = next(filter(Path.exists, (path.with_suffix('.py'), path / '__init__.py')), None)
     return file and ast.parse(file.read_text())
 
