@@ -30,7 +30,7 @@ POLL_PERIOD = 0.02
 #: How late a velocity may be, beyond one period, before the run is given up.  Chosen: as long as
 #: the guardian waits for a heartbeat, so that node and guardian agree on who is too late.
 MAX_LATENESS = 0.1
-#: Highest rate of velocities [Hz].  Chosen: above it no robot is known to follow.
+#: Highest rate of velocities [Hz].  Chosen: no use is known for more.
 MAX_RATE = 1000.0
 #: How long DDS may take to accept one message, or to answer about the graph.  Measured: 0.33 s
 #: while other nodes join.  The gap between two velocities is bounded by the robot's command
@@ -42,7 +42,8 @@ PUBLISH_TIMEOUT = 0.5
 #: Zeros sent back to back at the start of a stop [messages].  The deepest queue on the way, a
 #: publisher of depth 10: the zeros push out every velocity that waits in it.
 STOP_BURST_COUNT = 10
-#: Period of the zeros after those: 25 Hz, above the 20 Hz that design asks for.
+#: Period of the zeros after those.  Chosen: 25 Hz, so that one lost zero of a lossy link is
+#: followed by another well within the command timeout.
 STOP_REPEAT_PERIOD = 0.04
 #: How much longer than the robot's command timeout zeros are sent.  Chosen.
 STOP_MARGIN = 0.1
@@ -95,8 +96,8 @@ GRAPH_CHECK_PERIOD = 1.0
 LISTEN_TIME = 0.4
 #: The sender of a message older than this no longer drives.  Chosen.
 FOREIGN_MESSAGE_MAX_AGE = 1.0
-#: What was sent longer ago cannot still arrive when listening begins.  Measured: 0.33 s at worst
-#: with shared memory, which the commands avoid.
+#: What was sent longer ago cannot still arrive when listening begins.  Chosen; through shared
+#: memory, which the commands avoid, 0.33 s were measured.
 MAX_TRANSIT_TIME = 0.2
 #: A zero that the guardian was asked for arrives within this time, or was lost.  Chosen.
 MAX_GUARDIAN_DELAY = 1.0
