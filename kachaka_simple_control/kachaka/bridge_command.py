@@ -69,8 +69,8 @@ class _Fault:
         self.text = self.text or text
         self._shutdown.end()
 
-    def on_rival(self, rival: str) -> None:
-        self.give_up(f'another bridge shows a robot under the same names: {rival}; both end')
+    def on_conflict(self, holder: str) -> None:
+        self.give_up(f'another bridge shows a robot under the same names: {holder}; both end')
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -122,7 +122,7 @@ def _simulated_bridge(
     """Return the factory of the node of a simulated robot."""
     from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
     robot = SimulatedKachaka(time.monotonic(), parameters, options.docked, options.seed)
-    return partial(SimulatedBridge, robot, namespace, options.frame_prefix, fault.on_rival)
+    return partial(SimulatedBridge, robot, namespace, options.frame_prefix, fault.on_conflict)
 
 
 def _grpc_bridge(
@@ -136,7 +136,7 @@ def _grpc_bridge(
     robot = connect(options.address)
     give_up = fault.give_up if options.give_up else lambda _: None
     return partial(
-        GrpcBridge, robot, namespace, options.frame_prefix, give_up, fault.on_rival)
+        GrpcBridge, robot, namespace, options.frame_prefix, give_up, fault.on_conflict)
 
 
 def _parse(args: list[str]) -> tuple[argparse.Namespace, SimulationParameters]:

@@ -51,14 +51,14 @@ class BridgeNode(Node):
     The topics, the service and the quality of service of the official bridge.
 
     :param namespace: the namespace of its topics and its service
-    :param on_rival: called with another bridge that shows a robot under the same names, if it is
-        discovered later
+    :param on_conflict: called with another bridge that shows a robot under the same names, if it
+        is discovered later
     :raises RobotTakenError: if another bridge already does
     :raises UsageError: if a name is invalid, or taken by something else of the node
     """
 
     def __init__(
-            self, namespace: str, on_rival: Callable[[str], None] = lambda _: None) -> None:
+            self, namespace: str, on_conflict: Callable[[str], None] = lambda _: None) -> None:
         with one_line_errors(NODE):
             super().__init__(NODE, namespace=namespace, start_parameter_services=False)
         check_node_names(
@@ -66,7 +66,7 @@ class BridgeNode(Node):
                 KACHAKA.velocity_topic, KACHAKA.odometry_topic, KACHAKA.manual_control_service),
             (*ODOMETRY_TOPICS[1:], '/diagnostics'), ())
         self._claim = RobotClaim(
-            self, self.resolve_topic_name(KACHAKA.velocity_topic), 'bridge', on_rival)
+            self, self.resolve_topic_name(KACHAKA.velocity_topic), 'bridge', on_conflict)
         self._take_claim()
         service = KACHAKA.manual_control_service
         assert service is not None, 'a Kachaka has one'
@@ -138,14 +138,14 @@ class SimulatedBridge(BridgeNode):
     :param robot: the robot
     :param namespace: the namespace of its topics and its service
     :param frame_prefix: put before the names of the frames, without a separator
-    :param on_rival: called when another bridge shows a robot under the same names
+    :param on_conflict: called when another bridge shows a robot under the same names
     :raises RobotTakenError: if another bridge already does
     """
 
     def __init__(
             self, robot: SimulatedKachaka, namespace: str, frame_prefix: str = '',
-            on_rival: Callable[[str], None] = lambda _: None) -> None:
-        super().__init__(namespace, on_rival)
+            on_conflict: Callable[[str], None] = lambda _: None) -> None:
+        super().__init__(namespace, on_conflict)
         self._robot = robot
         self._frame_id = frame_prefix + ODOMETRY_FRAME
         self._child_frame_id = frame_prefix + ROBOT_FRAME

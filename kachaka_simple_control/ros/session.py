@@ -74,7 +74,7 @@ class Session:
         self._parameters = parameters
         #: what odometry tells of the robot's velocity
         self.odometry = StandstillDetector()
-        self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._on_rival)
+        self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._on_conflict)
         self._publisher = publisher
         self._guardian = _start_guardian(
             node, publisher, profile, parameters, self._claim.fileno())
@@ -344,9 +344,9 @@ class Session:
             f'{sender} sends velocities on {self._publisher.topic_name}, so the motion was given '
             'up; stop that program, or set the parameter allow_other_publishers to true'))
 
-    def _on_rival(self, rival: str) -> None:
+    def _on_conflict(self, holder: str) -> None:
         self._end_run(RunFaultError(
-            f'another program drives the robot as well: {rival}; both stop'))
+            f'another program drives the robot as well: {holder}; both stop'))
 
     def _end_run(self, reason: ControlError) -> None:
         """End the run at once, with one zero; the thread that drives sends the whole stop."""

@@ -110,16 +110,16 @@ class GrpcBridge(BridgeNode):
     :param namespace: the namespace of its topics and its service
     :param frame_prefix: put before the names of the frames, without a separator
     :param give_up: called with the reason when a motion is aborted
-    :param on_rival: called when another bridge shows a robot under the same names
+    :param on_conflict: called when another bridge shows a robot under the same names
     :raises RobotTakenError: if another bridge already does
     """
 
     def __init__(
             self, robot: ConnectedRobot, namespace: str, frame_prefix: str = '',
             give_up: Callable[[str], None] = lambda _: None,
-            on_rival: Callable[[str], None] = lambda _: None) -> None:
+            on_conflict: Callable[[str], None] = lambda _: None) -> None:
         self._log_thread = LogThread(self._log)
-        super().__init__(namespace, on_rival)
+        super().__init__(namespace, on_conflict)
         self._address = robot.address
         self._identity = robot.identity
         self._frame_prefix = frame_prefix
