@@ -24,9 +24,8 @@ import traceback
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import ControlError, InvalidMotionError
 from kachaka_simple_control.escaping import escaped
-from kachaka_simple_control.exit_codes import code_of, DONE, HELP, SIGNALLED
+from kachaka_simple_control.exit_codes import code_of, DONE, HELP, OneLineParser, SIGNALLED
 from kachaka_simple_control.kachaka.grpc_client.address import address_argument
-from kachaka_simple_control.one_line_parser import OneLineParser
 
 NAME = 'kachaka_simple_control'
 #: The longest line that is printed of an error [characters]; a path may be long.

@@ -24,8 +24,7 @@ from kachaka_simple_control.cli import Options
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
 from kachaka_simple_control.display.terminal import DisplayProcess, should_display
 from kachaka_simple_control.errors import ControlError, UsageError
-from kachaka_simple_control.files.robot_file import find_robot
-from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.files.robot_profile import find_robot, KACHAKA
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.preview_command import check_rate
 from kachaka_simple_control.report.report_directory import missing_libraries, prepare_report_dir

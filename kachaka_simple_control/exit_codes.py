@@ -11,11 +11,15 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Exit codes of the commands, and which error gives which."""
+"""Exit codes of the commands: which error gives which, and a parser that ends with one."""
 
 from __future__ import annotations
 
+import argparse
+from typing import NoReturn
+
 from kachaka_simple_control.errors import InvalidMotionError, RobotNotFoundError, UsageError
+from kachaka_simple_control.escaping import escaped
 
 DONE = 0
 #: The run could not go on, or something unexpected happened; the robot was stopped.
@@ -38,3 +42,11 @@ def code_of(error: Exception) -> int:
     if isinstance(error, (InvalidMotionError, UsageError)):
         return BAD_USAGE
     return NO_ROBOT if isinstance(error, RobotNotFoundError) else FAULTED
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """A parser whose error messages are one line, whatever was typed."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print a message and exit with code 2."""
+        self.exit(BAD_USAGE, f'{self.prog}: {escaped(message, 300)}\n')

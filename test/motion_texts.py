@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 from hypothesis import strategies as st
-from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import loads
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 

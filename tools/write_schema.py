@@ -19,7 +19,7 @@ from pathlib import Path
 import re
 
 import kachaka_simple_control
-from kachaka_simple_control.files.motion_schema import motion_schema, PATH
+from kachaka_simple_control.files.schema import motion_schema, PATH
 
 
 def main() -> None:

@@ -19,11 +19,7 @@ from collections.abc import Iterable
 import math
 import textwrap
 
-from kachaka_simple_control.display.drive_status import (
-    DriveState,
-    DriveStatus,
-    ODOMETRY_MAX_AGE,
-)
+from kachaka_simple_control.display.drive_status import DriveState, DriveStatus, ODOMETRY_MAX_AGE
 from kachaka_simple_control.display.renderers import step_label
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.report.plan_view import format_fixed

@@ -11,25 +11,27 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The motions that come with the package, found by their names."""
+"""The motions that come with the package, found by their names; the lesson is one of them."""
 
 from __future__ import annotations
+import __future__
 
+import ast
 from importlib.resources import files
 import os
 
-from kachaka_simple_control.files import lesson
-from kachaka_simple_control.files.diagnostics import MotionFileError, Problem, UnreadableFileError
+from kachaka_simple_control.files.document import MotionFileError, Problem, UnreadableFileError
 from kachaka_simple_control.files.motion_file import loads, MotionFile
 from kachaka_simple_control.files.schema import nearest, PACKAGE
 from kachaka_simple_control.files.yaml_document import decode, read_text
+from kachaka_simple_control.motion.steps import Motion, Move
 
 SUFFIX = '.yaml'
 
 
 def library() -> list[str]:
     """Return the names of the motions that come with the package, in alphabetical order."""
-    return sorted([*names_in('motions'), lesson.NAME])
+    return sorted([*names_in('motions'), LESSON])
 
 
 def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
@@ -39,8 +41,8 @@ def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
     :param name_or_path: a word without a dot and a slash is a name, all else is a path
     :raises MotionFileError: if there is none, or it cannot be read
     """
-    if name_or_path == lesson.NAME:
-        return MotionFile(lesson.lesson(), str(lesson.SOURCE))
+    if name_or_path == LESSON:
+        return MotionFile(lesson_motion(), str(LESSON_FILE))
     try:
         source, text = look_up(name_or_path, 'motions', library())
     except UnreadableFileError as error:
@@ -76,3 +78,45 @@ def look_up(
             f'{", ".join(known)}; a file of your own is named by its path, as in ./mine{SUFFIX}'))
     entry = files(PACKAGE) / folder / (name + SUFFIX)
     return str(entry), decode(entry.read_bytes())
+
+
+LESSON = 'lesson'
+LESSON_FUNCTION = 'play_lesson'
+#: The node's file; it cannot be imported without ROS.
+LESSON_FILE = files('kachaka_simple_control').joinpath('kachaka_simple_control.py')
+
+
+class _MotionRecorder:
+    """Takes the place of the node, and keeps what it is asked to do."""
+
+    def __init__(self) -> None:
+        self.steps: list[Move] = []
+
+    def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
+        """Keep a movement as a step."""
+        self.steps.append(Move(linear_x, angular_z, duration))
+
+
+def lesson_motion() -> Motion:
+    """
+    Return the motion that ``play_lesson`` drives; the first line of its docstring describes it.
+
+    Only that function is compiled, and called with a recorder: nothing else of the node's file
+    runs, and ROS is not needed.
+
+    :raises InvalidMotionError: if one of its movements is not valid
+    """
+    function = next(
+        node for node in ast.parse(LESSON_FILE.read_text('utf-8')).body
+        if isinstance(node, ast.FunctionDef) and node.name == LESSON_FUNCTION)
+    # Annotations stay text: the class that they name is not there.
+    code = compile(
+        ast.Module([function], []), str(LESSON_FILE), 'exec',
+        flags=__future__.annotations.compiler_flag)
+    namespace: dict[str, object] = {}
+    exec(code, namespace)
+    play, recorder = namespace[LESSON_FUNCTION], _MotionRecorder()
+    assert callable(play)
+    play(recorder)
+    description = (ast.get_docstring(function) or '').partition('\n')[0]
+    return Motion(LESSON, tuple(recorder.steps), description)

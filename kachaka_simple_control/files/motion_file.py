@@ -25,17 +25,17 @@ from types import MappingProxyType
 from typing import Any
 
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.files.diagnostics import (
+from kachaka_simple_control.files.document import (
+    Document,
     KeyPath,
     location,
     MotionFileError,
+    Node,
     parse_path,
     Problem,
     UnreadableFileError,
 )
-from kachaka_simple_control.files.document import Document, Node
-from kachaka_simple_control.files.motion_schema import motion_schema
-from kachaka_simple_control.files.schema import read_document
+from kachaka_simple_control.files.schema import motion_schema, read_document
 from kachaka_simple_control.files.yaml_document import read_text
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.planner import find_errors, MAX_STEPS

@@ -11,22 +11,24 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Check a file against a JSON Schema, with messages of our own for what breaks it."""
+"""Check a file against a JSON Schema; that of motions follows from the classes of steps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields
 import difflib
 from functools import cache
 from importlib.resources import files
+import inspect
 import json
 from typing import Any
 
 from kachaka_simple_control.escaping import quoted
-from kachaka_simple_control.files.diagnostics import INSTALL, Problem, UnreadableFileError
-from kachaka_simple_control.files.document import Document
+from kachaka_simple_control.files.document import Document, INSTALL, Problem, UnreadableFileError
 from kachaka_simple_control.files.yaml_document import parse_yaml, require_text
-from kachaka_simple_control.motion.units import QUANTITIES, UnitError
+from kachaka_simple_control.motion.step_base import Count, FileField, KINDS, Step
+from kachaka_simple_control.motion.units import QUANTITIES, Quantity, SignRule, UnitError
 
 PACKAGE = 'kachaka_simple_control'
 
@@ -174,3 +176,61 @@ def _shown(value: Any) -> str:
         return 'a list' if isinstance(value, list) else 'keys with values'
     return str(value).lower() if isinstance(value, bool) else quoted(value) if isinstance(
         value, str) else repr(value)
+
+
+#: Where the package has it, for editors; ``tools/write_schema.py`` writes it.
+PATH = 'motions/motion.schema.json'
+Schema = dict[str, Any]
+
+
+def motion_schema() -> Schema:
+    """Return the schema of a motion, with all kinds of steps that there are."""
+    schema = read_schema(PATH)
+    definitions = schema['definitions']
+    steps = {word: _step_schema(kind) for word, kind in KINDS.items()}
+    return {**schema, 'definitions': {
+        **definitions, 'step': {**definitions['step'], 'properties': steps}}}
+
+
+def _step_schema(kind: type[Step]) -> Schema:
+    parts = kind.file_fields()
+    first = next(iter(parts.values()))
+    example = {name: part.examples[0] for name, part in parts.items()}
+    mapping = {
+        'required': [item.name for item in fields(kind)  # type: ignore[arg-type]
+                     if item.default is not None],
+        'additionalProperties': False,
+        'properties': {name: _field_schema(part) for name, part in parts.items()}}
+    # Without Python's docstrings (-OO), editors have no description to show.
+    head = {'description': (inspect.getdoc(kind) or '').partition('\n')[0]}
+    if kind.form:
+        return {**head, 'expected': kind.form, 'type': 'object', **mapping, 'examples': [example]}
+    short = _field_schema(first)
+    return {
+        **short, **head, 'type': [*short['type'], 'object'],
+        'examples': [first.examples[0], example], **mapping}
+
+
+def _field_schema(part: FileField) -> Schema:
+    return {
+        'description': part.description, **_kind_schema(part.kind),
+        'examples': list(part.examples)}
+
+
+def _kind_schema(kind: object) -> Schema:
+    match kind:
+        case Quantity():
+            return _quantity_schema(kind)
+        case Count():
+            return {'expected': 'a whole number', 'type': 'integer', 'minimum': 0,
+                    'maximum': kind.largest}
+        case _:
+            return {'expected': "a list of steps, each beginning with '- '", 'type': 'array',
+                    'items': {'$ref': '#/definitions/step'}}
+
+
+def _quantity_schema(quantity: Quantity) -> Schema:
+    bounds = {SignRule.ANY: {}, SignRule.NOT_NEGATIVE: {'minimum': 0},
+              SignRule.POSITIVE: {'exclusiveMinimum': 0}}[quantity.sign]
+    return {'quantity': quantity.keyword, 'type': ['number', 'string'],
+            'pattern': quantity.pattern, **bounds}

@@ -24,14 +24,15 @@ import stat
 from typing import Any
 
 from kachaka_simple_control.escaping import quoted
-from kachaka_simple_control.files.diagnostics import (
+from kachaka_simple_control.files.document import (
+    Document,
     format_path,
     INSTALL,
     MAX_PROBLEMS,
+    Node,
     Problem,
     UnreadableFileError,
 )
-from kachaka_simple_control.files.document import Document, Node
 from kachaka_simple_control.motion.units import DIGITS
 
 #: The largest file that is read [bytes].

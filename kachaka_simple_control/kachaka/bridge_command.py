@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 from kachaka_simple_control.control.output import make_log_nonblocking
 from kachaka_simple_control.control.signals import ShutdownEvent
 from kachaka_simple_control.errors import RobotTakenError
-from kachaka_simple_control.exit_codes import BAD_USAGE, FAULTED, NO_ROBOT
+from kachaka_simple_control.exit_codes import BAD_USAGE, FAULTED, NO_ROBOT, OneLineParser
 from kachaka_simple_control.kachaka.bridge_process import PARTICIPANT
 from kachaka_simple_control.kachaka.grpc_client.address import (
     address_argument,
@@ -43,7 +43,6 @@ from kachaka_simple_control.kachaka.program import (
 )
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
-from kachaka_simple_control.one_line_parser import OneLineParser
 from kachaka_simple_control.ros.dds_transport import (
     is_localhost_requested,
     use_localhost_only,

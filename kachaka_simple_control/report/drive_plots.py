@@ -37,36 +37,37 @@ from kachaka_simple_control.motion.geometry import (
 )
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.report.odometry_alignment import AlignedDrive, OdometrySample
-from kachaka_simple_control.report.paths import arc_segments
+from kachaka_simple_control.report.paths import (
+    arc_segments,
+    min_max_decimate,
+    simplify,
+    StepPoint,
+)
 from kachaka_simple_control.report.plan_plot import Area, GRAIN, MARGIN, SMALLEST, TICK
 from kachaka_simple_control.report.plot_style import (
     add_axes,
+    ANGULAR,
     BLUE,
     default_style,
+    draw_limits,
     GREEN,
     GREY,
+    LINEAR,
     ODOMETRY,
     ORANGE,
     PLANNED,
     round_step,
-    SENT,
-    set_map_limits,
-    style_axes,
-)
-from kachaka_simple_control.report.simplification import min_max_decimate, simplify
-from kachaka_simple_control.report.summary import Summary
-from kachaka_simple_control.report.velocity_plot import (
-    ANGULAR,
-    draw_limits,
-    LINEAR,
     Scale,
     scale_for,
+    SENT,
+    set_map_limits,
     set_time_limits,
-    StepPoint,
+    style_axes,
     time_unit,
     velocity_steps,
     VelocityComponent,
 )
+from kachaka_simple_control.report.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

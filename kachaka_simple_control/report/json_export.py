@@ -24,10 +24,7 @@ from typing import Any
 
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.report.drive_log import MotionLog
-from kachaka_simple_control.report.metrics import (
-    Quantiles,
-    StepResult,
-)
+from kachaka_simple_control.report.metrics import Quantiles, StepResult
 from kachaka_simple_control.report.summary import PoseError, signal_name, Summary
 
 #: Increases when a field is removed or changes its meaning; new fields may be added at any time.

@@ -35,29 +35,23 @@ from kachaka_simple_control.motion.geometry import (
 )
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.paths import arc_segments, ArcSegment, distinct, polyline
-from kachaka_simple_control.report.plan_view import (
-    format_fixed,
-    PlanView,
-    pluralize,
-)
+from kachaka_simple_control.report.plan_view import format_fixed, PlanView, pluralize
 from kachaka_simple_control.report.plot_style import (
     add_axes,
+    ANGULAR,
     BLUE,
     default_style,
+    draw_velocity,
     GREEN,
     GREY,
+    LINEAR,
     ORANGE,
     set_map_limits,
-    style_axes,
-)
-from kachaka_simple_control.report.text_tables import one_line
-from kachaka_simple_control.report.velocity_plot import (
-    ANGULAR,
-    draw_velocity,
-    LINEAR,
     shared_scale,
+    style_axes,
     time_unit,
 )
+from kachaka_simple_control.report.text_tables import one_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,15 +11,24 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What all plots share: colours, axes, round scales."""
+"""What all plots share: colours, axes, round scales, velocities over time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import groupby
+import math
+from operator import attrgetter
 from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import Plan
+from kachaka_simple_control.motion.units import format_number
+from kachaka_simple_control.report.paths import StepPoint
+from kachaka_simple_control.report.plan_view import PlanView
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -115,3 +124,148 @@ def default_style() -> Iterator[None]:
             'python3-matplotlib') from None
     with styles.context('default'), rc_context(SETTINGS):
         yield
+
+
+#: More boundaries between steps than these would be a grey wall.
+MAX_BOUNDARIES = 60
+#: Limits more than so many times above what is sent would press it flat: they are only named.
+FAR = 5.0
+#: Free part of the span above the highest and below the lowest line, for the labels of limits.
+FREE = 0.25
+#: The labels of limits; no line goes through them.
+WORDS: dict[str, Any] = {
+    'color': '#444444', 'fontsize': 8.0, 'zorder': 4.0, 'ha': 'right',
+    'textcoords': 'offset points',
+    'bbox': {'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.5}}
+#: A line with more points than these is an area; the limits shine through.
+DENSE = 2000
+#: Above this [s], time is in minutes.
+LONG = 600.0
+
+
+def velocity_steps(plan: Plan, attribute: str) -> list[StepPoint]:
+    """
+    Return when a component of the velocity changes, and to what.
+
+    :param plan: what is sent
+    :param attribute: ``linear_x`` or ``angular_z``
+    :returns: times [s] and values [m/s or rad/s], in order; the last is the zero at the end
+    """
+    value_of = attrgetter(attribute)
+    changes = groupby(plan.segments, key=lambda segment: value_of(segment.velocity))
+    points = [(next(segments).start, value + 0.0) for value, segments in changes]
+    return [*points, (plan.duration, 0.0)]
+
+
+@dataclass(frozen=True)
+class VelocityComponent:
+    """
+    One of the two components of a velocity.
+
+    :param attribute: its name in a velocity
+    :param label: the label of its axis
+    :param unit: its unit
+    :param colour: the colour of its line
+    :param limits: returns its lowest and its highest value under limits
+    """
+
+    attribute: str
+    label: str
+    unit: str
+    colour: str
+    limits: Callable[[Limits], tuple[float, float]]
+
+
+LINEAR = VelocityComponent('linear_x', 'linear [m/s]', 'm/s', BLUE, lambda limits: (
+    -limits.backward_velocity, limits.max_linear_velocity))
+ANGULAR = VelocityComponent('angular_z', 'angular [rad/s]', 'rad/s', ORANGE, lambda limits: (
+    -limits.max_angular_velocity, limits.max_angular_velocity))
+
+
+@dataclass(frozen=True)
+class Scale:
+    """
+    The range of a plot of a value over time.
+
+    :param lowest: the lowest value [its unit]
+    :param highest: the highest value [its unit]
+    :param duration: the longest time [s]
+    """
+
+    lowest: float
+    highest: float
+    duration: float
+
+
+def shared_scale(views: Sequence[PlanView], component: VelocityComponent) -> Scale:
+    """Return a scale for what all plans send, and for the limits that are near."""
+    values = [value for view in views
+              for _, value in velocity_steps(view.plan, component.attribute)]
+    duration = max(view.plan.duration for view in views)
+    return scale_for(component, values, [view.limits for view in views], duration)
+
+
+def scale_for(component: VelocityComponent, values: Sequence[float], limits: Sequence[Limits],
+              duration: float) -> Scale:
+    """Return a scale for some values and a time [s], and for the limits that are near."""
+    lowest, highest = min(values), max(values)
+    largest = max(highest, -lowest)
+    for below, above in map(component.limits, limits):
+        far = FAR * largest if largest else math.inf
+        if lowest < 0.0 and -below <= far:
+            lowest = min(lowest, below)
+        if above <= far and (highest > 0.0 or not largest):
+            highest = max(highest, above)
+    # Without a limit and a velocity any span is as good.
+    span = highest - lowest if 0.0 < highest - lowest < math.inf else 1.0
+    highest = highest if math.isfinite(highest) else 1.0
+    return Scale(lowest - span * (FREE if lowest < 0.0 else 0.06), highest + FREE * span,
+                 duration or 1.0)
+
+
+def time_unit(duration: float) -> tuple[str, float]:
+    """Return the unit of a time axis by its length [s]: its name, and how long it is [s]."""
+    return ('min', 60.0) if duration > LONG else ('s', 1.0)
+
+
+def draw_velocity(axes: Axes, view: PlanView, component: VelocityComponent, scale: Scale) -> None:
+    """Draw a plan's velocity over time, with its limits and the ends of its steps."""
+    seconds = time_unit(scale.duration)[1]
+    set_time_limits(axes, scale, component.label, [step.end for step in view.plan.steps])
+    points = velocity_steps(view.plan, component.attribute)
+    axes.step([0.0, *(time / seconds for time, _ in points)],
+              [0.0, *(value for _, value in points)], where='post', color=component.colour,
+              linewidth=1.2, alpha=1.0 if len(points) <= DENSE else 0.5, zorder=1.5, gid='sent')
+    draw_limits(axes, component, view.limits)
+
+
+def set_time_limits(axes: Axes, scale: Scale, label: str, ends: Sequence[float]) -> None:
+    """
+    Set the range of a plot over time, and draw its zero and faint lines where steps end.
+
+    :param ends: when steps end [s]; too many are not drawn
+    """
+    unit = time_unit(scale.duration)[1]
+    right = scale.duration / unit
+    axes.set(xlim=(-0.01 * right, 1.01 * right), ylim=(scale.lowest, scale.highest), ylabel=label)
+    axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=1.0)
+    if len(ends) <= MAX_BOUNDARIES:
+        axes.vlines([end / unit for end in ends], 0.0, 1.0, color=GREY, linewidth=0.5, alpha=0.5,
+                    transform=axes.get_xaxis_transform(), zorder=1.0, gid='boundaries')
+
+
+def draw_limits(axes: Axes, component: VelocityComponent, limits: Limits) -> None:
+    """Draw limits as dashed lines with their values; the range of the axes is set."""
+    bottom, top = axes.get_ylim()
+    below, above = component.limits(limits)
+    near = [(limit, side, offset) for limit, side, offset in (
+        (above, 'bottom', 2.0), (below, 'top', -2.0)) if bottom < limit < top]
+    for limit, side, offset in near:
+        axes.axhline(limit, color=GREY, linewidth=1.0, linestyle='--', zorder=2.0, gid='limit')
+        axes.annotate(
+            f'limit {format_number(limit)} {component.unit}', (1.0, limit), (-4.0, offset),
+            va=side, xycoords=axes.get_yaxis_transform(), **WORDS)
+    if not near and math.isfinite(above):
+        axes.annotate(
+            f'far above: limit {format_number(above)} {component.unit}', (1.0, 1.0), (-4.0, 0.0),
+            va='top', xycoords='axes fraction', **WORDS)

@@ -29,8 +29,7 @@ from kachaka_simple_control.control.plan_runner import min_rate
 from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped, quoted
-from kachaka_simple_control.files.robot_file import find_robot
-from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
+from kachaka_simple_control.files.robot_profile import find_robot, KACHAKA, RobotProfile
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.telemetry.events import SessionStarted
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor

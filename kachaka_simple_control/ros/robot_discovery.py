@@ -21,11 +21,7 @@ from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError
 from kachaka_simple_control.escaping import escaped
-from kachaka_simple_control.ros.endpoints import (
-    incompatibility,
-    own_participant,
-    participants,
-)
+from kachaka_simple_control.ros.endpoints import incompatibility, own_participant, participants
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher

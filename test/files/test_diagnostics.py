@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import loads
 from kachaka_simple_control.motion.steps import MAX_NESTING
 from motion_texts import refusal, step_refusal

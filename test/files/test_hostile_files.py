@@ -21,7 +21,7 @@ import subprocess
 import sys
 import time
 
-from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import load
 from motion_texts import refusal
 from program import environment
@@ -142,7 +142,7 @@ def test_all_of_this_needs_little_memory(tmp_path):
         tmp_path.joinpath(f'{number}.yaml').write_text(text)
     program = f"""
 import pathlib, resource
-from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import load, loads
 loads('steps: []')
 resource.setrlimit(resource.RLIMIT_AS, (400_000_000, 400_000_000))

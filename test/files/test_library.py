@@ -18,11 +18,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from kachaka_simple_control.files import lesson
-from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files import library as library_module
+from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.files.motion_file import dump, loads
-from kachaka_simple_control.files.robot_file import find_robot, robots
+from kachaka_simple_control.files.robot_profile import find_robot, robots
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Move, Repeat, Step, Turn, Wait
@@ -115,12 +115,12 @@ def test_the_lesson_is_what_the_node_plays():
 
 
 def test_an_edited_lesson_is_what_the_plan_shows(tmp_path, monkeypatch):
-    edited = lesson.SOURCE.read_text().replace(
+    edited = library_module.LESSON_FILE.read_text().replace(
         'robot_control.move_robot(0.1, 0.0, 1.0)',
         'for _ in range(3):\n        robot_control.move_robot(0.2, 0.0, 1.5)')
     file = tmp_path / 'kachaka_simple_control.py'
     file.write_text(edited)
-    monkeypatch.setattr(lesson, 'SOURCE', file)
+    monkeypatch.setattr(library_module, 'LESSON_FILE', file)
     steps = find('lesson').motion.steps
     assert len(steps) == 9
     assert steps[1:4] == (Move(0.2, 0.0, 1.5),) * 3

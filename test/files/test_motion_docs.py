@@ -20,7 +20,7 @@ import re
 
 from kachaka_simple_control.files.library import library
 from kachaka_simple_control.files.motion_file import loads
-from kachaka_simple_control.files.robot_file import find_robot, robots
+from kachaka_simple_control.files.robot_profile import find_robot, robots
 from kachaka_simple_control.files.yaml_document import MAX_BYTES, MAX_VALUES
 from kachaka_simple_control.motion.geometry import advance, ORIGIN
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES

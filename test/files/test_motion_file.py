@@ -21,7 +21,7 @@ import math
 
 from hypothesis import example, given, settings
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import dump, load, loads
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.planner import find_errors

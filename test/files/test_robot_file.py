@@ -20,8 +20,13 @@ import math
 import re
 
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.files.robot_file import find_robot, RobotFileError, robots
-from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
+from kachaka_simple_control.files.robot_profile import (
+    find_robot,
+    KACHAKA,
+    RobotFileError,
+    RobotProfile,
+    robots,
+)
 from kachaka_simple_control.motion.geometry import Box, Disc
 from kachaka_simple_control.motion.limits import Limits
 import pytest

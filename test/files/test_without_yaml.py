@@ -43,9 +43,9 @@ def test_motions_robots_and_plans_need_no_file():
     run("""
 from kachaka_simple_control import Limits, Motion, Move, plan
 from kachaka_simple_control.files.robot_profile import KACHAKA
-import kachaka_simple_control.files.motion_file, kachaka_simple_control.files.robot_file
+import kachaka_simple_control.files.motion_file, kachaka_simple_control.files.robot_profile
 plan(Motion('one', (Move(0.1, 0.0, 1.0),)), KACHAKA.limits, 10.0)
-assert kachaka_simple_control.files.robot_file.find_robot('kachaka') is KACHAKA
+assert kachaka_simple_control.files.robot_profile.find_robot('kachaka') is KACHAKA
 """, 'yaml', 'jsonschema')
 
 
@@ -53,7 +53,7 @@ assert kachaka_simple_control.files.robot_file.find_robot('kachaka') is KACHAKA
 @pytest.mark.parametrize('what', [
     "from kachaka_simple_control.files.library import find; find('square')",
     "from kachaka_simple_control.files.motion_file import loads; loads('steps: []')",
-    "from kachaka_simple_control.files.robot_file import find_robot; find_robot('generic')",
+    "from kachaka_simple_control.files.robot_profile import find_robot; find_robot('generic')",
 ])
 def test_who_reads_a_file_is_told_what_to_install(what, blocked):
     if blocked != 'yaml':

@@ -25,10 +25,10 @@ import math
 
 from kachaka_simple_control.display.drive_status import DriveTracker
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.files.diagnostics import MotionFileError
+from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import dump, loads
-from kachaka_simple_control.files.motion_schema import motion_schema
 from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.files.schema import motion_schema
 from kachaka_simple_control.motion.geometry import Displacement
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.planner import find_errors

@@ -25,8 +25,7 @@ from kachaka_simple_control.report.paths import (
     MAX_POINTS,
     polyline,
 )
-from kachaka_simple_control.report.plot_style import round_step
-from kachaka_simple_control.report.velocity_plot import velocity_steps
+from kachaka_simple_control.report.plot_style import round_step, velocity_steps
 from plans import BACK, BOX, DISC, HOUR, preview, QUARTER, SQUARE
 import pytest
 from strategies import LIMITS, MOTIONS, RATES

@@ -34,11 +34,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
-from kachaka_simple_control.ros.session_status import (  # noqa: I100
-    diagnose,
-    SessionStatus,
-    TickStatistics,
-)
+from kachaka_simple_control.ros.session_status import diagnose, SessionStatus, TickStatistics
 from plans import ABRUPT  # noqa: I100
 
 LIMITS = Limits(0.3, 1.5)

@@ -26,7 +26,7 @@ import time
 
 from kachaka_simple_control.control.signals import ShutdownEvent
 from kachaka_simple_control.escaping import escaped, quoted
-from kachaka_simple_control.exit_codes import BAD_USAGE, FAULTED
+from kachaka_simple_control.exit_codes import BAD_USAGE, FAULTED, OneLineParser
 from kachaka_simple_control.kachaka.program import (
     add_simulation_options,
     ExitError,
@@ -35,7 +35,6 @@ from kachaka_simple_control.kachaka.program import (
     simulation_parameters,
 )
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
-from kachaka_simple_control.one_line_parser import OneLineParser
 
 PROGRAM = 'kachaka_sim'
 #: Presses the power button: ``kill -USR1`` and the process id.

@@ -20,13 +20,7 @@ import math
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_simple_control.kachaka.error_codes import SUCCESS
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
-from kachaka_simple_control.motion.geometry import (
-    compose,
-    ORIGIN,
-    Pose,
-    relative_to,
-    Velocity,
-)
+from kachaka_simple_control.motion.geometry import compose, ORIGIN, Pose, relative_to, Velocity
 
 
 def result(code: int) -> pb2.Result:
