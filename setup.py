@@ -58,7 +58,7 @@ setup(
         'console_scripts': [
             'kachaka_simple_control = kachaka_simple_control.__main__:main',
             'kachaka_bridge = kachaka_simple_control.kachaka.bridge_command:main',
-            'kachaka_sim = kachaka_simple_control.kachaka.simulator.command:main',
+            'kachaka_sim = kachaka_simple_control.kachaka.sim_command:main',
         ],
     },
 )

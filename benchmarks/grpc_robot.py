@@ -40,7 +40,7 @@ class GrpcRobot:
     def __init__(self, namespace: str, domain: int) -> None:
         self._domain = domain
         self._processes: list[subprocess.Popen[str]] = []
-        robot = self._start('simulator.command', '--grpc-port', '0')
+        robot = self._start('sim_command', '--grpc-port', '0')
         assert robot.stdout is not None
         # "ready: ... at HOST:PORT", or nothing if it ended.
         ready = robot.stdout.readline().split()

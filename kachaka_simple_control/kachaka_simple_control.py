@@ -39,9 +39,9 @@ from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.ros.dds_transport import use_udp_transport
-from kachaka_simple_control.ros.debug_topics import IntrospectionPublishers
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
+from kachaka_simple_control.ros.introspection import IntrospectionPublishers
 from kachaka_simple_control.ros.names import names_of
 from kachaka_simple_control.ros.odometry import subscribe_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters

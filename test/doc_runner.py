@@ -33,7 +33,7 @@ from program import ROOT
 PROGRAMS = {
     'kachaka_simple_control': 'kachaka_simple_control',
     'kachaka_bridge': 'kachaka_simple_control.kachaka.bridge_command',
-    'kachaka_sim': 'kachaka_simple_control.kachaka.simulator.command',
+    'kachaka_sim': 'kachaka_simple_control.kachaka.sim_command',
 }
 #: How long the commands of a block may take [s].
 COMMAND_TIMEOUT = 300.0

@@ -91,6 +91,13 @@ class StepStatus:
     time_left: float
     remaining: Remaining
 
+    @property
+    def label(self) -> str:
+        """Return which step it is, such as ``step 2 of 9``."""
+        if self.count is None:
+            return f'movement {self.number}'
+        return f'step {self.number} of {self.count}'
+
 
 @dataclass(frozen=True)
 class DriveStatus:

@@ -20,7 +20,6 @@ import math
 import textwrap
 
 from kachaka_simple_control.display.drive_status import DriveState, DriveStatus, ODOMETRY_MAX_AGE
-from kachaka_simple_control.display.renderers import step_label
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.report.plan_view import format_fixed
 from kachaka_simple_control.report.plot_style import BLUE, GREY, ORANGE
@@ -106,7 +105,7 @@ def _state_text(status: DriveStatus) -> str:
     if status.silent_for is not None:
         return f'no news for {status.silent_for:.0f} s: the program is held up'
     if status.state is DriveState.DRIVING and status.step is not None:
-        return f'{step_label(status.step)}: {status.step.description}'
+        return f'{status.step.label}: {status.step.description}'
     if status.state is DriveState.CUT_SHORT:
         return one_line(status.reason or '', 2 * MAX_COLUMNS)
     if (status.state is DriveState.STOPPED and status.odometry is not None

@@ -77,15 +77,8 @@ class StepLogger:
         passed = step.number - self._number - 1
         self._number, self._last_line = step.number, now
         duration = format_number(round(step.duration, 3))
-        line = f'{step_label(step)}: {step.description} ({duration} s)'
+        line = f'{step.label}: {step.description} ({duration} s)'
         return [f'{line}; {pluralize(passed, "step")} before it passed' if passed > 0 else line]
-
-
-def step_label(step: StepStatus) -> str:
-    """Return which step it is, such as ``step 2 of 9``."""
-    if step.count is None:
-        return f'movement {step.number}'
-    return f'step {step.number} of {step.count}'
 
 
 class Renderer(Protocol):

@@ -37,12 +37,7 @@ from kachaka_simple_control.motion.geometry import (
 )
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.report.odometry_alignment import AlignedDrive, OdometrySample
-from kachaka_simple_control.report.paths import (
-    arc_segments,
-    min_max_decimate,
-    simplify,
-    StepPoint,
-)
+from kachaka_simple_control.report.paths import arc_segments, min_max_decimate, simplify, StepPoint
 from kachaka_simple_control.report.plan_plot import Area, GRAIN, MARGIN, SMALLEST, TICK
 from kachaka_simple_control.report.plot_style import (
     add_axes,

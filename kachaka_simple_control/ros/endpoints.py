@@ -11,23 +11,32 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""DDS endpoints: whose they are, and which qualities of service match."""
+"""DDS endpoints: whose they are, and their qualities of service: which match, and overrides."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 import uuid
+import warnings
 
 from geometry_msgs.msg import Twist
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.escaping import escaped
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 
 #: Of a service.  The default queue holds ten requests; one that arrives while it is full is lost,
 #: and its client waits forever.
 SERVICE_QOS = QoSProfile(depth=1000)
 #: Length of the part of a GID that identifies the participant: one context of one process [bytes].
 PARTICIPANT_LENGTH = 12
+#: The deepest queue that can be asked for; DDS takes memory for it [messages].
+MAX_DEPTH = 100_000
+_DEPTHS = f'from 1 to {MAX_DEPTH}'
 #: Policies that have to match, as ``QoSProfile`` names them.
 _POLICIES = ('reliability', 'durability', 'deadline', 'liveliness', 'liveliness_lease_duration')
 
@@ -90,3 +99,39 @@ def _text(profile: QoSProfile, policy: str) -> str:
         seconds = value.nanoseconds / 1e9
         return f'{seconds:g} s' if 0.0 < seconds < 1e9 else 'none'
     return str(value.name).lower()
+
+
+def with_qos_overrides(
+        create: Callable[[QoSOverridingOptions], Any],
+        check: Callable[[QoSProfile], SetParametersResult] | None = None) -> Any:
+    """
+    Return what a function creates, with a QoS that parameters may change.
+
+    :param create: takes the options for overriding
+    :param check: refuses a QoS
+    :raises UsageError: if a parameter asks for a QoS that is refused
+    """
+    def check_all(qos: QoSProfile) -> SetParametersResult:
+        result = _check_depth(qos)
+        return check(qos) if check is not None and result.successful else result
+
+    try:
+        with warnings.catch_warnings():
+            # For a depth of 0 rclpy takes another one, and only warns.
+            warnings.simplefilter('error', UserWarning)
+            return create(QoSOverridingOptions.with_default_policies(callback=check_all))
+    except (InvalidQosOverridesError, ParameterException, RuntimeError, TypeError,
+            UserWarning) as error:
+        # Of several lines only the first says what is wrong.
+        text = escaped(str(error).splitlines()[0], 400)
+        if isinstance(error, (TypeError, UserWarning)):
+            text = f'a quality of service cannot be had: {text}; the depth must be {_DEPTHS}'
+        raise UsageError(text) from None
+
+
+def _check_depth(qos: QoSProfile) -> SetParametersResult:
+    # Of this DDS would print a dozen lines.
+    is_possible = 1 <= qos.depth <= MAX_DEPTH
+    return SetParametersResult(
+        successful=is_possible,
+        reason='' if is_possible else f'depth is {qos.depth}; it must be {_DEPTHS}')

@@ -23,7 +23,7 @@ from typing import Any
 
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.ros.conversions import pose, velocity
-from kachaka_simple_control.ros.debug_topics import with_qos_overrides
+from kachaka_simple_control.ros.endpoints import with_qos_overrides
 from kachaka_simple_control.ros.names import RobotNames
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data

@@ -17,7 +17,7 @@ The simulated robot, over gRPC or in memory, without ROS.
 In a process of its own; its first line on standard output has the address::
 
     kachaka_sim --grpc-port 0
-    python -m kachaka_simple_control.kachaka.simulator.command --grpc-port 0
+    python -m kachaka_simple_control.kachaka.sim_command --grpc-port 0
     ready: simulated Kachaka at 127.0.0.1:40153
 
 Within this process, in a thread of its own::

@@ -174,7 +174,7 @@ def test_diagnostics_report_connection_and_errors(probe, namespace, robot):
 def test_odometry_is_fetched_only_for_subscribers(probe, namespace):
     """From the simulated robot, with its frames, stamps and cursors."""
     simulator = subprocess.Popen(
-        [sys.executable, '-m', 'kachaka_simple_control.kachaka.simulator.command',
+        [sys.executable, '-m', 'kachaka_simple_control.kachaka.sim_command',
          '--grpc-port', '0'],
         stdout=subprocess.PIPE, text=True, env=environment())
     try:

@@ -39,7 +39,7 @@ from grpc_client_support import faulty_robot, real_bridge  # noqa: E402, I100
 def simulated_robot():
     """Run a simulated robot, and return its address."""
     process = subprocess.Popen(
-        [sys.executable, '-m', 'kachaka_simple_control.kachaka.simulator.command',
+        [sys.executable, '-m', 'kachaka_simple_control.kachaka.sim_command',
          '--grpc-port', '0'],
         stdout=subprocess.PIPE, text=True, env=environment())
     try:

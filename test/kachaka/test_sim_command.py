@@ -23,7 +23,7 @@ import sys
 from program import environment, program
 import pytest
 
-COMMAND = [sys.executable, '-m', 'kachaka_simple_control.kachaka.simulator.command']
+COMMAND = [sys.executable, '-m', 'kachaka_simple_control.kachaka.sim_command']
 BLOCKED = """
 import sys
 class Block:
@@ -32,7 +32,7 @@ class Block:
             raise ModuleNotFoundError(f'No module named {{name!r}}', name=name)
 sys.meta_path.insert(0, Block())
 sys.argv = ['kachaka_sim', '--grpc-port', '0']
-from kachaka_simple_control.kachaka.simulator.command import main
+from kachaka_simple_control.kachaka.sim_command import main
 sys.exit(main())
 """
 
