@@ -59,7 +59,7 @@ def check_rate(rate: float, profile: RobotProfile) -> None:
     :param rate: how often a velocity is sent [Hz]
     :raises UsageError: if it cannot
     """
-    lowest = min_rate(profile.hold)
+    lowest = min_rate(profile.command_timeout)
     if not lowest <= rate <= MAX_RATE:
         raise UsageError(
             f'rate is {rate:g} Hz; for {profile.name} it must be from {lowest:g} to '

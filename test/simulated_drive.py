@@ -71,7 +71,7 @@ class SimulatedDrive:
         self._is_stopped = True
         self.limits = KACHAKA.limits
         self.publish(SessionStarted(
-            title, KACHAKA.name, self.limits, KACHAKA.hold, EPOCH,
+            title, KACHAKA.name, self.limits, KACHAKA.command_timeout, EPOCH,
             '/kachaka/manual_control/cmd_vel', '/kachaka/odometry/odometry',
             footprint=KACHAKA.footprint,
             settings={'robot': 'kachaka', 'rate': rate, 'guardian': True},

@@ -119,13 +119,13 @@ def test_a_row_names_a_file_and_what_it_defines(row):
     ('`control/stop.py`', '`send_stop`', None),
     ('`control/stop.py`', '`StopController.stop`', None),
     ('`benchmarks/stop_matrix/rows.py`', '`ROWS`', None),
-    ('`robots/turtlebot3.yaml`', '`hold`', None),
+    ('`robots/turtlebot3.yaml`', '`command_timeout`', None),
     ('`control/stopping.py`', '`send_stop`', 'no file control/stopping.py'),
     ('`control/stop.py`', '`send_stops`', 'does not define send_stops'),
     # Imported there, defined elsewhere.
     ('`control/stop.py`', '`VelocityGate`', 'does not define VelocityGate'),
     ('`control/stop.py`', '`StopController.send_stop`', 'does not define'),
-    ('`robots/turtlebot3.yaml`', '`holds`', 'does not define holds'),
+    ('`robots/turtlebot3.yaml`', '`command_timeouts`', 'does not define command_timeouts'),
     ('`control/stop.py`, `control/latch.py`', '`Latch`', 'one file'),
     ('`control/stop.py`', '', 'at least one thing'),
 ])

@@ -43,7 +43,7 @@ message_type: TwistStamped
 frame: left/base_link
 odometry_topic: null
 manual_control: null
-hold: 0.3 s
+command_timeout: 0.3 s
 limits: {max_linear_velocity: 0.2 m/s, max_angular_velocity: 1 rad/s}
 """
 

@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""When to do it: playing a plan on the steady clock, the one way out, and stopping."""
+"""When to send which velocity, and how to stop: plan runner, velocity gate, stop, guardian."""

@@ -69,7 +69,7 @@ class Run:
 
 class VelocityGate:
     """
-    The one way out for velocities: latch, gap, limits, publish, telemetry.
+    The only publisher of velocities: latch, gap, limits, publish, telemetry.
 
     Checking and publishing happen under one lock.  Once a stop has sent its first zero, no
     velocity of the run that it stopped can follow, from any thread.

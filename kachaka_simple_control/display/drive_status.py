@@ -50,7 +50,7 @@ class DriveState(Enum):
 
     READY = 'ready'
     WAITING = 'waiting'
-    CONNECTING = 'meeting'
+    CONNECTING = 'connecting'
     DRIVING = 'driving'
     STOPPING = 'stopping'
     STOPPED = 'stopped'

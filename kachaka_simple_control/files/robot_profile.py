@@ -49,7 +49,7 @@ class RobotProfile:
     :param manual_control_service: the service that lets it take velocities (std_srvs/SetBool);
         None if it always takes them
     :param manual_control_timeout: how long one enabling lasts [s]; infinite if it needs none
-    :param hold: its command timeout: how long it keeps a velocity without a new one [s]
+    :param command_timeout: how long it keeps a velocity without a new one [s]
     :param limits: its largest velocities, accelerations and jerks
     :param message_type: the type of its velocities: Twist or TwistStamped, of geometry_msgs
     :param frame: the frame in the header of a TwistStamped
@@ -62,7 +62,7 @@ class RobotProfile:
     odometry_topic: str | None
     manual_control_service: str | None
     manual_control_timeout: float
-    hold: float
+    command_timeout: float
     limits: Limits
     message_type: str = 'Twist'
     frame: str = 'base_link'
@@ -79,7 +79,7 @@ KACHAKA = RobotProfile(
     odometry_topic='odometry/odometry',  # odometry_component.cpp
     manual_control_service='manual_control/set_enabled',  # manual_control_component.cpp
     manual_control_timeout=60.0,  # docs/kachaka_api_client.ipynb, cell 77
-    hold=0.3,  # docs/kachaka_api_client.ipynb, cell 81
+    command_timeout=0.3,  # docs/kachaka_api_client.ipynb, cell 81
     limits=Limits(
         max_linear_velocity=0.3, max_angular_velocity=1.57,  # python/kachaka_api/base.py
         # The maker publishes no accelerations.  Chosen: a gentle start, at full speed after
@@ -135,7 +135,7 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
 
 def _read(document: Document, source: str) -> RobotProfile:
     data = document.root.data if isinstance(document.root.data, dict) else {}
-    hold = document.read_quantities([], {'hold': COMMAND_TIMEOUT})
+    numbers = document.read_quantities([], {'command_timeout': COMMAND_TIMEOUT})
     timeout = document.read_quantities(['manual_control'], {'timeout': COMMAND_TIMEOUT})
     limits = _limits(document)
     footprint = _footprint(document)
@@ -148,7 +148,7 @@ def _read(document: Document, source: str) -> RobotProfile:
         odometry_topic=data.get('odometry_topic'),
         manual_control_service=(data.get('manual_control') or {}).get('service'),
         manual_control_timeout=timeout.get('timeout', math.inf),
-        hold=hold['hold'],
+        command_timeout=numbers['command_timeout'],
         limits=limits,
         message_type=data.get('message_type', 'Twist'),
         frame=data.get('frame', 'base_link'),

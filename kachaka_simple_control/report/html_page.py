@@ -164,5 +164,7 @@ def _robot(summary: Summary) -> dict[str, Any]:
         'robot': opened.robot, 'velocities go to': opened.velocity_topic,
         'sent as': opened.message_type,
         'odometry comes from': opened.odometry_topic or 'nowhere',
-        'hold [s]': (format_number(opened.command_timeout)
-                     if math.isfinite(opened.command_timeout) else 'none'), **limits}
+        'command timeout [s]': (
+            format_number(opened.command_timeout) if math.isfinite(opened.command_timeout)
+            else 'none'),
+        **limits}

@@ -99,7 +99,7 @@ def _outcome_of_motions(log: DriveLog, error: str | None) -> Outcome:
             OutcomeKind.STOPPED, 'Stopped on request', f'{_sentence(request)} {_progress(log)}')
     if not all(motion.is_complete for motion in log.motions):
         return Outcome(
-            OutcomeKind.FAULTED, 'Not finished', f'Nobody told why. {_progress(log)}')
+            OutcomeKind.FAULTED, 'Not finished', f'The reason is not known. {_progress(log)}')
     return Outcome(OutcomeKind.DONE, 'Done', _progress(log))
 
 

@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How ROS 2 is spoken: the only room beside the front door that knows rclpy and messages."""
+"""The node's side of ROS 2: session, discovery, parameters, publishers and subscriptions."""

@@ -59,7 +59,7 @@ class NodeParameters:
         'ROS namespace of the robot; prefixes its topics and its service. By default that of its '
         'profile')
     rate: float = _parameter(
-        10.0, 'How often a velocity is sent [Hz]', min_rate(KACHAKA.hold), MAX_RATE)
+        10.0, 'How often a velocity is sent [Hz]', min_rate(KACHAKA.command_timeout), MAX_RATE)
     robot_timeout: float = _parameter(
         10.0, 'How long to wait for a robot before giving up [s]', 0.1, 3600.0)
     prime_time: float = _parameter(
@@ -112,7 +112,7 @@ def declare_parameters(node: Node) -> tuple[RobotProfile, NodeParameters]:
     name = str(_declare(node, robot, robot.default, None))
     profile = find_robot(name)
     defaults = {'robot_namespace': profile.namespace}
-    ranges = {'rate': (min_rate(profile.hold), MAX_RATE)}
+    ranges = {'rate': (min_rate(profile.command_timeout), MAX_RATE)}
     values = {
         parameter.name: _declare(
             node, parameter, defaults.get(parameter.name, parameter.default),
@@ -162,7 +162,7 @@ def session_started(
         title=title,
         robot=profile.name,
         limits=profile.limits,
-        command_timeout=profile.hold,
+        command_timeout=profile.command_timeout,
         epoch=time.time() - time.monotonic(),
         velocity_topic=node.resolve_topic_name(names.velocity),
         odometry_topic=node.resolve_topic_name(names.odometry) if names.odometry else None,

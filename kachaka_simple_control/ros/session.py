@@ -68,7 +68,7 @@ class Session:
             self, node: Node, publisher: VelocityPublisher, profile: RobotProfile,
             names: RobotNames, parameters: NodeParameters) -> None:
         self._node = node
-        self._command_timeout = profile.hold
+        self._command_timeout = profile.command_timeout
         #: the odometry topic; None if odometry is not checked
         self._odometry_topic = names.odometry if parameters.odometry_timeout else None
         self._parameters = parameters
@@ -91,10 +91,10 @@ class Session:
             lambda: self._guardian.latch.is_set and self._stopped_by is None,
             self._on_foreign_message)
         self._stopper = StopController(
-            self.gate, profile.hold, self._guardian, self._disobeys)
+            self.gate, profile.command_timeout, self._guardian, self._disobeys)
         self._lease = LeaseRenewer(
             lambda: self._manual_control.request(True),
-            response_timeout=profile.hold - 1.0 / parameters.rate)
+            response_timeout=profile.command_timeout - 1.0 / parameters.rate)
         self._monitor = RosRunMonitor(
             self._guardian, self._lease if self._manual_control.is_needed else None,
             self._discovery, self._foreign, self.odometry, parameters.odometry_timeout)
@@ -379,8 +379,8 @@ def _start_guardian(
     if not parameters.guardian:
         return NullGuardian()
     arguments = [
-        publisher.topic_name, node.context.get_domain_id(), profile.hold, profile.message_type,
-        profile.frame]
+        publisher.topic_name, node.context.get_domain_id(), profile.command_timeout,
+        profile.message_type, profile.frame]
     return Guardian(
         [*processes.python_command('kachaka_simple_control.ros.guardian_process'),
          *map(str, arguments)],

@@ -231,7 +231,7 @@ def _state(statistics: TickStatistics, status: SessionStatus) -> str:
     if status.halted_by is not None:
         return 'halted'
     if statistics.is_active:
-        return 'driving' if statistics.has_started else 'meeting the robot'
+        return 'driving' if statistics.has_started else 'connecting to the robot'
     if not statistics.motion:
         return 'nothing to drive yet'
     return 'at rest' if statistics.failure is None else 'stopped early'

@@ -38,7 +38,7 @@ message_type: TwistStamped
 frame: base_link
 odometry_topic: odom
 manual_control: {service: enable, timeout: 60 s}
-hold: 0.3 s
+command_timeout: 0.3 s
 limits: {max_linear_velocity: 0.3 m/s, max_angular_velocity: 90 deg/s}
 footprint: {length: 0.4 m, width: 0.3 m, ahead: 0 m}
 """
@@ -56,7 +56,7 @@ JSON = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(
         st.text(max_size=3) | st.sampled_from(
             ['steps', 'repeat', 'times', 'wait', 'forward', 'distance', 'speed', 'angle', 'turn',
-             'arc', 'radius', 'limits', 'name', 'rate', 'hold', 'footprint', 'move']),
+             'arc', 'radius', 'limits', 'name', 'rate', 'command_timeout', 'footprint', 'move']),
         inner, max_size=4),
     max_leaves=12)
 
@@ -79,7 +79,7 @@ def accept_or_refuse_robot(text: str, path) -> None:
     """Read a text as a robot; anything but a robot or the error of robot files is raised."""
     path.write_bytes(text.encode(errors='surrogatepass'))
     with contextlib.suppress(RobotFileError):
-        assert find_robot(path).hold > 0.0
+        assert find_robot(path).command_timeout > 0.0
 
 
 @st.composite
@@ -137,8 +137,8 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, data):
 
 
 @given(text=mutated(ROBOT) | st.dictionaries(st.sampled_from(
-    ['velocity_topic', 'hold', 'limits', 'footprint', 'manual_control', 'namespace', 'frame']),
-    JSON).map(json.dumps))
+    ['velocity_topic', 'command_timeout', 'limits', 'footprint', 'manual_control', 'namespace',
+     'frame']), JSON).map(json.dumps))
 @SETTINGS
 def test_a_robot_with_mistakes_is_read_or_refused(tmp_path_factory, text):
     accept_or_refuse_robot(text, tmp_path_factory.getbasetemp() / 'robot.yaml')

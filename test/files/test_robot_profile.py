@@ -37,7 +37,7 @@ pytest.importorskip('jsonschema', reason='needs jsonschema')
 ROBOTS = files('kachaka_simple_control') / 'robots'
 LEAST = """\
 velocity_topic: cmd_vel
-hold: 500 ms
+command_timeout: 500 ms
 limits: {max_linear_velocity: 0.2, max_angular_velocity: 1}
 """
 
@@ -111,7 +111,7 @@ message_type: TwistStamped
 frame: base
 odometry_topic: odom
 manual_control: {service: enable, timeout: 1 min}
-hold: 0.3
+command_timeout: 0.3
 limits:
   max_linear_velocity: 30 cm/s
   max_angular_velocity: 90 deg/s
@@ -160,9 +160,9 @@ def test_an_outline_may_be_round(robot):
       'or null')),
     ('max_speed: 1',
      ('4: max_speed: there is no such key; known are name, description, namespace, '
-      'velocity_topic, message_type, frame, odometry_topic, manual_control, hold, limits, '
-      'footprint')),
-    ('hold: 1', '4: hold: this key is here twice, first in line 2'),
+      'velocity_topic, message_type, frame, odometry_topic, manual_control, command_timeout, '
+      'limits, footprint')),
+    ('command_timeout: 1', '4: command_timeout: this key is here twice, first in line 2'),
 ])
 def test_what_is_wrong_with_a_robot_is_said_in_one_line(robot, tmp_path, more, line):
     with pytest.raises(RobotFileError) as caught:
@@ -173,7 +173,8 @@ def test_what_is_wrong_with_a_robot_is_said_in_one_line(robot, tmp_path, more, l
 
 def test_all_that_is_wrong_with_a_robot_is_said_at_once(robot):
     with pytest.raises(RobotFileError) as caught:
-        robot('velocity_topic: cmd vel\nhold: 0 s\nlimits: {max_linear_velocity: 1 rad/s}')
+        robot('velocity_topic: cmd vel\ncommand_timeout: 0 s\n'
+              'limits: {max_linear_velocity: 1 rad/s}')
     assert [problem.line for problem in caught.value.problems] == [1, 2, 3, 3]
 
 

@@ -57,7 +57,7 @@ PATIENCE = 30.0
 
 
 def reporter_of(folder, *before):
-    """Return a teller to a reporter, started by another command if one is given."""
+    """Return the subscriber process of a reporter, started by another command if one is given."""
     return SubscriberProcess([*before, *processes.python_command(REPORTER), str(folder)])
 
 
@@ -69,7 +69,7 @@ def drive(count, first=10.0):
 
 
 def assert_recorded(folder, events):
-    """Assert that both readers find each velocity that was told, and nothing else."""
+    """Assert that both readers find each velocity that was published, and nothing else."""
     sent = sent_velocities([event for event in events if isinstance(event, VelocitySent)], OPENED)
     for read in READERS:
         assert velocities(read(folder / 'run.mcap'), OPENED) == sent
@@ -86,11 +86,11 @@ def wait_for_file(file, size):
 def test_all_that_was_told_is_recorded(tmp_path, capfd):
     events = [
         *BEGINNING, *drive(1000, 10.1), MotionEnded(30.0), SessionEnded(31.0, still_after=0.1)]
-    teller = reporter_of(tmp_path)
+    process = reporter_of(tmp_path)
     for event in events:
-        teller.send(event)
-    code = teller.close(PATIENCE)
-    assert teller.failure is None
+        process.send(event)
+    code = process.close(PATIENCE)
+    assert process.failure is None
     assert_recorded(tmp_path, events)
     assert code == 0
     assert capfd.readouterr().err == f'report: {tmp_path}/report.html\n'
@@ -102,9 +102,9 @@ import os, signal, sys
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 from kachaka_simple_control.control import processes
 from test_report_process import BEGINNING, drive, reporter_of
-teller = reporter_of(sys.argv[1])
+process = reporter_of(sys.argv[1])
 for event in [*BEGINNING, *drive(200, 10.1)]:
-    teller.send(event)
+    process.send(event)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -124,19 +124,19 @@ def test_it_lives_on_when_the_program_is_killed(tmp_path):
 
 def test_killed_itself_it_leaves_all_but_the_last_second(tmp_path):
     """So does a machine that kills both at once."""
-    teller = reporter_of(tmp_path)
+    process = reporter_of(tmp_path)
     for event in (OPENED, PLANNED):
-        teller.send(event)
+        process.send(event)
     wait_for_file(tmp_path / 'run.mcap', 0)
     sent = []
     end = time.monotonic() + 2.5
     while time.monotonic() < end:
         sent.append(VelocitySent(time.monotonic(), Velocity(0.1, len(sent) / 1000.0)))
-        teller.send(sent[-1])
+        process.send(sent[-1])
         time.sleep(0.01)
     killed = time.monotonic()
-    teller._process.kill()
-    assert teller.close(PATIENCE) == -signal.SIGKILL
+    process._process.kill()
+    assert process.close(PATIENCE) == -signal.SIGKILL
     due = [velocity for velocity in sent_velocities(sent, OPENED)
            if velocity[0] < stamp_of(OPENED, killed - 1.0)]
     assert len(due) > 50
@@ -147,57 +147,57 @@ def test_killed_itself_it_leaves_all_but_the_last_second(tmp_path):
 
 
 def test_what_is_told_reaches_the_disk_while_nothing_more_comes(tmp_path):
-    teller = reporter_of(tmp_path)
+    process = reporter_of(tmp_path)
     for event in (OPENED, PLANNED):
-        teller.send(event)
+        process.send(event)
     wait_for_file(tmp_path / 'run.mcap', 0)
     size = (tmp_path / 'run.mcap').stat().st_size
-    teller.send(VelocitySent(time.monotonic(), Velocity(0.1)))
+    process.send(VelocitySent(time.monotonic(), Velocity(0.1)))
     wait_for_file(tmp_path / 'run.mcap', size)
     assert len(READERS[0](tmp_path / 'run.mcap')) == 1
-    teller.close(PATIENCE)
+    process.close(PATIENCE)
 
 
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_to_all_programs_does_not_end_it(signum, tmp_path):
     events = [*BEGINNING, *drive(100, 10.1)]
-    teller = reporter_of(tmp_path)
+    process = reporter_of(tmp_path)
     for event in events[:50]:
-        teller.send(event)
+        process.send(event)
     wait_for_file(tmp_path / 'run.mcap', 0)
-    teller._process.send_signal(signum)
+    process._process.send_signal(signum)
     for event in events[50:]:
-        teller.send(event)
-    assert teller.close(PATIENCE) in (0, 1)
+        process.send(event)
+    assert process.close(PATIENCE) in (0, 1)
     assert_recorded(tmp_path, events)
 
 
 def test_it_stands_behind_the_program_that_drives(tmp_path):
-    teller = reporter_of(tmp_path)
-    teller.send(OPENED)
+    process = reporter_of(tmp_path)
+    process.send(OPENED)
     wait_for_file(tmp_path / 'run.mcap', 0)
     own = os.getpriority(os.PRIO_PROCESS, 0)
-    assert os.getpriority(os.PRIO_PROCESS, teller._process.pid) == min(19, own + 10)
-    teller.close(PATIENCE)
+    assert os.getpriority(os.PRIO_PROCESS, process._process.pid) == min(19, own + 10)
+    process.close(PATIENCE)
 
 
 def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
-    """Here a file may have 20 KiB; what is told before fits in."""
+    """Here a file may have 20 KiB; what is published before fits in."""
     folder = tmp_path / 'report'
     folder.mkdir()
-    teller = reporter_of(folder, 'bash', '-c', 'ulimit -f 20; exec "$@"', 'bash')
-    teller.send(OPENED)
+    process = reporter_of(folder, 'bash', '-c', 'ulimit -f 20; exec "$@"', 'bash')
+    process.send(OPENED)
     wait_for_file(folder / 'run.mcap', 0)
     size = (folder / 'run.mcap').stat().st_size
     for event in BEGINNING[1:]:
-        teller.send(event)
+        process.send(event)
     wait_for_file(folder / 'run.mcap', size)
     for number in range(40):
         for event in drive(100, 11.0 + 2.0 * number):
-            teller.send(event)
+            process.send(event)
         time.sleep(0.05)
-    assert teller.failure is None, 'it goes on hearing'
-    assert teller.close(PATIENCE) == 1
+    assert process.failure is None, 'it goes on hearing'
+    assert process.close(PATIENCE) == 1
     assert 'report: run.mcap ends early: File too large\n' in capfd.readouterr().err
     assert 0 < (folder / 'run.mcap').stat().st_size <= 20 * 1024
     one, other = (velocities(read(folder / 'run.mcap'), OPENED) for read in READERS)
@@ -206,20 +206,20 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
 
 
 def test_one_that_does_not_keep_up_is_told_no_more_and_says_what_it_heard(tmp_path, capfd):
-    audience = EventBus()
-    with SubscriberProcesses(audience) as told:
-        told.start(REPORTER, str(tmp_path))
-        (teller,) = told._subscribers
+    event_bus = EventBus()
+    with SubscriberProcesses(event_bus) as subscribers:
+        subscribers.start(REPORTER, str(tmp_path))
+        (process,) = subscribers._subscribers
         for event in BEGINNING:
-            audience.publish(event)
+            event_bus.publish(event)
         wait_for_file(tmp_path / 'run.mcap', 0)
-        teller._process.send_signal(signal.SIGSTOP)
+        process._process.send_signal(signal.SIGSTOP)
         start = time.monotonic()
         for event in drive(20_000, 11.0):
-            audience.publish(event)
+            event_bus.publish(event)
         assert time.monotonic() - start < 10.0
-        assert teller.failure == 'it did not keep up'
-        teller._process.send_signal(signal.SIGCONT)
+        assert process.failure == 'it did not keep up'
+        process._process.send_signal(signal.SIGCONT)
     printed = capfd.readouterr().err
     assert ('kachaka_simple_control: what was shown or reported ends early: it did not keep up\n'
             in printed)
@@ -229,8 +229,8 @@ def test_one_that_does_not_keep_up_is_told_no_more_and_says_what_it_heard(tmp_pa
 
 
 def test_a_program_that_ended_before_it_began_is_no_report(tmp_path, capfd):
-    teller = reporter_of(tmp_path)
-    assert teller.close(PATIENCE) == 1
+    process = reporter_of(tmp_path)
+    assert process.close(PATIENCE) == 1
     assert 'report: there is none: the program ended before anything began' in (
         capfd.readouterr().err)
     assert list(tmp_path.iterdir()) == []

@@ -118,7 +118,7 @@ def test_a_robot_without_odometry_is_driven_as_well(listener, tmp_path):
     assert started.text.count('No odometry has come on /kachaka/odometry/odometry yet') == 1
 
 
-class Stranger:
+class OtherPublisher:
     """Has a publisher of velocities, and sends what it is told to, 20 times a second."""
 
     #: Something that our programs never send.
@@ -150,74 +150,74 @@ class Stranger:
             self._publisher.publish(self._message)
 
 
-def ours(listener, stranger):
-    """Return the velocities that moved the robot and were ours, after the stranger began."""
+def ours(listener, other):
+    """Return the velocities that moved the robot and were ours, after the other began."""
     return [heard for heard in listener.heard
-            if heard.time > stranger.began + 0.05 and heard.moves
-            and heard.linear_x != Stranger.SPEED]
+            if heard.time > other.began + 0.05 and heard.moves
+            and heard.linear_x != OtherPublisher.SPEED]
 
 
 @pytest.mark.parametrize('quality', [10, qos_profile_sensor_data])
 def test_the_first_velocity_of_somebody_else_ends_the_run(listener, tmp_path, quality):
-    stranger = Stranger(listener, quality)
+    other = OtherPublisher(listener, quality)
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
-        stranger.send()
+        other.send()
         assert started.end() == 1
     (line,) = [line for line in started.text.splitlines() if 'somebody else' in line]
     assert '(node listener) sends velocities on /kachaka/manual_control/cmd_vel' in line
-    assert ours(listener, stranger) == []
+    assert ours(listener, other) == []
     # Our zeros end, and manual control is the other's by now.
-    assert max(h.time for h in listener.heard if not h.moves) - stranger.began < 1.0
+    assert max(h.time for h in listener.heard if not h.moves) - other.began < 1.0
     assert listener.released == []
-    stranger.leave()
+    other.leave()
 
 
 def test_so_does_a_zero_of_somebody_else(listener, tmp_path):
-    stranger = Stranger(listener)
+    other = OtherPublisher(listener)
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
         time.sleep(0.5)
-        stranger.send(0.0)
+        other.send(0.0)
         assert started.end() == 1
     assert 'somebody else (node listener) sends velocities' in started.text
-    assert ours(listener, stranger) == []
-    stranger.leave()
+    assert ours(listener, other) == []
+    other.leave()
 
 
 def test_somebody_who_comes_and_sends_in_mid_motion_is_found(listener, tmp_path):
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
-        stranger = Stranger(listener)
-        stranger.send()
+        other = OtherPublisher(listener)
+        other.send()
         assert started.end() == 1
     assert 'somebody else (node listener) sends velocities' in started.text
-    assert end_of_motion_of_ours(listener) - stranger.began < 1.0
-    stranger.leave()
+    assert end_of_motion_of_ours(listener) - other.began < 1.0
+    other.leave()
 
 
 def end_of_motion_of_ours(listener):
     """Return when our last velocity that moves was sent."""
     return max(heard.time for heard in listener.heard
-               if heard.moves and heard.linear_x != Stranger.SPEED)
+               if heard.moves and heard.linear_x != OtherPublisher.SPEED)
 
 
 def test_a_publisher_that_never_sends_is_nobody(listener, tmp_path):
     """Neither before a run, nor in it, nor when the robot is given back."""
-    stranger = Stranger(listener)
+    other = OtherPublisher(listener)
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
-        another = Stranger(listener)
+        another = OtherPublisher(listener)
         assert started.end() == 0
     assert len(listener.moves()) == 3
     assert len(listener.released) == 1
-    stranger.leave()
+    other.leave()
     another.leave()
 
 
 def test_where_somebody_else_drives_already_nothing_begins(listener, tmp_path):
-    stranger = Stranger(listener)
-    stranger.send()
+    other = OtherPublisher(listener)
+    other.send()
     listener.wait_for(lambda heard: heard.moves)
     with program(COMMAND, tmp_path) as started:
         code = started.end()
@@ -225,31 +225,31 @@ def test_where_somebody_else_drives_already_nothing_begins(listener, tmp_path):
     assert f') sends velocities on {listener._subscription.topic_name}' in started.text
     # 1 where discovery found the publisher after the robot: then zeros were on their way.
     assert code in (3, 1)
-    allowed = {Stranger.SPEED} if code == 3 else {Stranger.SPEED, 0.0}
+    allowed = {OtherPublisher.SPEED} if code == 3 else {OtherPublisher.SPEED, 0.0}
     assert {heard.linear_x for heard in listener.heard} <= allowed
     assert code == 1 or listener.answered == []
-    stranger.leave()
+    other.leave()
 
 
 def test_zeros_go_on_beside_a_publisher_that_is_silent(listener, tmp_path):
-    odometer, stranger = Odometer(listener), Stranger(listener)
+    odometer, other = Odometer(listener), OtherPublisher(listener)
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
         odometer.velocity = 0.1
         started.send(signal.SIGINT)
         assert started.end() == 130
     assert listener.heard[-1].time - end_of_motion(listener) > 1.0
-    stranger.leave()
+    other.leave()
 
 
 def test_somebody_else_may_be_allowed(listener, tmp_path):
-    stranger = Stranger(listener)
+    other = OtherPublisher(listener)
     command = [*COMMAND, '--ros-args', '-p', 'allow_other_publishers:=true']
     with program(command, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
-        stranger.send(0.0)
+        other.send(0.0)
         assert started.end() == 0
-    stranger.leave()
+    other.leave()
 
 
 def test_a_robot_that_is_back_does_not_move_by_itself(tmp_path):

@@ -49,7 +49,7 @@ def zeros_after(listener, since):
 
 
 def assert_whole_stop(zeros):
-    """Assert that the stop was front-loaded, and longer than the hold."""
+    """Assert that the stop was front-loaded, and longer than the command timeout."""
     assert zeros[9] - zeros[0] < 0.2
     assert zeros[-1] - zeros[0] > 0.35
 
@@ -154,7 +154,7 @@ def test_a_graph_that_takes_long_to_answer_ends_no_healthy_run(listener, tmp_pat
     """
     Others join and leave; discovery has the graph, and who asks it waits with Python's lock.
 
-    At 50 Hz that is more than a program may be silent, and less than the robot's hold.
+    At 50 Hz that is more than a program may be silent, and less than the robot's command timeout.
     """
     at_50_hz = "rclpy.init(args=['--ros-args', '-p', 'rate:=50.0'])"
     text = BEGIN.replace('rclpy.init()', at_50_hz) + SLOW_GRAPH + """

@@ -81,7 +81,7 @@ def test_the_namespace_of_the_robot_moves_all_its_names(make):
     assert other.enabled
 
 
-def test_nobody_publishes_beside_the_edge(listener, make):
+def test_nothing_publishes_beside_the_velocity_gate(listener, make):
     from geometry_msgs.msg import Twist
     with pytest.raises(MotionRefusedError, match='use those'):
         make().publisher.publish(Twist())

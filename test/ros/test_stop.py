@@ -22,7 +22,7 @@ import pytest
 pytestmark = pytest.mark.ros
 pytest.importorskip('rclpy', reason='needs ROS 2')
 
-#: Time from a signal to the first zero [s]: what matters is that it is far below the hold.
+#: Time from a signal to the first zero [s]: far below the robot's command timeout.
 SOON = 0.2
 
 BEGIN = """

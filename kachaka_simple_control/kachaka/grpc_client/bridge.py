@@ -125,7 +125,7 @@ class GrpcBridge(BridgeNode):
         self._frame_prefix = frame_prefix
         client = robot.client
         self._driver = RobotDriver(
-            client, KACHAKA.hold, robot.texts, self._log_thread.log, give_up)
+            client, KACHAKA.command_timeout, robot.texts, self._log_thread.log, give_up)
         self._health = HealthPoller(
             client, self._driver, self._log_thread.log, self._publish_diagnostics)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)

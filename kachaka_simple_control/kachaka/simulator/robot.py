@@ -127,7 +127,7 @@ class SimulatedKachaka:
         if TimedState.MANUAL_CONTROL not in self._until:
             return ERROR_NO_MANUAL_CONTROL
         if TimedState.UNDOCKING not in self._until:
-            self._until[TimedState.VELOCITY] = now + self._profile.hold
+            self._until[TimedState.VELOCITY] = now + self._profile.command_timeout
             limits = self._profile.limits
             self._drive.set_target(
                 Velocity(max(-1.0, min(linear, 1.0)) * limits.max_linear_velocity,

@@ -34,7 +34,7 @@ from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 import pytest
 
-COMMAND_TIMEOUT = KACHAKA.hold
+COMMAND_TIMEOUT = KACHAKA.command_timeout
 OK = RpcResult(code=0)
 NO_CONTROL = RpcResult(code=13151)
 REFUSED = RpcResult(code=21051)

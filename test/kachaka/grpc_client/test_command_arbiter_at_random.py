@@ -25,7 +25,7 @@ from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
 )
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 
-COMMAND_TIMEOUT = KACHAKA.hold
+COMMAND_TIMEOUT = KACHAKA.command_timeout
 RESULTS = st.sampled_from([
     RpcResult(code=0), RpcResult(code=0), RpcResult(code=13151), RpcResult(code=21051),
     RpcResult(failure=RpcFailure.LATE), RpcResult(failure=RpcFailure.FAILED)])
