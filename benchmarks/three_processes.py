@@ -37,9 +37,9 @@ from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.preview_command import DEFAULT_RATE
 from kachaka_simple_control.report.metrics import median
 from kachaka_simple_control.ros.dds_transport import use_localhost_only
+from kachaka_simple_control.ros.node_parameters import NodeParameters
 
 from benchmarks.grpc_robot import GrpcRobot
 from benchmarks.process import ROOT
@@ -94,7 +94,8 @@ def measure(motions: Sequence[str] = MOTIONS, runs: int = RUNS) -> list[Run]:
 def planned_as_driven(motion: str) -> Plan:
     """Plan a library motion as the command does for a Kachaka."""
     file = find(motion)
-    return plan(file.motion, file.check(KACHAKA.limits, KACHAKA.name), file.rate or DEFAULT_RATE)
+    rate = file.rate or NodeParameters.rate
+    return plan(file.motion, file.check(KACHAKA.limits, KACHAKA.name), rate)
 
 
 def errors(start: Pose, end: Pose, planned: Pose) -> tuple[float, float]:

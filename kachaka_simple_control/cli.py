@@ -28,6 +28,10 @@ from kachaka_simple_control.exit_codes import code_of, DONE, HELP, OneLineParser
 from kachaka_simple_control.kachaka.grpc_client.address import address_argument
 
 NAME = 'kachaka_simple_control'
+PRECEDENCE = """
+what wins: an option or -p (they must not differ), then the motion's file, then the
+default of the parameter
+"""
 #: The longest line that is printed of an error [characters]; a path may be long.
 MAX_LINE_LENGTH = 1000
 
@@ -96,7 +100,7 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
 
 def _parser() -> OneLineParser:
     parser = OneLineParser(
-        prog=NAME, epilog=HELP, allow_abbrev=False,
+        prog=NAME, epilog=f'{PRECEDENCE}{HELP}', allow_abbrev=False,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Drive a motion, exactly timed; without a name, the seven movements of the '
                     'lesson.')

@@ -24,15 +24,15 @@ from kachaka_simple_control.cli import Options
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
 from kachaka_simple_control.display.terminal import DisplayProcess, should_display
 from kachaka_simple_control.errors import ControlError, UsageError
-from kachaka_simple_control.files.robot_profile import find_robot, KACHAKA
+from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
-from kachaka_simple_control.preview_command import check_rate
 from kachaka_simple_control.report.report_directory import missing_libraries, prepare_report_dir
 from kachaka_simple_control.report.text_tables import drive_table
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
-from kachaka_simple_control.ros.parameters import check_parameter_names, session_started
+from kachaka_simple_control.ros.parameters import session_started
 from kachaka_simple_control.ros.startup import start_ros
+from kachaka_simple_control.settings import choose_settings, describe_overrides, NAMES
 from kachaka_simple_control.telemetry.subscriber_process import REPORTER, SubscriberProcesses
 import rclpy
 from rclpy.parameter import Parameter
@@ -55,7 +55,6 @@ def drive(options: Options) -> None:
     """
     make_nonblocking(STDOUT, STDERR)
     motion_file = _motion_file(options)
-    check_parameter_names(options.ros_arguments)
     # A bridge ends when the stack is closed: after its robot was stopped and released.
     with contextlib.ExitStack() as stack:
         if options.report is not None:
@@ -63,12 +62,18 @@ def drive(options: Options) -> None:
         if options.starts_bridge or is_localhost_requested():
             use_localhost_only()
         start_ros(options.ros_arguments)
-        robot_control = KachakaSimpleControl(parameter_overrides=[
-            Parameter(name, value=value)
-            for name, value in _parameters(options, motion_file).items()])
+        robot_control = KachakaSimpleControl(
+            {name: value for name in NAMES
+             if (value := getattr(motion_file, name, None)) is not None},
+            parameter_overrides=[
+                Parameter(name, value=value) for name, value in _parameters(options).items()])
         subscribers = stack.enter_context(SubscriberProcesses(robot_control.event_bus))
         try:
             _start_subscribers(subscribers, options, is_lesson=motion_file is None)
+            for line in describe_overrides(
+                    options, motion_file, robot_control.node_parameters.robot,
+                    robot_control.node_parameters.rate):
+                robot_control.get_logger().info(line)
             robot_control.event_bus.publish(session_started(
                 robot_control, 'lesson' if motion_file is None else motion_file.motion.name,
                 robot_control.profile, robot_control.robot_names, robot_control.node_parameters))
@@ -111,34 +116,25 @@ def _bridge(
 
 def _motion_file(options: Options) -> MotionFile | None:
     """Return the motion, None for the lesson; check it before anything is started."""
-    robot = options.robot
     motion_file = None
     if options.motions or options.wait:
         from kachaka_simple_control.files.library import find
         motion_file = find(options.motions[0] if options.motions else 'lesson')
-        robot = robot or motion_file.robot
-    profile = find_robot(robot or KACHAKA.name)
+    profile = choose_settings(options, motion_file).profile
     if options.starts_bridge and profile.velocity_topic != KACHAKA.velocity_topic:
         raise UsageError(
             f'--sim and --address bring a kachaka along, not a {profile.name}: leave out that '
             'option, or --robot')
-    rate = options.rate
     if motion_file is not None:
         motion_file.check(profile.limits, profile.name)
-        rate = motion_file.rate if rate is None else rate
-    if rate is not None:
-        check_rate(rate, profile)
     return motion_file
 
 
-def _parameters(options: Options, motion_file: MotionFile | None) -> dict[str, object]:
+def _parameters(options: Options) -> dict[str, object]:
     # Table and report need the odometry that ``summary`` records.
     summary = options.starts_bridge or options.report is not None or None
-    sources = [{'robot': options.robot, 'rate': options.rate, 'summary': summary}]
-    if motion_file is not None:
-        sources.insert(0, {'robot': motion_file.robot, 'rate': motion_file.rate})
-    return {name: value for source in sources for name, value in source.items()
-            if value is not None}
+    values = {'robot': options.robot, 'rate': options.rate, 'summary': summary}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _run(

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import atexit
+from collections.abc import Mapping
 import signal
 import sys
 import threading
@@ -84,10 +85,13 @@ class KachakaSimpleControl(Node):
     :ivar publisher: can be looked at; refuses to publish
     """
 
-    def __init__(self, **node_options: Any) -> None:
+    def __init__(
+            self, parameter_defaults: Mapping[str, Any] | None = None,
+            **node_options: Any) -> None:
         """
         Make the node; nothing is sent before the first movement.
 
+        :param parameter_defaults: values of parameters, for those that nothing else sets
         :param node_options: options of ``rclpy.node.Node``, such as ``namespace``
         :raises UsageError: if the value of a parameter, or a name, cannot work
         """
@@ -96,15 +100,15 @@ class KachakaSimpleControl(Node):
         with one_line_errors(NAME):
             super().__init__(NAME, **node_options)
         try:
-            self._set_up()
+            self._set_up(parameter_defaults or {})
         except BaseException:
             # A publisher that is left over would be taken for another program that drives.
             super().destroy_node()
             raise
         self.get_logger().info('Robot control node has started')
 
-    def _set_up(self) -> None:
-        self.profile, self.node_parameters = declare_parameters(self)
+    def _set_up(self, defaults: Mapping[str, Any]) -> None:
+        self.profile, self.node_parameters = declare_parameters(self, defaults)
         self.robot_names = names_of(
             self.profile, self.node_parameters.robot_namespace,
             self.node_parameters.manual_control)

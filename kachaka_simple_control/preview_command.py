@@ -19,18 +19,14 @@ import os
 import sys
 
 from kachaka_simple_control.cli import Options
-from kachaka_simple_control.control.plan_runner import min_rate
-from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find, library
-from kachaka_simple_control.files.robot_profile import find_robot, KACHAKA, RobotProfile
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.plan_plot import check_plot_file, save_plot
 from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.text_tables import plan_table
-
-#: Rate without an option and without one in the motion [Hz]: the lesson's.
-DEFAULT_RATE = 10.0
+from kachaka_simple_control.ros.node_parameters import require_parameters_only
+from kachaka_simple_control.settings import choose_settings, describe_overrides
 
 
 def preview(options: Options) -> None:
@@ -40,6 +36,9 @@ def preview(options: Options) -> None:
     :raises InvalidMotionError: if a motion is invalid, or there is none of that name
     :raises UsageError: if an option is invalid, or the output cannot be written
     """
+    require_parameters_only(
+        '--plan' if options.plan else '--plot' if options.plot else '--list',
+        options.ros_arguments)
     if options.plot is not None:
         check_plot_file(options.plot)
     if options.list:
@@ -50,20 +49,6 @@ def preview(options: Options) -> None:
             _print(plan_table(previews))
         if options.plot is not None:
             save_plot(options.plot, previews)
-
-
-def check_rate(rate: float, profile: RobotProfile) -> None:
-    """
-    Check that a robot can be driven at a rate.
-
-    :param rate: how often a velocity is sent [Hz]
-    :raises UsageError: if it cannot
-    """
-    lowest = min_rate(profile.command_timeout)
-    if not lowest <= rate <= MAX_RATE:
-        raise UsageError(
-            f'rate is {rate:g} Hz; for {profile.name} it must be from {lowest:g} to '
-            f'{MAX_RATE:g} Hz')
 
 
 def _listing(options: Options) -> str:
@@ -89,11 +74,12 @@ def _print(text: str) -> None:
 
 def _preview(name: str, options: Options) -> PlanView:
     motion_file = find(name)
-    profile = find_robot(options.robot or motion_file.robot or KACHAKA.name)
+    settings = choose_settings(options, motion_file)
+    if not options.list:
+        for line in describe_overrides(options, motion_file, settings.robot, settings.rate):
+            print(line, file=sys.stderr)
+    profile = settings.profile
     limits = motion_file.check(profile.limits, profile.name)
-    rate = next(
-        rate for rate in (options.rate, motion_file.rate, DEFAULT_RATE) if rate is not None)
-    check_rate(rate, profile)
     return PlanView(
-        motion_file.motion.name, profile.name, plan(motion_file.motion, limits, rate), limits,
-        profile.footprint)
+        motion_file.motion.name, profile.name, plan(motion_file.motion, limits, settings.rate),
+        limits, profile.footprint)

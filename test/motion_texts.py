@@ -34,7 +34,7 @@ steps:
   - move: {linear_x: 0.1, angular_z: 0.0, duration: 1.0}
   - wait: 2 s
   - forward: {distance: -20 cm, speed: 100 mm/s}
-  - turn: {angle: -1, speed: 45 deg/s}
+  - turn: {angle: -1 rad, speed: 45 deg/s}
   - wait: {duration: 500 ms}
   - repeat:
       times: 4

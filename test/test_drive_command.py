@@ -80,6 +80,24 @@ def test_a_motion_that_the_robot_cannot_do_is_refused_before_anything_starts(lis
     assert listener.answered == []
 
 
+@pytest.mark.parametrize('source, rate', [
+    ('the file', 20), ('--rate', 40), ('-p', 40), ('parameter file', 40)])
+def test_what_the_user_says_wins_over_the_file(source, rate, listener, tmp_path):
+    """A motion's rate is its own only as long as nothing else is said."""
+    file, parameters = tmp_path / 'slow.yaml', tmp_path / 'parameters.yaml'
+    file.write_text(
+        'rate: 20 Hz\nsteps: [move: {linear_x: 0.1 m/s, angular_z: 0 rad/s, duration: 1 s}]')
+    parameters.write_text('/**: {ros__parameters: {rate: 40.0}}')
+    words = {'the file': [], '--rate': ['--rate', '40'], '-p': ['--ros-args', '-p', 'rate:=40.0'],
+             'parameter file': ['--ros-args', '--params-file', str(parameters)]}[source]
+    with program([*COMMAND, str(file), *words], tmp_path) as started:
+        assert started.end() == 0, started.text
+    (move,) = listener.moves()
+    assert move.count == rate
+    said = 'rate is 40 Hz by ' + ('--rate' if source == '--rate' else 'parameter rate')
+    assert (f'{said}, not 20 Hz as in {file}' in started.text) == (rate == 40)
+
+
 def test_a_simulated_kachaka_is_no_turtlebot(tmp_path):
     with program([*COMMAND, '--sim', '--robot', 'turtlebot3'], tmp_path) as started:
         assert started.end() == 2

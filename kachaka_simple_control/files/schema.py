@@ -59,10 +59,18 @@ def read_schema(path: str) -> dict[str, Any]:
     """
     Return a schema of the package.
 
+    What a quantity may be written as follows from ``QUANTITIES``, not from the file.
+
     :param path: its path in the package, as in ``motions/motion.schema.json``
     """
-    schema: dict[str, Any] = json.loads(files(PACKAGE).joinpath(path).read_text('utf-8'))
+    schema: dict[str, Any] = json.loads(
+        files(PACKAGE).joinpath(path).read_text('utf-8'), object_hook=_with_quantity)
     return schema
+
+
+def _with_quantity(schema: dict[str, Any]) -> dict[str, Any]:
+    quantity = QUANTITIES.get(str(schema.get('quantity')))
+    return {**schema, **_quantity_schema(quantity)} if quantity else schema
 
 
 def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
@@ -92,6 +100,11 @@ _Messages = Iterator[tuple[str | None, str]]
 
 
 def _type(error: Any) -> _Messages:
+    quantity = QUANTITIES.get(error.schema.get('quantity'))
+    is_number = isinstance(error.instance, (int, float)) and not isinstance(error.instance, bool)
+    if quantity and quantity.needs_unit and is_number:
+        yield None, quantity.without_unit(error.instance)
+        return
     yield None, f'{_shown(error.instance)}; it must be {_expected(error.schema)}'
 
 
@@ -178,7 +191,7 @@ def _shown(value: Any) -> str:
         value, str) else repr(value)
 
 
-#: Where the package has it, for editors; ``tools/write_schema.py`` writes it.
+#: Where the package has it, for editors; ``tools/write_schemas.py`` writes it.
 PATH = 'motions/motion.schema.json'
 Schema = dict[str, Any]
 
@@ -232,5 +245,6 @@ def _kind_schema(kind: object) -> Schema:
 def _quantity_schema(quantity: Quantity) -> Schema:
     bounds = {SignRule.ANY: {}, SignRule.NOT_NEGATIVE: {'minimum': 0},
               SignRule.POSITIVE: {'exclusiveMinimum': 0}}[quantity.sign]
-    return {'quantity': quantity.keyword, 'type': ['number', 'string'],
+    types = ['string'] if quantity.needs_unit else ['number', 'string']
+    return {'quantity': quantity.keyword, 'type': types,
             'pattern': quantity.pattern, **bounds}

@@ -53,6 +53,8 @@ class Quantity:
     :param example: one, written out
     :param sign: whether it may be negative, may be zero but not negative, or neither
     :param largest: the largest value allowed in a text [SI unit]
+    :param needs_unit: whether a number alone is refused in a text, because it is often meant in
+        another unit: ``turn: 90`` would be 14 turns
     """
 
     name: str
@@ -60,10 +62,11 @@ class Quantity:
     example: str
     sign: SignRule = SignRule.POSITIVE
     largest: float = math.inf
+    needs_unit: bool = False
 
     @property
     def unit(self) -> str:
-        """Return the SI unit, which a bare number is in."""
+        """Return the SI unit."""
         return next(iter(self.units))
 
     @property
@@ -75,7 +78,8 @@ class Quantity:
     def pattern(self) -> str:
         """Return the regular expression, for Python and ECMA alike, of a text that is one."""
         units = '|'.join(unit.replace('^', r'\^') for unit in self.units)
-        return f'^[{"-" if self.sign is SignRule.ANY else ""}+]?{DIGITS} *({units})?$'
+        sign = f'[{"-" if self.sign is SignRule.ANY else ""}+]?'
+        return f'^{sign}{DIGITS} *({units}){"" if self.needs_unit else "?"}$'
 
     @property
     def wanted(self) -> str:
@@ -88,12 +92,14 @@ class Quantity:
         """
         Return the value of a text, in the SI unit.
 
-        :param text: a number and a unit; a number alone is in the SI unit
+        :param text: a number and a unit; a number alone is in the SI unit, or refused
         :raises UnitError: if the text is not such a quantity
         """
         match = _PARTS.fullmatch(text)
         if match is None:
             raise UnitError(f'{quoted(text)}; {self._hint(text)}')
+        if self.needs_unit and not match['unit']:
+            raise UnitError(self.without_unit(match['number']))
         unit = match['unit'] or self.unit
         if unit not in self.units:
             raise UnitError(f'{quoted(text)}; {self._hint(unit)}')
@@ -101,6 +107,16 @@ class Quantity:
         value = float(match['number']) * numerator / denominator
         self._check(value, text)
         return value
+
+    def without_unit(self, number: object) -> str:
+        """
+        Return what to write instead of a number without a unit, for error messages.
+
+        :param number: the number
+        """
+        second, first, *_ = self.units
+        return (f'{number} has no unit; {self.name} needs one: write {number} {first} or '
+                f'{number} {second}')
 
     def require(self, name: str, value: object) -> None:
         """
@@ -138,11 +154,11 @@ def _per(units: dict[str, tuple[float, float]], by: str) -> dict[str, tuple[floa
 
 _METRE = {'m': (1.0, 1.0), 'cm': (1.0, 100.0), 'mm': (1.0, 1000.0)}
 _SECOND = {'s': (1.0, 1.0), 'ms': (1.0, 1000.0), 'min': (60.0, 1.0)}
-_RADIAN = {'rad': (1.0, 1.0), 'deg': (math.pi, 180.0)}
+_RADIAN = {'rad': (1.0, 1.0), 'deg': (math.pi, 180.0), '°': (math.pi, 180.0)}
 
-LENGTH = Quantity('a length', _METRE, '0.5 m', SignRule.ANY)
-SIZE = Quantity('a size', _METRE, '0.4 m')
-ANGLE = Quantity('an angle', _RADIAN, '90 deg', SignRule.ANY)
+LENGTH = Quantity('a length', _METRE, '0.5 m', SignRule.ANY, needs_unit=True)
+SIZE = Quantity('a size', _METRE, '0.4 m', needs_unit=True)
+ANGLE = Quantity('an angle', _RADIAN, '90 deg', SignRule.ANY, needs_unit=True)
 TIME = Quantity('a time', _SECOND, '2 s', SignRule.NOT_NEGATIVE)
 COMMAND_TIMEOUT = Quantity('a time above zero', _SECOND, '0.3 s')
 FREQUENCY = Quantity('a frequency', {'Hz': (1.0, 1.0)}, '20 Hz', largest=1000.0)

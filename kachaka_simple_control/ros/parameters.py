@@ -15,11 +15,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, Field, field, fields
-from difflib import get_close_matches
+from collections.abc import Mapping
+from dataclasses import asdict, Field, fields
 from importlib import metadata
-from itertools import pairwise
 import os
 import platform
 import time
@@ -29,89 +27,29 @@ from kachaka_simple_control.control.plan_runner import min_rate
 from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped, quoted
-from kachaka_simple_control.files.robot_profile import find_robot, KACHAKA, RobotProfile
+from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.ros.names import RobotNames
+from kachaka_simple_control.ros.node_parameters import NodeParameters
 from kachaka_simple_control.telemetry.events import SessionStarted
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
-#: Parameters of every rclpy node.
-ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
-QOS_OVERRIDES_PREFIX = 'qos_overrides.'
 
-
-def _parameter(
-        default: Any, description: str, lowest: float = 0.0, highest: float = 0.0) -> Any:
-    return field(default=default, metadata={
-        'description': description, 'range': (lowest, highest) if highest else None})
-
-
-@dataclass(frozen=True)
-class NodeParameters:
-    """The parameters of the node; read-only, so that a run keeps those it was planned with."""
-
-    robot: str = _parameter(
-        KACHAKA.name, 'Which robot: kachaka, turtlebot3, generic, or the path of a profile')
-    robot_namespace: str = _parameter(
-        KACHAKA.namespace,
-        'ROS namespace of the robot; prefixes its topics and its service. By default that of its '
-        'profile')
-    rate: float = _parameter(
-        10.0, 'How often a velocity is sent [Hz]', min_rate(KACHAKA.command_timeout), MAX_RATE)
-    robot_timeout: float = _parameter(
-        10.0, 'How long to wait for a robot before giving up [s]', 0.1, 3600.0)
-    prime_time: float = _parameter(
-        0.5, 'How long zeros are sent to a robot just met, before it moves [s]', 0.0, 10.0)
-    manual_control: bool = _parameter(
-        True, 'Switch the manual control of the robot on before the first velocity, and renew it')
-    release_manual_control: bool = _parameter(
-        True, 'Give manual control back at the end, if this node switched it on')
-    guardian: bool = _parameter(
-        True, 'Have a second process stop the robot if this one is killed, frozen or crashes')
-    odometry_timeout: float = _parameter(
-        1.0, 'How long odometry may be silent in a run before it is given up [s]; 0: for ever',
-        0.0, 60.0)
-    allow_other_publishers: bool = _parameter(
-        False,
-        'Drive even while somebody else sends velocities to the same robot; of two programs of '
-        'this kind one drives all the same')
-    summary: bool = _parameter(
-        False, 'Record what is sent and what odometry answers, for the table at the end')
-
-
-def check_parameter_names(arguments: Sequence[str]) -> None:
-    """
-    Check that parameters on the command line exist; ROS ignores unknown ones.
-
-    :param arguments: the ROS arguments, from ``--ros-args`` on
-    :raises UsageError: if one does not
-    """
-    own = [parameter.name for parameter in fields(NodeParameters)]
-    known = [*own, *ROS_PARAMETERS]
-    for option, assignment in pairwise(arguments):
-        # For one node of several they are written NODE:NAME:=VALUE.
-        name, is_assigned, _ = assignment.partition(':=')
-        if option not in ('-p', '--param') or not is_assigned or ':' in name:
-            continue
-        if name not in known and not name.startswith(QOS_OVERRIDES_PREFIX):
-            similar = get_close_matches(name, known, 1)
-            hint = f'; did you mean {similar[0]}?' if similar else f': {", ".join(own)}'
-            raise UsageError(f'there is no parameter {escaped(name, 60)}{hint}')
-
-
-def declare_parameters(node: Node) -> tuple[RobotProfile, NodeParameters]:
+def declare_parameters(
+        node: Node, defaults: Mapping[str, Any]) -> tuple[RobotProfile, NodeParameters]:
     """
     Declare the parameters on a node, and read them.
 
+    :param defaults: values of those that nothing else sets
     :returns: the profile of the robot, which gives some defaults and ranges, and the values
     :raises UsageError: if a value has the wrong type or is out of range, or there is no such robot
     """
     robot, *others = fields(NodeParameters)
-    name = str(_declare(node, robot, robot.default, None))
+    name = str(_declare(node, robot, defaults.get('robot', robot.default), None))
     profile = find_robot(name)
-    defaults = {'robot_namespace': profile.namespace}
+    defaults = {'robot_namespace': profile.namespace, **defaults}
     ranges = {'rate': (min_rate(profile.command_timeout), MAX_RATE)}
     values = {
         parameter.name: _declare(

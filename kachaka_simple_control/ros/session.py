@@ -41,7 +41,7 @@ from kachaka_simple_control.ros.executors import BackgroundExecutor
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.names import RobotNames
-from kachaka_simple_control.ros.parameters import NodeParameters
+from kachaka_simple_control.ros.node_parameters import NodeParameters
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 from kachaka_simple_control.ros.run_monitor import RosRunMonitor

@@ -41,14 +41,14 @@ SEVERAL = "in one step; begin each step with '- ', and indent what belongs to it
     ('{}', 'nothing; it must be a step, as in - forward: 0.5 m'),
     ('', 'nothing; it must be a step, as in - forward: 0.5 m'),
     ('[wait: 1]', 'a list; it must be a step, as in - forward: 0.5 m'),
-    ('{turn: 1, wait: 1}', f"'turn' and 'wait' {SEVERAL}"),
-    ('{forward: 1, speed: 0.1}', f"'forward' and 'speed' {SEVERAL}"),
+    ('{turn: 1 rad, wait: 1}', f"'turn' and 'wait' {SEVERAL}"),
+    ('{forward: 1 m, speed: 0.1}', f"'forward' and 'speed' {SEVERAL}"),
     # Keys.
-    ('turn: {angle: 1, sped: 1}', "turn.sped: there is no such key; did you mean 'speed'?"),
+    ('turn: {angle: 1 rad, sped: 1}', "turn.sped: there is no such key; did you mean 'speed'?"),
     ('wait: {duration: 1, "a b": 1}',
      "wait.'a b': there is no such key; known are duration"),
     ('wait: {duration: 1, 5: 1}', 'wait.5: there is no such key; known are duration'),
-    ('turn: {speed: 1}', "turn: 'angle' is missing: an angle, as in 90 deg (in rad or deg)"),
+    ('turn: {speed: 1}', "turn: 'angle' is missing: an angle, as in 90 deg (in rad, deg or °)"),
     ('wait: {duration: 1, duration: 2}',
      'wait.duration: this key is here twice, first in line 2'),
     # Values of the wrong kind.
@@ -62,6 +62,13 @@ SEVERAL = "in one step; begin each step with '- ', and indent what belongs to it
     ('forward: 1_000 m', f"forward: '1_000 m'; {LENGTH}"),
     ('forward: 0x10', f"forward: '0x10'; {LENGTH}"),
     ('forward: yes', f"forward: 'yes'; {LENGTH}"),
+    # Numbers that could be read in two ways.
+    ('turn: 90', 'turn: 90 has no unit; an angle needs one: write 90 deg or 90 rad'),
+    ("turn: '90'", 'turn: 90 has no unit; an angle needs one: write 90 deg or 90 rad'),
+    ('forward: 50', 'forward: 50 has no unit; a length needs one: write 50 cm or 50 m'),
+    ('forward: -1.5', 'forward: -1.5 has no unit; a length needs one: write -1.5 cm or -1.5 m'),
+    ('turn: {angle: 0, speed: 1}',
+     'turn.angle: 0 has no unit; an angle needs one: write 0 deg or 0 rad'),
     ('arc: 5', 'arc: 5; it must be radius and angle, as in {radius: 0.3 m, angle: 90 deg}'),
     ('repeat: {times: 2.5, steps: []}', 'repeat.times: 2.5; it must be a whole number'),
     ('repeat: {times: "4", steps: []}', "repeat.times: '4'; it must be a whole number"),
@@ -70,10 +77,10 @@ SEVERAL = "in one step; begin each step with '- ', and indent what belongs to it
     # Numbers out of bounds.
     ('wait: -2', 'wait: -2 s; it must be at least 0 s'),
     ('wait: -2 s', "wait: '-2 s'; it must not be negative"),
-    ('forward: {distance: 1, speed: 0}', 'forward.speed: 0 m/s; it must be above 0 m/s'),
-    ('turn: {angle: 1, speed: 0 deg/s}', "turn.speed: '0 deg/s'; it must be above 0 rad/s"),
-    ('turn: {angle: 1, speed: 2 m/s}',
-     "turn.speed: '2 m/s'; it must be a turning speed, as in 45 deg/s (in rad/s or deg/s)"),
+    ('forward: {distance: 1 m, speed: 0}', 'forward.speed: 0 m/s; it must be above 0 m/s'),
+    ('turn: {angle: 1 rad, speed: 0 deg/s}', "turn.speed: '0 deg/s'; it must be above 0 rad/s"),
+    ('turn: {angle: 1 rad, speed: 2 m/s}',
+     "turn.speed: '2 m/s'; it must be a turning speed, as in 45 deg/s (in rad/s, deg/s or °/s)"),
     ('repeat: {times: -1, steps: []}', 'repeat.times: -1; it must be at least 0'),
     ('repeat: {times: 1000001, steps: []}', 'repeat.times: 1000001; it must be at most 1000000'),
     # Numbers that are none.
@@ -98,7 +105,8 @@ def test_a_step_that_is_none_is_refused_in_one_line(step, line):
 
 
 def test_a_radius_of_zero_is_refused_by_the_step_itself():
-    assert step_refusal('arc: {radius: 0 m, angle: 1}').startswith('arc.radius: 0.0 m; its size')
+    refused = step_refusal('arc: {radius: 0 m, angle: 1 rad}')
+    assert refused.startswith('arc.radius: 0.0 m; its size')
 
 
 @pytest.mark.parametrize('text, line', [
@@ -162,7 +170,7 @@ steps:
   - repeat:
       times: -1
       steps:
-        - arc: {radius: 0, angle: 1 m}
+        - arc: {radius: 0 m, angle: 1 m}
         - wait: .nan
         - trun: 1
   - wait: 1
@@ -179,7 +187,7 @@ steps:
 def test_each_missing_key_is_named_once():
     assert refusal('steps: [{move: {linear_x: 1}}]') == [
         ("bad.yaml:1: steps[0].move: 'angular_z' is missing: an angular velocity, as in 45 deg/s "
-         '(in rad/s or deg/s)'),
+         '(in rad/s, deg/s or °/s)'),
         ("bad.yaml:1: steps[0].move: 'duration' is missing: a time, as in 2 s (in s, ms or min)")]
 
 

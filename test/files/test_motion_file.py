@@ -69,7 +69,7 @@ def test_a_file_says_what_a_person_wrote():
     ('wait: +2.', Wait(2.0)),
     ('wait: 0', Wait(0.0)),
     ("{'turn': 90 deg}", Turn(math.pi / 2)),
-    ('turn: -1', Turn(-1.0)),
+    ('turn: -1 rad', Turn(-1.0)),
     ('repeat: {times: 2.0, steps: [wait: 1]}', Repeat(2, (Wait(1.0),))),
     ('repeat: {times: 1e2, steps: []}', Repeat(100, ())),
 ])

@@ -139,10 +139,10 @@ def test_an_outline_may_be_round(robot):
 
 
 @pytest.mark.parametrize('more, line', [
-    ('footprint: {length: 1}', '4: footprint: it must be length and width, or radius alone'),
-    ('footprint: {length: 1, width: 1, radius: 1}',
+    ('footprint: {length: 1 m}', '4: footprint: it must be length and width, or radius alone'),
+    ('footprint: {length: 1 m, width: 1 m, radius: 1 m}',
      '4: footprint: it must be length and width, or radius alone'),
-    ('footprint: {radius: 1, ahead: 1}',
+    ('footprint: {radius: 1 m, ahead: 1 m}',
      '4: footprint: it must be length and width, or radius alone'),
     ('footprint: {}', '4: footprint: it must be length and width, or radius alone'),
     ('footprint: {radius: 0 m}', "4: footprint.radius: '0 m'; it must be above 0 m"),

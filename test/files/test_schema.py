@@ -99,7 +99,7 @@ def test_examples_are_what_they_are_examples_of():
 
 
 def test_steps_are_those_of_the_program():
-    """``tools/write_schema.py`` writes the file anew."""
+    """``tools/write_schemas.py`` writes the file anew."""
     assert list(STEP['properties']) == list(KINDS)
     assert motion_schema() == MOTION
     for word, kind in KINDS.items():
@@ -128,7 +128,8 @@ def test_the_schema_alone_takes_and_refuses_what_the_program_does():
     assert loads(EVERYTHING)
     assert list(validator.iter_errors(good)) == []
     for step in ({'wait': '2 m'}, {'wait': -1}, {'wait': '-1 s'}, {'trun': 1}, {}, 'stop',
-                 {'turn': 1, 'wait': 1}, {'arc': {'radius': 1}}):
+                 {'turn': '1 rad', 'wait': 1}, {'turn': 1}, {'forward': '1'},
+                 {'arc': {'radius': '1 m'}}):
         assert list(validator.iter_errors({'steps': [step]})), step
         assert list(validator.iter_errors(
             {'steps': [{'repeat': {'times': 1, 'steps': [step]}}]})), step

@@ -12,23 +12,30 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Write the JSON Schema of motions anew, after a change to a class of steps."""
+"""Write the JSON Schemas of motions and robots anew, after a change to a step or a quantity."""
 
 import json
 from pathlib import Path
 import re
+from typing import Any
 
 import kachaka_simple_control
-from kachaka_simple_control.files.schema import motion_schema, PATH
+from kachaka_simple_control.files.robot_profile import SCHEMA
+from kachaka_simple_control.files.schema import motion_schema, PATH, read_schema
 
 
 def main() -> None:
-    """Write the file that the package has for editors."""
-    path = Path(kachaka_simple_control.__file__).parent / PATH
-    text = json.dumps(motion_schema(), indent=2)
-    # A list of words stands in one line.
+    """Write the files that the package has for editors."""
+    write(PATH, motion_schema())
+    write(SCHEMA, read_schema(SCHEMA))
+
+
+def write(path: str, schema: dict[str, Any]) -> None:
+    """Write a schema into the package; a list of words stands in one line."""
+    text = json.dumps(schema, indent=2, ensure_ascii=False)
     text = re.sub(r'\[\n[^][{}]*\]', lambda found: re.sub(r'\s*\n\s*', ' ', found[0]), text)
-    path.write_text(text.replace('[ ', '[').replace(' ]', ']') + '\n', encoding='utf-8')
+    target = Path(kachaka_simple_control.__file__).parent / path
+    target.write_text(text.replace('[ ', '[').replace(' ]', ']') + '\n', encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -1,0 +1,96 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Which robot and rate a motion gets, from options, parameters and its file."""
+
+from __future__ import annotations
+
+import contextlib
+
+from kachaka_simple_control.cli import parse
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.files.motion_file import loads
+from kachaka_simple_control.ros.node_parameters import require_parameters_only
+from kachaka_simple_control.settings import choose_settings, describe_overrides
+import pytest
+
+pytest.importorskip('jsonschema', reason='needs jsonschema')
+pytest.importorskip('yaml', reason='needs PyYAML')
+
+FAST = loads('rate: 50 Hz\nrobot: generic\nsteps: [wait: 1 s]', 'fast.yaml')
+PLAIN = loads('steps: [wait: 1 s]', 'plain.yaml')
+
+
+def settings(words, motion_file):
+    """Return the settings of a command line, and what they override."""
+    options = parse(words.split())
+    chosen = choose_settings(options, motion_file)
+    return chosen, describe_overrides(options, motion_file, chosen.robot, chosen.rate)
+
+
+@pytest.mark.parametrize('words, motion_file, robot, rate, overridden', [
+    ('', None, 'kachaka', 10.0, []),
+    ('', PLAIN, 'kachaka', 10.0, []),
+    ('', FAST, 'generic', 50.0, []),
+    ('--rate 20', PLAIN, 'kachaka', 20.0, []),
+    ('--rate 20', FAST, 'generic', 20.0, ['rate is 20 Hz by --rate, not 50 Hz as in fast.yaml']),
+    ('--rate 50 --robot generic', FAST, 'generic', 50.0, []),
+    ('--ros-args -p rate:=20', None, 'kachaka', 20.0, []),
+    ('--ros-args -p rate:=20', FAST, 'generic', 20.0,
+     ['rate is 20 Hz by parameter rate, not 50 Hz as in fast.yaml']),
+    ('--ros-args -p rate:=30 --param rate:=20.0', PLAIN, 'kachaka', 20.0, []),
+    ('--rate 20 --ros-args -p rate:=20.0', PLAIN, 'kachaka', 20.0, []),
+    ('--robot turtlebot3', FAST, 'turtlebot3', 50.0,
+     ['robot is turtlebot3 by --robot, not generic as in fast.yaml']),
+    ("--ros-args -p robot:='turtlebot3' -p robot_timeout:=3", FAST, 'turtlebot3', 50.0,
+     ['robot is turtlebot3 by parameter robot, not generic as in fast.yaml']),
+    # For other nodes: ROS gives them to those.
+    ('--ros-args -p other:rate:=20', PLAIN, 'kachaka', 10.0, []),
+    ('--ros-args -r rate:=20', PLAIN, 'kachaka', 10.0, []),
+])
+def test_an_option_wins_over_the_file_and_that_over_the_default(
+        words, motion_file, robot, rate, overridden):
+    chosen, lines = settings(words, motion_file)
+    assert (chosen.robot, chosen.rate, chosen.profile.name) == (robot, rate, robot)
+    assert lines == overridden
+
+
+@pytest.mark.parametrize('words, line', [
+    ('--rate 20 --ros-args -p rate:=30', '--rate 20 and -p rate:=30 differ: give one'),
+    ('--robot generic --ros-args -p robot:=kachaka',
+     '--robot generic and -p robot:=kachaka differ: give one'),
+    ('--ros-args -p rate:=fast', "parameter rate is 'fast'; it must be a number"),
+    ('--ros-args -p rate:=2', 'rate is 2 Hz; for generic it must be from 2.5 to 1000 Hz'),
+    ('--ros-args -p rate:=nan', 'rate is nan Hz; for generic it must be from 2.5 to 1000 Hz'),
+    ('--ros-args -p robt:=generic', 'there is no parameter robt; did you mean robot?'),
+])
+def test_what_cannot_be_is_refused_in_one_line(words, line):
+    with pytest.raises(UsageError) as caught:
+        settings(words, FAST)
+    assert str(caught.value) == line
+
+
+@pytest.mark.parametrize('words, refused', [
+    ('', None),
+    ('--ros-args -p rate:=20 --param robot:=generic --', None),
+    ('--ros-args -r __node:=one', '-r'),
+    ('--ros-args -p rate:=20 --params-file x.yaml', '--params-file'),
+    ('--ros-args -p other:rate:=20', 'other:rate:=20'),
+    ('--ros-args -p rate', 'rate'),
+    ('--ros-args -p', '-p'),
+])
+def test_what_a_plan_cannot_follow_is_refused(words, refused):
+    expected = contextlib.nullcontext() if refused is None else pytest.raises(
+        UsageError, match=f'leave out {refused}$')
+    with expected:
+        require_parameters_only('--plan', words.split())
