@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+import shlex
 import sys
 import traceback
 
@@ -53,6 +54,7 @@ class Options:
     :param report: the folder for a report; None for no report
     :param quiet: whether to print only the node's log lines while the robot drives
     :param address: the real robot to start a bridge for; None for no bridge
+    :param command: the whole command line, for reports
     """
 
     motions: tuple[str, ...] = ()
@@ -67,6 +69,7 @@ class Options:
     address: str | None = None
     report: str | None = None
     quiet: bool = False
+    command: str = field(default=NAME, compare=False)
 
     @property
     def is_preview(self) -> bool:
@@ -86,11 +89,14 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     :param arguments: without the program's name; None for those of the process
     :raises SystemExit: with code 2 and one line if they are invalid; with 0 after ``--help``
     """
-    own, ros = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
+    arguments = sys.argv[1:] if arguments is None else arguments
+    own, ros = split_ros_arguments(arguments)
     parser = _parser()
     values = vars(parser.parse_args(own))
     values.pop('ros_args', None)
-    options = Options(motions=tuple(values.pop('motions')), ros_arguments=tuple(ros), **values)
+    options = Options(
+        motions=tuple(values.pop('motions')), ros_arguments=tuple(ros),
+        command=shlex.join([NAME, *arguments]), **values)
     if len(options.motions) > 1 and not options.is_preview:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
     if options.report is not None and options.is_preview:

@@ -76,7 +76,10 @@ def drive(options: Options) -> None:
                 robot_control.get_logger().info(line)
             robot_control.event_bus.publish(session_started(
                 robot_control, 'lesson' if motion_file is None else motion_file.motion.name,
-                robot_control.profile, robot_control.robot_names, robot_control.node_parameters))
+                robot_control.profile, robot_control.robot_names, robot_control.node_parameters,
+                command=options.command,
+                motion_source='' if motion_file is None else motion_file.source,
+                motion_text=None if motion_file is None else motion_file.text))
             if options.starts_bridge:
                 bridge = stack.enter_context(
                     _bridge(options, robot_control.node_parameters.robot_namespace))

@@ -56,6 +56,7 @@ class MotionFile:
         :class:`~kachaka_simple_control.motion.limits.Limits`
     :param rate: how often to send a velocity [Hz]; None if the file does not say
     :param root: the values of the file, with their lines
+    :param text: the text of the file; None if the motion comes from none
     """
 
     motion: Motion
@@ -64,6 +65,7 @@ class MotionFile:
     limits: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), hash=False)
     rate: float | None = None
     root: Node | None = field(default=None, repr=False, compare=False)
+    text: str | None = field(default=None, repr=False, compare=False)
 
     def where(self, path: str) -> str:
         """
@@ -224,7 +226,7 @@ def loads(text: str, name: str = 'motion') -> MotionFile:
         file = _read(document, name)
     except UnreadableFileError as error:
         raise MotionFileError(name, error.problems) from None
-    return file
+    return replace(file, text=text)
 
 
 def _read(document: Document, source: str) -> MotionFile:

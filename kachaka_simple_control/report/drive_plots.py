@@ -36,6 +36,7 @@ from kachaka_simple_control.motion.geometry import (
     transform_point,
 )
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.odometry_alignment import AlignedDrive, OdometrySample
 from kachaka_simple_control.report.paths import arc_segments, min_max_decimate, simplify, StepPoint
 from kachaka_simple_control.report.plan_plot import Area, GRAIN, MARGIN, SMALLEST, TICK
@@ -150,7 +151,7 @@ def _plots(summary: Summary) -> dict[str, Callable[[Figure], None]]:
     if not log.motions:
         return {}
     session = log.session_started
-    limits = log.motions[0].planned.limits if session is None else session.limits
+    limits = common_limits(log)
     footprint = None if session is None else session.footprint
     plots: dict[str, Callable[[Figure], None]] = {
         PATH: lambda figure: draw_drive_path(figure, path, footprint),
@@ -160,6 +161,14 @@ def _plots(summary: Summary) -> dict[str, Callable[[Figure], None]]:
     if summary.timing.interval_errors:
         plots[PERIODS] = lambda figure: draw_periods(figure, summary.timing.interval_errors)
     return plots
+
+
+def common_limits(log: DriveLog) -> Limits:
+    """Return the limits that all motions were planned with; if they differ, those of the robot."""
+    first, *others = [motion.planned.limits for motion in log.motions]
+    session = log.session_started
+    return first if session is None or all(limits == first for limits in others) else (
+        session.limits)
 
 
 def _figure(draw: Callable[[Figure], None]) -> Figure:

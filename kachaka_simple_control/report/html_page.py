@@ -23,7 +23,12 @@ from typing import Any, TypeVar
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.units import format_number
-from kachaka_simple_control.report.drive_plots import BANDS, is_dense, time_span
+from kachaka_simple_control.report.drive_plots import (
+    BANDS,
+    common_limits,
+    is_dense,
+    time_span,
+)
 from kachaka_simple_control.report.json_export import start_datetime
 from kachaka_simple_control.report.metrics import EXTRA
 from kachaka_simple_control.report.plan_view import format_fixed, pluralize
@@ -78,7 +83,8 @@ def render_page(summary: Summary, pictures: Mapping[str, str], no_pictures: str 
         band=_band(summary), is_dense=is_dense(summary.path), steps=_ends(summary.steps),
         motions=_ends(summary.log.motions), shows_motions=_shows_motions(summary),
         has_motions=len({step.motion for step in summary.steps}) > 1,
-        robot=_robot(summary), extra=1e3 * EXTRA, pluralize=pluralize, unknown=UNKNOWN)
+        robot=_robot(summary), description=_description(summary),
+        extra=1e3 * EXTRA, pluralize=pluralize, unknown=UNKNOWN)
 
 
 def _resource(name: str) -> str:
@@ -154,12 +160,23 @@ def _shows_motions(summary: Summary) -> bool:
         len(names) > 1 or not all(motion.is_complete for motion in motions))
 
 
+def _description(summary: Summary) -> str:
+    """Return what the motion is for; empty if there are several, or it does not say."""
+    descriptions = {motion.planned.motion.description for motion in summary.log.motions}
+    return descriptions.pop() if len(descriptions) == 1 else ''
+
+
 def _robot(summary: Summary) -> dict[str, Any]:
     opened = summary.log.session_started
     if opened is None:
         return {}
     limits = {name: format_number(value) for name, value in asdict(opened.limits).items()
               if value is not None and math.isfinite(value)}
+    if summary.log.motions:
+        used = asdict(common_limits(summary.log))
+        limits = {name: text if used[name] == getattr(opened.limits, name) else
+                  f'{text}; planned with {format_number(used[name])}'
+                  for name, text in limits.items()}
     return {
         'robot': opened.robot, 'velocities go to': opened.velocity_topic,
         'sent as': opened.message_type,

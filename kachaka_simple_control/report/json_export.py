@@ -60,6 +60,9 @@ def fields(summary: Summary, recording: str | None) -> Fields:
         'format': FORMAT,
         'title': None if session is None else session.title,
         'robot': None if session is None else session.robot,
+        'command': None if session is None else session.command or None,
+        'motion_file': None if session is None or session.motion_text is None else {
+            'source': session.motion_source, 'text': session.motion_text},
         'began': None if began is None else began.isoformat(timespec='milliseconds'),
         'verdict': _verdict(summary),
         'duration': {'planned_s': summary.planned_duration, 'driven_s': summary.driven_duration},
@@ -129,7 +132,9 @@ def _quantiles(quantiles: Quantiles | None) -> Fields | None:
 
 def _motion(motion: MotionLog, start_time: float) -> Fields:
     return {
-        'name': motion.planned.motion.name, 'rate_hz': motion.planned.rate,
+        'name': motion.planned.motion.name,
+        'description': motion.planned.motion.description,
+        'limits': asdict(motion.planned.limits), 'rate_hz': motion.planned.rate,
         'steps': len(motion.plan.steps), 'planned_duration_s': motion.plan.duration,
         'began_s': motion.began - start_time if motion.has_begun else None,
         'is_whole': motion.is_complete, 'reason': motion.reason}

@@ -89,12 +89,13 @@ def _number(name: str, value: Any, bounds: tuple[float, float]) -> float:
 
 def session_started(
         node: Node, title: str, profile: RobotProfile, names: RobotNames,
-        parameters: NodeParameters) -> SessionStarted:
+        parameters: NodeParameters, **about: Any) -> SessionStarted:
     """
     Return the first event of a session.
 
     :param title: what is driven, for displays and reports
     :param names: the names of the robot before remapping
+    :param about: fields of the event that only the command knows
     """
     return SessionStarted(
         title=title,
@@ -108,7 +109,8 @@ def session_started(
         frame=profile.frame,
         footprint=profile.footprint,
         settings={**asdict(parameters), 'domain': node.context.get_domain_id()},
-        versions=_versions())
+        versions=_versions(),
+        **about)
 
 
 def _versions() -> dict[str, str]:

@@ -40,6 +40,9 @@ class SessionStarted:
     :param footprint: the outline of the robot; None if it is unknown
     :param settings: the parameters of the node
     :param versions: of the program and its dependencies, by name
+    :param command: the command line; empty if there was none
+    :param motion_source: the file of the motion; empty if it comes from none
+    :param motion_text: the text of that file; None if it comes from none
     """
 
     title: str
@@ -54,6 +57,9 @@ class SessionStarted:
     footprint: Footprint | None = None
     settings: Mapping[str, object] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
+    command: str = ''
+    motion_source: str = ''
+    motion_text: str | None = None
 
 
 @dataclass(frozen=True)

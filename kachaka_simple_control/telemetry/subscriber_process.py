@@ -30,7 +30,13 @@ from typing import Any, BinaryIO
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.output import has_room
 from kachaka_simple_control.control.signals import signal_dispatcher
-from kachaka_simple_control.telemetry.events import Event, EventBus, MotionPlanned, SessionEnded
+from kachaka_simple_control.telemetry.events import (
+    Event,
+    EventBus,
+    MotionPlanned,
+    SessionEnded,
+    SessionStarted,
+)
 
 #: What a pipe takes whole or not at all [bytes]: PIPE_BUF of Linux and POSIX's least on others.
 ATOMIC_WRITE_SIZE = 4096
@@ -38,7 +44,8 @@ ATOMIC_WRITE_SIZE = 4096
 CHUNK_SIZE = 3500
 #: Room for what a subscriber has not read yet [bytes]: about a minute of a drive at 50 Hz.
 PIPE_SIZE = 1 << 20
-#: How long a plan may wait for room [s]; nothing else waits, for only a plan comes before motion.
+#: How long the start of a session or a plan may wait for room [s]; nothing else waits, for only
+#: these come before motion.
 PLAN_WRITE_TIMEOUT = 2.0
 #: How long a subscriber may take to end, mostly for its report [s].
 FINISH_TIMEOUT = 60.0
@@ -117,11 +124,11 @@ class SubscriberProcess:
         self.failure: str | None = None
 
     def send(self, event: Event) -> None:
-        """Send an event; return at once, except for a plan (see ``PLAN_WRITE_TIMEOUT``)."""
+        """Send an event; return at once, but for what is sent before a robot moves."""
         if self.failure is not None:
             return
         try:
-            if isinstance(event, MotionPlanned):
+            if isinstance(event, (SessionStarted, MotionPlanned)):
                 self._send_with_timeout(event)
             else:
                 for packet in encode(event):
@@ -145,7 +152,7 @@ class SubscriberProcess:
             return None
 
     def _send_with_timeout(self, event: Event) -> None:
-        # Chunks of two plans must not be mixed; other events may come between them.
+        # Chunks of two events must not be mixed; other events may come between them.
         end = time.monotonic() + PLAN_WRITE_TIMEOUT
         with self._plan_lock:
             for packet in encode(event):

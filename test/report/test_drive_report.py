@@ -157,6 +157,10 @@ def test_a_simulated_drive_is_recorded_with_its_odometry(tmp_path):
     with program(command(tmp_path, 0.5, '--sim'), tmp_path) as started:
         assert started.end() == 0
     folder = tmp_path / 'report'
+    told = json.loads((folder / 'run.json').read_text())
+    assert told['motion_file']['text'] == Path(told['motion_file']['source']).read_text()
+    assert told['command'].startswith('kachaka_simple_control ')
+    assert told['command'].endswith(' --sim')
     for found in (read_with_mcap(folder / 'run.mcap'), read_with_rosbags(folder)):
         poses = [one for one in found if one.topic == ODOMETRY]
         assert len(poses) > 20

@@ -14,6 +14,7 @@
 """The files of a report: what they say, for every ending, and that they are always there."""
 
 from dataclasses import replace
+import html
 import json
 import math
 import re
@@ -24,7 +25,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.steps import Motion, Move, Turn
+from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.html_page import render_page
 from kachaka_simple_control.report.json_export import fields, run_json
@@ -92,6 +93,41 @@ def test_run_json_has_the_figures_of_the_record(tmp_path):
     assert told['limits']['max_backward_velocity'] is None
     assert told['began'].startswith('2026-11-21T')
     assert EPOCH < motion.began + EPOCH
+
+
+def test_the_limits_that_the_motion_was_planned_with_are_shown(tmp_path):
+    """A file may have lower limits than the robot: 0.25 m/s planned, and 0.3 m/s drawn."""
+    drawn()
+    drive = SimulatedDrive()
+    drive.limits = replace(drive.limits, max_linear_velocity=0.25)
+    drive.drive(Motion('slow', [Forward(1.0)], 'Forward with care.'))
+    write_report(drive.close(), tmp_path, None)
+    told = json.loads((tmp_path / 'run.json').read_text())
+    assert told['limits']['max_linear_velocity'] == 0.3
+    (motion,) = told['motions']
+    assert motion['limits']['max_linear_velocity'] == 0.25
+    assert motion['description'] == 'Forward with care.'
+    text = (tmp_path / 'report.html').read_text()
+    assert '0.3; planned with 0.25' in text
+    assert 'Forward with care.' in text
+    velocities = re.search('<figure id="velocities">.*?</figure>', text, re.DOTALL)[0]
+    assert '0.25 m/s' in velocities
+    assert '0.3 m/s' not in velocities
+
+
+def test_a_report_says_how_to_drive_it_again(tmp_path):
+    log = done()
+    text = 'name: <again>\nsteps:\n  - forward: 0.5 m\n'
+    log.session_started = replace(
+        log.session_started, command="kachaka_simple_control 'my file.yaml' --rate 20",
+        motion_source='my file.yaml', motion_text=text)
+    write_report(log, tmp_path, None)
+    told = json.loads((tmp_path / 'run.json').read_text())
+    assert told['command'] == "kachaka_simple_control 'my file.yaml' --rate 20"
+    assert told['motion_file'] == {'source': 'my file.yaml', 'text': text}
+    page = (tmp_path / 'report.html').read_text()
+    assert html.escape(text, quote=False) in page
+    assert 'my file.yaml&#39; --rate 20' in page
 
 
 @pytest.mark.parametrize('drive', [done, lesson, stopped, faulted, killed, never_began])
