@@ -14,9 +14,8 @@
 """Drive a square, 20 cm a side, and say so when it cannot be done."""
 
 import math
-import sys
 
-from kachaka_simple_control import ControlError, KachakaSimpleControl
+from kachaka_simple_control import KachakaSimpleControl
 import rclpy
 
 SIDE = 0.2  # m
@@ -25,9 +24,6 @@ TURN = 1.0  # rad/s, to the left
 
 rclpy.init()
 robot = KachakaSimpleControl()
-try:
-    for _ in range(4):
-        robot.move_robot(FORWARD, 0.0, SIDE / FORWARD)
-        robot.move_robot(0.0, TURN, math.pi / 2.0 / TURN)
-except ControlError as error:
-    sys.exit(f'square: {error}')
+for _ in range(4):
+    robot.move_robot(FORWARD, 0.0, SIDE / FORWARD)
+    robot.move_robot(0.0, TURN, math.pi / 2.0 / TURN)

@@ -23,8 +23,8 @@ import sys
 import traceback
 
 from kachaka_simple_control.control.signals import signal_dispatcher
-from kachaka_simple_control.errors import ControlError, InvalidMotionError
-from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.errors import ControlError
+from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
 from kachaka_simple_control.exit_codes import code_of, DONE, HELP, OneLineParser, SIGNALLED
 from kachaka_simple_control.kachaka.grpc_client.address import address_argument
 
@@ -33,8 +33,6 @@ PRECEDENCE = """
 what wins: an option or -p (they must not differ), then the motion's file, then the
 default of the parameter
 """
-#: The longest line that is printed of an error [characters]; a path may be long.
-MAX_LINE_LENGTH = 1000
 
 
 @dataclass(frozen=True)
@@ -186,13 +184,12 @@ def exit_code(body: Callable[[], None]) -> int:
 
 
 def _is_expected(error: Exception) -> bool:
-    return isinstance(error, (InvalidMotionError, ControlError))
+    return isinstance(error, ControlError)
 
 
 def _message(error: Exception) -> str:
     if _is_expected(error):
-        # An invalid file has one line for each of its problems.
-        return '\n'.join(escaped(line, MAX_LINE_LENGTH) for line in str(error).split('\n'))
+        return escaped_lines(error)
     frame = traceback.extract_tb(error.__traceback__)[-1]
     text = escaped(error, MAX_LINE_LENGTH)
     return (f'unexpected {type(error).__name__}: {text} ({frame.filename}:{frame.lineno}); the '

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 
 class ControlError(RuntimeError):
-    """Base of the errors of a drive; ``InvalidMotionError`` is raised before there is one."""
+    """Base of all errors of this package; each message is one line, of a file one a problem."""
 
 
 class UsageError(ControlError):
@@ -40,7 +40,7 @@ class RunFaultError(ControlError):
     """A run could not go on as planned; the robot was stopped."""
 
 
-class InvalidMotionError(ValueError):
+class InvalidMotionError(ControlError, ValueError):
     """
     A motion is invalid: a value is missing, wrong or beyond a limit; nothing moved.
 

@@ -15,6 +15,9 @@
 
 from __future__ import annotations
 
+#: The longest line that is printed of an error [characters]; a path may be long.
+MAX_LINE_LENGTH = 1000
+
 
 def escaped(text: object, max_length: int = 200) -> str:
     r"""
@@ -30,6 +33,11 @@ def escaped(text: object, max_length: int = 200) -> str:
         sign if sign.isprintable() else sign.encode('unicode_escape').decode('ascii')
         for sign in str(text)[:max_length + 1])
     return line if len(line) <= max_length else line[:max_length - 3] + '...'
+
+
+def escaped_lines(error: BaseException) -> str:
+    """Return the text of an error, each line escaped; an invalid file has one a problem."""
+    return '\n'.join(escaped(line, MAX_LINE_LENGTH) for line in str(error).split('\n'))
 
 
 def quoted(text: str, max_length: int = 40) -> str:

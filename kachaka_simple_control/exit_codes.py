@@ -37,7 +37,7 @@ program drives it; 128 + N stopped by signal N (130 after Ctrl+C)
 """
 
 
-def code_of(error: Exception) -> int:
+def code_of(error: BaseException) -> int:
     """Return the exit code of a command that ended by an error."""
     if isinstance(error, (InvalidMotionError, UsageError)):
         return BAD_USAGE

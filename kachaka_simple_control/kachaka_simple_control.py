@@ -70,6 +70,10 @@ TOPICS = ('~/planned_path', '~/driven_path', '~/commanded_velocity', '/diagnosti
 SERVICES = ('~/stop', '~/run')
 
 
+# In a script of one's own: also for errors before there is a node.
+signal_dispatcher.handle_uncaught()
+
+
 class KachakaSimpleControl(Node):
     """
     Drives a robot by feedforward control: velocities, exactly timed, and a stop at the end.

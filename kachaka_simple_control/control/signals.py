@@ -17,16 +17,24 @@ from __future__ import annotations
 
 import contextlib
 import os
+from pathlib import Path
 import select
 import signal
 import sys
 import threading
 import time
+from traceback import extract_tb
 from types import FrameType, TracebackType
 from typing import Any, Protocol
 
 from kachaka_simple_control.control.timing import SIGNAL_DEBOUNCE
+from kachaka_simple_control.errors import ControlError
+from kachaka_simple_control.escaping import escaped_lines
+from kachaka_simple_control.exit_codes import code_of, SIGNALLED
 
+PACKAGE_DIRECTORY = Path(__file__).parent.parent
+#: Set to anything, it lets an uncaught error of this package print its traceback.
+TRACEBACK_VARIABLE = 'KACHAKA_SIMPLE_CONTROL_TRACEBACK'
 #: The signals that ask a program to end.
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -92,6 +100,16 @@ class SignalDispatcher:
         with contextlib.suppress(ValueError):
             self._handlers.remove(handler)
 
+    def handle_uncaught(self) -> None:
+        """
+        End a program that an error of this package ends by one line, and with its exit code.
+
+        The line names the line of the program, not of this package.  With the environment
+        variable ``KACHAKA_SIMPLE_CONTROL_TRACEBACK`` the traceback is printed as well.
+        """
+        if sys.excepthook != self._except:
+            self._excepthook, sys.excepthook = sys.excepthook, self._except
+
     def reinstall(self) -> None:
         """Take the signals back from code that took them after ``register``; main thread only."""
         if self._previous and threading.current_thread() is threading.main_thread():
@@ -107,7 +125,7 @@ class SignalDispatcher:
             # A signal that was ignored at start (nohup) stays ignored.
             if signal.getsignal(signum) != signal.SIG_IGN:
                 self._previous[signum] = signal.signal(signum, self._handle)
-        self._excepthook, sys.excepthook = sys.excepthook, self._except
+        self.handle_uncaught()
         threading.Thread(target=self._read, args=(reader,), name='signals', daemon=True).start()
         return True
 
@@ -154,8 +172,25 @@ class SignalDispatcher:
         for handler in [] if hasattr(sys, 'ps1') else [*self._handlers]:
             handler.uncaught(error)
         # After Ctrl+C Python ends with the right status by itself, and a traceback does not help.
-        if not (kind is KeyboardInterrupt and self.signum == signal.SIGINT):
+        if kind is KeyboardInterrupt and self.signum == signal.SIGINT:
+            return
+        is_own = isinstance(error, ControlError) and self._excepthook is sys.__excepthook__
+        if not is_own or hasattr(sys, 'ps1') or os.environ.get(TRACEBACK_VARIABLE):
             self._excepthook(kind, error, traceback)
+        if not is_own or hasattr(sys, 'ps1'):
+            return
+        if self.signum is not None:  # the error only says that the signal stopped the motion
+            raise SystemExit(SIGNALLED + self.signum)
+        if not os.environ.get(TRACEBACK_VARIABLE):
+            print(f'{_place(traceback)}{escaped_lines(error)}', file=sys.stderr)
+        raise SystemExit(code_of(error))
+
+
+def _place(traceback: TracebackType | None) -> str:
+    """Return file and line, outside of this package, where an error was raised."""
+    frames = [frame for frame in extract_tb(traceback)
+              if not frame.filename.startswith(f'{PACKAGE_DIRECTORY}{os.sep}')]
+    return f'{frames[-1].filename}:{frames[-1].lineno}: ' if frames else ''
 
 
 #: Python has one set of signal handlers and one wake-up descriptor, hence one dispatcher.

@@ -1,0 +1,78 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""How an error that a program does not catch ends it: one line, its own line, the exit code."""
+
+import os
+import subprocess
+import sys
+
+from kachaka_simple_control import ControlError, InvalidMotionError
+from kachaka_simple_control.control.signals import TRACEBACK_VARIABLE
+import pytest
+
+START = """import sys
+from kachaka_simple_control import errors, files
+from kachaka_simple_control.control.signals import signal_dispatcher
+signal_dispatcher.handle_uncaught()
+"""
+
+
+def run(code, tmp_path, **environment):
+    """Return exit code and standard error of a script that begins with ``START``."""
+    script = tmp_path / 'script.py'
+    script.write_text(START + code)
+    done = subprocess.run(
+        [sys.executable, str(script)], env={**os.environ, **environment}, capture_output=True,
+        text=True, check=False)
+    return done.returncode, done.stderr.replace(str(script), 'script.py')
+
+
+@pytest.mark.parametrize('error, code', [
+    ('UsageError', 2), ('InvalidMotionError', 2), ('RobotNotFoundError', 3),
+    ('RobotTakenError', 3), ('RunFaultError', 1), ('MotionRefusedError', 1)])
+def test_an_error_of_ours_is_one_line_and_its_exit_code(error, code, tmp_path):
+    assert run(f'raise errors.{error}("it\\x1bcannot be")', tmp_path) == (
+        code, 'script.py:5: it\\x1bcannot be\n')
+
+
+def test_the_line_is_that_of_the_program_and_a_file_has_its_own(tmp_path):
+    pytest.importorskip('jsonschema', reason='needs jsonschema')
+    code, text = run(
+        'from kachaka_simple_control.files.motion_file import loads\n'
+        'def patrol():\n    loads("steps:\\n- trun: 1 rad\\n- wait: fast", "a.yaml")\npatrol()',
+        tmp_path)
+    assert code == 2
+    assert [line.partition(' ')[0] for line in text.splitlines()] == [
+        'script.py:7:', 'a.yaml:3:']
+
+
+def test_a_variable_shows_the_traceback(tmp_path):
+    code, text = run('raise errors.UsageError("no")', tmp_path, **{TRACEBACK_VARIABLE: '1'})
+    assert code == 2
+    assert text.startswith('Traceback')
+    assert text.endswith('UsageError: no\n')
+
+
+def test_other_errors_and_other_hooks_are_left_alone(tmp_path):
+    code, text = run('raise ValueError("no")', tmp_path)
+    assert (code, text.startswith('Traceback')) == (1, True)
+    hook = 'sys.excepthook = lambda *what: print("mine", file=sys.stderr)\n'
+    assert run(f'{hook}raise errors.UsageError("no")', tmp_path) == (1, 'mine\n')
+    again = 'signal_dispatcher.handle_uncaught()\n'
+    assert run(f'{hook}{again}raise errors.UsageError("no")', tmp_path) == (1, 'mine\n')
+
+
+def test_one_base_class_catches_all():
+    assert issubclass(InvalidMotionError, ControlError)
+    assert issubclass(InvalidMotionError, ValueError)
