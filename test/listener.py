@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Stand where a robot stands, and note what is sent, when, and what is asked for."""
+"""A robot that records what is sent to it and requested of it, and when."""
 
 from __future__ import annotations
 

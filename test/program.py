@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Start programs as a person would, and look at how they end."""
+"""Start programs as a user would, and check how they end."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_the_arguments_of_ros_are_left_to_ros(arguments, own, ros):
     (KeyError('oops'), 1),
     (KeyboardInterrupt(), 130),
 ])
-def test_each_end_has_its_exit_code_and_no_traceback(error, code, capsys):
+def test_each_error_has_its_exit_code_and_no_traceback(error, code, capsys):
     def body():
         raise error
 
@@ -119,7 +119,7 @@ def test_what_cannot_be_printed_is_one_line():
                             'device\n')
 
 
-def test_a_body_that_ends_well_is_0():
+def test_a_body_that_returns_has_exit_code_0():
     assert exit_code(lambda: None) == 0
 
 

@@ -138,7 +138,7 @@ def test_ten_questions_are_answered():
     assert len(TABLES['Ten questions']) == 10
 
 
-def test_there_is_a_table_for_those_who_want_to_begin():
+def test_there_are_tables_for_beginners_and_on_libraries():
     assert len(TABLES['Where to begin']) >= 15
     assert len(TABLES['Why not a library']) == 8
 

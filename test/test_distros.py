@@ -80,7 +80,7 @@ ROS = {module.split('.')[0] for module in COMMON}
 
 
 @pytest.mark.parametrize('file', FILES, ids=lambda file: str(file.relative_to(ROOT)))
-def test_every_name_of_ros_is_one_that_all_distros_have(file):
+def test_every_name_of_ros_is_in_all_distros(file):
     tree = ast.parse(file.read_text())
     for module, name in names_of_ros(tree):
         assert name in COMMON.get(module, set()), f'{module}.{name}: does Humble have it?'

@@ -55,7 +55,7 @@ def test_python_compiles(block):
 
 
 @pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_nothing_is_left_that_was_to_be_replaced(path):
+def test_no_placeholder_is_left(path):
     left = placeholders(path.read_text())
     assert not left, f'{path.relative_to(ROOT)}: lines {left} wait for what should stand there'
 
@@ -73,7 +73,7 @@ def test_text_is_no_placeholder(line):
 
 @needs_source
 @pytest.mark.parametrize('block', [b for b in ALL if b.is_run], ids=str)
-def test_every_make_is_one_that_ci_makes_too(block):
+def test_every_make_target_is_run_by_ci_too(block):
     lines = ROOT.joinpath('.ci', 'run').read_text().splitlines()
     for line in block.text.splitlines():
         assert not line.startswith('make ') or line in lines, (
@@ -98,7 +98,7 @@ def test_every_example_is_shown():
     (['[INFO] [a]: one'], ['[INFO] [12.5] [a]: one', '[INFO] [12.6] [b]: two', 'three'], True),
     (['[INFO] [a]: one'], ['[INFO] [12.5] [a]: one', '[INFO] [12.6] [a]: two'], False),
 ])
-def test_quotes_are_compared_as_said_above(quoted, printed, same):
+def test_quotes_are_compared_approximately_and_with_wildcards(quoted, printed, same):
     assert (compare(quoted, printed) is None) == same
 
 
@@ -120,7 +120,7 @@ def documents_to_run() -> list[object]:
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.parametrize('path, colcon', documents_to_run())
-def test_what_it_says_works(path, colcon, tmp_path):
+def test_commands_of_a_document_work(path, colcon, tmp_path):
     pytest.importorskip('nav_msgs', reason='needs ROS 2')
     uses_colcon = any(block.is_run and block.run['colcon'] for block in blocks(path))
     if colcon and shutil.which('colcon', path=searched()) is None:

@@ -98,7 +98,7 @@ def test_what_the_user_says_wins_over_the_file(source, rate, listener, tmp_path)
     assert (f'{said}, not 20 Hz as in {file}' in started.text) == (rate == 40)
 
 
-def test_a_simulated_kachaka_is_no_turtlebot(tmp_path):
+def test_a_simulation_of_another_robot_than_a_kachaka_is_refused(tmp_path):
     with program([*COMMAND, '--sim', '--robot', 'turtlebot3'], tmp_path) as started:
         assert started.end() == 2
     (line,) = started.text.splitlines()
@@ -192,7 +192,7 @@ exit(main(['straight', '--wait']))
     assert served == ['served by spinner']
 
 
-def test_standing_by_for_nothing_leaves_no_table(tmp_path):
+def test_standing_by_without_a_drive_prints_no_table(tmp_path):
     with program([*COMMAND, 'straight', '--wait', '--sim'], tmp_path) as started:
         started.wait_for_text('Standing by')
         started.send(signal.SIGINT)

@@ -94,7 +94,7 @@ def test_the_nodes_file_can_be_run_as_the_shebang_suggests(
         assert 'Robot control node has started' in started.text
 
 
-def test_the_pure_core_knows_nothing_but_the_standard_library():
+def test_the_pure_core_imports_only_the_standard_library():
     for file in (ROOT / 'kachaka_simple_control' / 'motion').glob('*.py'):
         for node in ast.walk(ast.parse(file.read_text())):
             names = [node.module or ''] if isinstance(node, ast.ImportFrom) else [

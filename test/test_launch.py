@@ -84,8 +84,8 @@ def test_the_documentation_has_every_argument_and_its_default(path):
 
 
 @each
-def test_arguments_that_are_handed_on_are_known_there(path):
-    """An argument that is included under a name that nobody knows is lost without a word."""
+def test_arguments_for_an_included_file_are_declared_there(path):
+    """An argument under a name that is not declared there is silently ignored."""
     lesson = declared(ROOT / 'launch' / 'lesson.launch.py')
     used = {ast.literal_eval(call.args[0]) for call in calls(path, 'LaunchConfiguration')
             if isinstance(call.args[0], ast.Constant)}
@@ -96,7 +96,7 @@ def test_arguments_that_are_handed_on_are_known_there(path):
     assert bool(given) == (path.name != 'lesson.launch.py')
 
 
-def test_options_of_the_command_are_named_as_it_names_them():
+def test_options_of_the_command_exist():
     from kachaka_simple_control.cli import parse
     text = (ROOT / 'launch' / 'lesson.launch.py').read_text()
     options, switches = (ast.literal_eval(re.search(
@@ -117,7 +117,7 @@ def loaded(path):
 
 
 @each
-def test_launch_reads_them(path):
+def test_launch_can_load_them(path):
     """As far as it goes without starting anything."""
     pytest.importorskip('launch_ros', reason='needs launch_ros, which PyPI does not have')
     from launch.actions import DeclareLaunchArgument
@@ -140,7 +140,7 @@ class Said:
 
 @pytest.fixture
 def node(monkeypatch):
-    """Return a function that returns what the lesson's launch file starts, told some arguments."""
+    """Return a function that returns what the lesson's launch file starts with arguments."""
     for name in ('launch', 'launch.actions', 'launch.conditions', 'launch.substitutions',
                  'launch_ros', 'launch_ros.actions'):
         stand_in = types.ModuleType(name)
@@ -246,8 +246,8 @@ def _key(policy):
     return policy.upper().replace(' ', '_')
 
 
-def test_no_two_lines_of_the_view_look_alike_to_anybody(view):
-    """Colours that also differ much in brightness, which nobody is blind to."""
+def test_no_two_lines_of_the_view_look_alike_to_the_colour_blind(view):
+    """Their colours also differ much in brightness."""
     colours = [
         tuple(map(int, display['Color'].split(';')))
         for display in view['Visualization Manager']['Displays']

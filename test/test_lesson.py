@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The lesson, watched from where a robot stands."""
+"""The lesson, as a robot receives it."""
 
 from program import COMMAND, program
 import pytest
@@ -26,7 +26,7 @@ ALL_SEVEN = [
 
 @pytest.fixture(scope='module')
 def lesson(tmp_path_factory):
-    """Play the lesson once; return what was heard and printed."""
+    """Run the lesson once; return what was received and printed."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
     from listener import Listener
     folder = tmp_path_factory.mktemp('lesson')
@@ -56,8 +56,8 @@ def test_it_takes_nine_seconds(lesson):
     assert heard[-1].time - heard[moving[-1] + 1].time >= 1.0
 
 
-def test_it_says_what_the_lesson_says_in_its_order(lesson):
-    # A warning tells that this robot has no odometry.
+def test_it_logs_the_lines_of_the_lesson_in_order(lesson):
+    # A warning says that this robot has no odometry.
     lines = [line.rpartition(': ')[2] for line in lesson[1].splitlines() if '[INFO]' in line]
     wanted = ['Robot control node has started']
     for x, z, duration in ALL_SEVEN:

@@ -80,7 +80,7 @@ def test_changelog_begins_with_the_version(manifest):
     assert headings[0] == manifest.findtext('version')
 
 
-def test_maintainer_has_an_address_or_colcon_takes_the_package_for_another_kind(manifest):
+def test_maintainer_has_an_address_without_which_colcon_mistakes_the_package(manifest):
     assert re.fullmatch(r'[^@\s]+@[^@\s]+\.[a-z]+', manifest.find('maintainer').get('email'))
 
 
@@ -96,7 +96,7 @@ def test_every_python_file_carries_the_licence():
     assert bare == []
 
 
-def test_no_file_tells_where_packages_came_from():
+def test_no_file_has_addresses_of_package_sources():
     told = [path for path in git_files() if ADDRESSES.search(path.read_text(errors='replace'))]
     assert told == []
 

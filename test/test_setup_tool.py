@@ -91,21 +91,21 @@ def test_an_old_python_is_refused_by_itself(version):
     python = shutil.which(f'python{version}')
     if python is None or subprocess.run([python, '-V'], check=False).returncode != 0:
         pytest.skip(f'no Python {version} here')
-    # Started as make does: a too old Python must get through the file's grammar first.
+    # Started as make does: a too old Python must be able to parse the file.
     result = subprocess.run(
         [python, str(TOOLS / 'set_up.py'), '.venv'], capture_output=True, text=True, check=False)
     assert f'this is {version}' in refusal(result)
 
 
-def test_the_door_is_grammar_for_python_3_6():
+def test_the_start_script_can_be_parsed_by_python_3_6():
     ast.parse(TOOLS.joinpath('set_up.py').read_text(), feature_version=(3, 6))
 
 
 @pytest.mark.slow
-def test_no_network_is_said_in_one_line(tool, tmp_path):
+def test_a_missing_network_is_reported_in_one_line(tool, tmp_path):
     tmp_path.joinpath('requirements', 'build.txt').write_text(
         f'setuptools==79.0.1 --hash=sha256:{"0" * 64}\n')
-    # Nobody listens on port 9 of this machine; retries would only make the test longer.
+    # Nothing listens on port 9 of this machine; retries would only make the test longer.
     nobody = 'http://127.0.0.1:9/'
     line = refusal(tool(
         '.venv', PIP_CONFIG_FILE=os.devnull, PIP_INDEX_URL=nobody, PIP_EXTRA_INDEX_URL='',

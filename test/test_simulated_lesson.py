@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The lesson on the simulated robot, as ``make run`` plays it."""
+"""The lesson on the simulated robot, as ``make run`` runs it."""
 
 import re
 import signal
@@ -39,14 +39,14 @@ def test_it_ends_where_the_lesson_says(tmp_path):
     assert distances == pytest.approx([0.1, 0.1, 0.1], rel=0.03)
 
 
-def test_ctrl_c_takes_the_simulated_robot_down_too(tmp_path):
+def test_ctrl_c_ends_the_simulated_robot_too(tmp_path):
     with program([*COMMAND, '--sim'], tmp_path) as started:
         started.wait_for_text('Time=1.0 seconds')
         time.sleep(0.3)
         started.send(signal.SIGINT)
         assert started.end(5.0) == 130
     assert 'Program was interrupted' in started.text
-    # It was still there to be given back.
+    # It was still running when it was released.
     assert 'manual control disabled' in started.text
     assert 'Final pose by odometry' in started.text
     assert 'Traceback' not in started.text

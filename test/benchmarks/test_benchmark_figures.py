@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The arithmetic of the benchmarks: what a receiver saw, the bars, the page, two runs compared."""
+"""The computations of the benchmarks: received messages, thresholds, page, comparison."""
 
 import importlib.util
 import json
@@ -68,7 +68,7 @@ def test_a_movement_on_time_is_exact(rate, count, velocity):
 
 
 @given(st.lists(st.floats(0.001, 0.2), min_size=1), st.sampled_from([0.1, -0.3]))
-def test_a_velocity_is_met_until_the_next_message(intervals, velocity):
+def test_a_velocity_counts_until_the_next_message(intervals, velocity):
     times = [sum(intervals[:count]) for count in range(len(intervals) + 1)]
     rows = [Row(at, velocity) for at in times]
     assert displacement(rows) == pytest.approx(velocity * sum(intervals))
@@ -125,7 +125,7 @@ def test_a_quantile_lies_between_the_extremes(values, part):
     assert (quantile(values, 0.0), quantile(values, 1.0)) == (min(values), max(values))
 
 
-def test_what_never_came_is_worse_than_all_that_did():
+def test_what_never_came_is_the_worst():
     assert quantile([0.1, math.inf, 0.2], 1.0) == math.inf
     assert median([0.1, math.inf, 0.2]) == 0.2
     assert median([math.inf, math.inf]) == math.inf
@@ -134,12 +134,12 @@ def test_what_never_came_is_worse_than_all_that_did():
 @pytest.mark.parametrize('value, text', [
     (None, '-'), (math.inf, 'never'), (0.0, '0'), (0.01234, '0.012'), (1.234, '1.23'),
     (123.4, '123'), (-0.5, '-0.500')])
-def test_numbers_have_the_digits_that_mean_something(value, text):
+def test_numbers_have_only_significant_digits(value, text):
     assert number(value) == text
 
 
 def a_run(**changes):
-    """Return the data of a small run that holds every bar."""
+    """Return the data of a small run that meets every threshold."""
     entry = {
         'rate': 10, 'busy': 0, 'errors': [0.0001, -0.0002], 'due': 20, 'late': 1, 'lost': 0,
         'seen': 22, 'jitter': {'0.5': 1e-5, '0.99': 1e-4, '1.0': 1e-3}, 'sent': 22.0,
@@ -161,7 +161,7 @@ def a_run(**changes):
                 for way, lost in (('ours', 0.0), ('samples', 0.001))], **changes}
 
 
-def test_a_good_run_holds_every_threshold():
+def test_a_good_run_meets_every_threshold():
     verdicts = judge(figures(a_run()))
     assert [verdict.threshold for verdict in verdicts] == list(THRESHOLDS)
     assert all(verdict.is_met for verdict in verdicts)
@@ -174,12 +174,12 @@ def test_a_good_run_holds_every_threshold():
     ({'timing': []}, 3),
     ({'planning': []}, 1),
 ])
-def test_what_never_came_or_was_not_measured_is_missed(changes, missed):
+def test_what_never_came_or_was_not_measured_misses_its_threshold(changes, missed):
     verdicts = judge(figures(a_run(**changes)))
     assert sum(not verdict.is_met for verdict in verdicts) == missed
 
 
-def test_a_threshold_relative_to_the_lesson_moves_with_it():
+def test_a_threshold_relative_to_the_lesson_changes_with_it():
     run = a_run()
     run['timing'][-1]['thread'] = 0.007
     (missed,) = [verdict for verdict in judge(figures(run)) if not verdict.is_met]
@@ -187,30 +187,30 @@ def test_a_threshold_relative_to_the_lesson_moves_with_it():
     assert missed.limit == pytest.approx(0.5e6 * 0.007 / 22)
 
 
-def test_a_figure_is_met_up_to_its_bar():
+def test_a_threshold_is_met_up_to_its_limit():
     assert Verdict(THRESHOLDS[0], 0.1, 0.1, '%').is_met
     assert not Verdict(THRESHOLDS[0], 0.1001, 0.1, '%').is_met
 
 
-def test_errors_count_whichever_sign_they_have():
+def test_errors_count_by_their_absolute_value():
     found = figures(a_run())
     assert find(found, 'displacement error, worst, at 10 Hz', 'ours') == pytest.approx(0.02)
     assert find(found, 'displacement error, median, at 10 Hz', 'ours') == pytest.approx(0.015)
 
 
-def test_tables_tell_what_never_came():
+def test_tables_show_what_never_came():
     text = '\n'.join(table.text() for table in tables(a_run()))
     (row,) = [line for line in text.splitlines() if line.startswith("the lesson's loop  SIGINT")]
     assert row.split()[-3:] == ['never', 'never', '1']
 
 
-def test_the_table_of_goals_has_a_cell_for_each_rate_and_a_figure_for_each_way():
+def test_the_table_of_goals_has_a_cell_for_each_rate_and_a_figure_for_each_method():
     (table,) = [table for table in tables(a_run()) if 'at the goal' in table.title]
     assert 'ours / samples' in table.title
     assert table.rows == (('turn', 'S-curve', '0.00 / 1.00'),)
 
 
-def test_a_table_can_stand_on_a_page():
+def test_a_table_can_be_written_as_markdown():
     table = Table('Title', ('', 'a'), (('b', '1'),))
     assert table.markdown() == '**Title**\n\n|  | a |\n| --- | --- |\n| b | 1 |\n'
 
@@ -239,7 +239,7 @@ def test_the_page_has_a_measured_part():
 @pytest.mark.parametrize('before, after, text', [
     (1.0, 1.0, ''), (1.0, 1.05, ''), (1.0, 1.5, '+50 %'), (1.0, 0.5, '-50 %'),
     (0.0, 1.0, 'changed'), (1.0, math.inf, 'changed'), (math.inf, math.inf, '')])
-def test_changes_are_told_from_noise(before, after, text):
+def test_small_changes_are_not_marked(before, after, text):
     assert change(before, after) == text
 
 

@@ -45,7 +45,7 @@ def test_no_import_is_circular():
     assert [*TopologicalSorter(graph).static_order()]
 
 
-def test_a_circle_by_a_function_is_found(tmp_path):
+def test_a_circular_import_within_a_function_is_found(tmp_path):
     one, two = tmp_path / 'one.py', tmp_path / 'two.py'
     one.write_text('import two')
     two.write_text('def late():\n    from one import something')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Over a bad link: stops arrive, a pulled cable stops both ends; and the arithmetic of it."""
+"""Over a lossy link stops arrive, and a disconnect stops both ends; and the computations."""
 
 import contextlib
 import json
@@ -40,7 +40,7 @@ TIMES = st.floats(0.0, 10.0)
 
 
 @pytest.fixture
-def bad_link():
+def lossy_link():
     """Yield a network with a robot, where this machine can have one."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
     skip_where_impossible()
@@ -61,23 +61,23 @@ def namespaces(pid):
 
 @pytest.mark.ros
 @pytest.mark.slow
-def test_every_stop_arrives_where_a_third_is_lost(bad_link):
-    series = stop_test.measure_stops(bad_link, 30, 5)
+def test_every_stop_arrives_at_30_percent_loss(lossy_link):
+    series = stop_test.measure_stops(lossy_link, 30, 5)
     assert series['faults'] == []
     assert 0.2 < series['lost'] / (series['lost'] + series['arrived']) < 0.4
     for stop in series['stops']:
         # Of about twenty; fewer than five arrive once in a hundred million stops.
         assert stop['zeros'] >= 5
         assert stop['motions'] == 0
-        assert stop['driven'] < 0.03  # the hold: 0.3 s at 0.1 m/s
+        assert stop['driven'] < 0.03  # the command timeout: 0.3 s at 0.1 m/s
 
 
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.parametrize('case', disconnect_test.CASES)
-def test_a_pulled_cable_stops_both_ends(bad_link, case):
-    found = disconnect_test.disconnect_once(bad_link, case)
-    assert found['still'] < 0.35  # the robot's own hold
+def test_a_disconnect_stops_both_ends(lossy_link, case):
+    found = disconnect_test.disconnect_once(lossy_link, case)
+    assert found['still'] < 0.35  # the robot's command timeout
     if case == BRIEF:
         assert found['code'] == 0
         return
@@ -91,7 +91,7 @@ def test_a_pulled_cable_stops_both_ends(bad_link, case):
         assert found['taken'] == 0
 
 
-def test_a_network_is_gone_after_its_block():
+def test_a_network_is_removed_after_its_block():
     skip_where_impossible()
     with contextlib.suppress(KeyError), network.Network() as made:
         made.set_loss(30)
@@ -101,7 +101,7 @@ def test_a_network_is_gone_after_its_block():
     assert namespaces(os.getpid()) == []
 
 
-def test_what_a_killed_run_has_left_is_removed_by_the_next():
+def test_leftovers_of_a_killed_run_are_removed_by_the_next():
     skip_where_impossible()
     text = 'from benchmarks.lossy_link.network import Network\nNetwork().__enter__()\ninput()\n'
     run = subprocess.Popen([sys.executable, '-c', text], cwd=ROOT, stdin=subprocess.PIPE)
@@ -110,7 +110,7 @@ def test_what_a_killed_run_has_left_is_removed_by_the_next():
         while len(namespaces(run.pid)) < 2 and time.monotonic() < end:
             time.sleep(0.01)
         network.remove_leftovers()
-        assert len(namespaces(run.pid)) == 2  # its maker lives
+        assert len(namespaces(run.pid)) == 2  # the process that made them runs
     finally:
         run.kill()
         run.wait()
@@ -127,14 +127,14 @@ def test_a_missing_command_is_named_with_its_package(monkeypatch, capsys):
     assert capsys.readouterr().out.startswith('skipped: the command ip is missing')
 
 
-def test_a_network_that_cannot_be_made_says_why(monkeypatch):
+def test_the_error_says_why_a_network_cannot_be_made(monkeypatch):
     monkeypatch.setattr(network, '_tool', lambda name: '/nowhere/ip')
     with pytest.raises(network.NetworkError, match=r'/nowhere/ip netns add .*No such file'):
         network.Network().__enter__()
 
 
 def a_log(*velocities, x=0.0):
-    """Return what a robot says that was told these at 0, 1, 2 ... s and reaches x in the end."""
+    """Return the log of a robot that received these at 0, 1, 2 ... s and ended at x."""
     log = RobotLog()
     log.add(['pose', 0.0, 0.0, 0.0, 0.0])
     for time_told, velocity in enumerate(velocities):
@@ -143,7 +143,7 @@ def a_log(*velocities, x=0.0):
     return log
 
 
-def test_a_stop_is_judged_by_what_arrived_after_it():
+def test_a_stop_is_evaluated_by_what_arrived_after_it():
     found = evaluate_stop(a_log(0.1, 0.1, 0.0, 0.0, x=0.4), 1.5)
     assert found == {
         'zeros': 2, 'first': 0.5, 'motions': 0, 'driven': pytest.approx(0.25)}
@@ -152,7 +152,7 @@ def test_a_stop_is_judged_by_what_arrived_after_it():
 @pytest.mark.parametrize('velocities, zeros, motions', [
     ((0.1, 0.1, 0.1), 0, 0),  # no zero came: nothing came after it
     ((0.1, 0.0, 0.1, 0.1), 1, 2),
-    ((0.0, 0.1, 0.1, 0.0), 1, 0),  # a zero before the stop is none of it
+    ((0.0, 0.1, 0.1, 0.0), 1, 0),  # a zero before the stop does not count
 ])
 def test_motion_counts_after_the_first_zero(velocities, zeros, motions):
     found = evaluate_stop(a_log(*velocities), 0.5)
@@ -161,21 +161,21 @@ def test_motion_counts_after_the_first_zero(velocities, zeros, motions):
 
 
 @given(TIMES, TIMES, st.floats(-5.0, 5.0))
-def test_the_way_driven_is_the_same_in_parts(one, two, x):
+def test_the_distance_driven_is_the_sum_of_its_parts(one, two, x):
     log = a_log(0.1, 0.1, x=x)
     begin, end = sorted((one, two))
     parts = log.driven(0.0, begin)[0] + log.driven(begin, end)[0] + log.driven(end)[0]
     assert parts == pytest.approx(abs(x), abs=1e-9)
 
 
-def test_a_robot_that_said_nothing_is_where_it_began():
+def test_a_robot_without_reports_has_not_moved():
     log = RobotLog()
     assert log.driven(1.0, 2.0) == (0.0, 0.0)
     assert log.at_rest_since(3.0, 4.0) == 3.0
     assert evaluate_stop(log, 0.0)['first'] is None
 
 
-def test_a_robot_stands_still_from_when_it_was_last_seen_to_move():
+def test_a_robot_is_at_rest_from_its_last_new_pose_on():
     log = a_log(0.1, 0.1, x=0.2)
     assert log.at_rest_since(1.0, 5.0) == 2.0
     assert log.at_rest_since(1.0, 1.5) == 1.0  # what it did later does not count
@@ -185,15 +185,15 @@ def a_stop(**changes):
     return {'zeros': 10, 'first': 0.001, 'motions': 0, 'driven': 1e-4, **changes}
 
 
-def a_pull(**changes):
+def a_disconnect(**changes):
     return {'case': QUIET, 'still': 0.3, 'turned': 0.1, 'ended': 3.7, 'code': 1, 'motions': 0,
             'moved': 0.0, 'taken': 0, **changes}
 
 
 def a_run(**changes):
-    """Return the data of a small run in which every promise was kept."""
+    """Return the data of a small run without violations."""
     run = {'date': '2026-01-01', 'machine': {'cores': '2'}, 'moves': [], 'answers': [],
-           'cable': [a_pull()], 'stops': [
+           'cable': [a_disconnect()], 'stops': [
                {'percent': 30, 'lost': 30, 'arrived': 70, 'stops': [a_stop()], 'faults': []}]}
     return {**run, **changes}
 
@@ -207,7 +207,7 @@ def of_stops(*found):
     (of_stops(a_stop(), a_stop(zeros=0, first=None)), ['a stop without a zero at 30 % loss']),
     (of_stops(a_stop(motions=1)), ['motion after the first zero of a stop at 30 % loss']),
 ])
-def test_a_promise_that_was_not_kept_is_named(run, words):
+def test_a_violation_is_named(run, words):
     assert find_violations(run) == words
 
 
@@ -215,11 +215,11 @@ def test_a_promise_that_was_not_kept_is_named(run, words):
     (QUIET, {}, False), (QUIET, {'motions': 1}, True), (QUIET, {'taken': 1}, True),
     (QUIET, {'code': 0}, True), ('at once', {'motions': 1}, True),
     ('at once', {'taken': 1}, False), (BRIEF, {'motions': 9, 'code': 0}, False)])
-def test_a_cable_that_is_back_moves_nothing(case, changes, is_violation):
-    assert len(find_violations(a_run(cable=[a_pull(case=case, **changes)]))) == is_violation
+def test_forbidden_consequences_of_a_disconnect_are_violations(case, changes, is_violation):
+    assert len(find_violations(a_run(cable=[a_disconnect(case=case, **changes)]))) == is_violation
 
 
-def test_tables_tell_what_never_came():
+def test_tables_show_what_never_came():
     run = of_stops(a_stop(zeros=0, first=None))
     run['answers'] = [{'percent': 50, 'once': [None, 0.1], 'repeatedly': [0.3, 0.1]}]
     run['moves'] = [{'percent': 10, 'rate': 50, 'driven': [0.9, 1.02], 'faults': ['x']}]
@@ -231,7 +231,7 @@ def test_tables_tell_what_never_came():
     assert moved[0] == ('10 %', '50', '2', '-4.00', '6.00', '-10.00', '2.00', '1')
 
 
-def test_parts_are_put_together_in_order_of_loss():
+def test_parts_are_joined_in_order_of_loss():
     lossy, clean = a_run(), a_run(cable=[])
     clean['stops'] = [{**clean['stops'][0], 'percent': 0}]
     run = joined([lossy, clean])

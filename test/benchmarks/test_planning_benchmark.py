@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the benchmark of planning reckons: it must be right itself, and fair."""
+"""The computations of the planning benchmark: they must be right, and fair."""
 
 import math
 from pathlib import Path
@@ -30,7 +30,7 @@ SQUARE = Limits(0.3, 1.57)
 EVEN = Limits(0.3, 1.57, 0.3, 1.57)
 
 
-def test_a_tour_is_as_long_as_it_says_and_no_two_of_its_steps_are_alike():
+def test_a_tour_has_its_duration_and_no_two_equal_steps():
     motion = planning.tour(300.0)
     planned = planning.plan(motion, planning.LIMITS, 10.0)
     assert 300.0 <= planned.duration < 330.0
@@ -48,7 +48,7 @@ def test_every_length_is_measured_and_memory_grows_with_it():
         more['segments'] / less['segments'], rel=0.2)
 
 
-def test_every_goal_is_reckoned_in_every_way():
+def test_every_goal_is_computed_by_every_method():
     entries = planning.measure_exactness((5, 50))
     assert len(entries) == 3 * 2 * 2 * 3
     for entry in entries:
@@ -59,13 +59,13 @@ def test_every_goal_is_reckoned_in_every_way():
 
 
 @pytest.mark.parametrize('rate', [5.0, 10.0, 100.0])
-def test_a_smoother_without_limits_of_acceleration_sends_the_pulse_that_it_hears(rate):
-    """0.3 m at 0.3 m/s is one second: every phase hears a whole number of periods."""
+def test_a_smoother_without_acceleration_limits_sends_the_pulse_it_receives(rate):
+    """0.3 m at 0.3 m/s is one second: every phase has a whole number of periods."""
     assert planning.smoothed(Forward(0.3), SQUARE, rate) == pytest.approx(
         [0.3] * len(planning.PHASES))
 
 
-def test_a_smoother_loses_what_it_needs_to_speed_up_and_gains_what_it_needs_to_slow_down():
+def test_a_smoother_loses_distance_while_accelerating_and_gains_it_while_braking():
     """0.1, 0.2, 0.3 up and 0.2, 0.1 down at 3 Hz: a second of 0.9 m/s in all."""
     driven = planning.smoothed(Forward(0.3), Limits(0.3, 1.57, 0.3, math.inf), 3.0)
     assert driven[0] == pytest.approx((0.1 + 0.2 + 0.3 + 0.2 + 0.1) / 3.0)
@@ -76,7 +76,7 @@ def test_a_pulse_shorter_than_the_ramp_never_reaches_its_velocity():
     assert driven[0] == pytest.approx(0.1 / 3.0)
 
 
-def test_samples_of_a_rectangle_are_the_rectangle_and_those_of_a_triangle_its_staircase():
+def test_samples_of_a_rectangle_are_exact_and_those_of_a_triangle_its_staircase():
     assert planning.sampled(Forward(0.3), SQUARE, 10.0) == pytest.approx([0.3])
     # Up for 1 s and down for 1 s, sampled at 0, 0.5, 1 and 1.5 s.
     assert planning.sampled(Turn(1.57), EVEN, 2.0) == pytest.approx(

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The stop matrix sees a promise that is not kept, and its rows can be brought about."""
+"""The stop matrix finds violations, and its faults can be injected."""
 
 from dataclasses import asdict, replace
 import json
@@ -49,7 +49,7 @@ EXPECTATION = Expectation('SIGTERM', 'the node', (143,), limit=0.02)
 GOOD = Trial(zero=0.001, zeros=20, late=0, metres=0.002, code=143, message='ended')
 
 
-def test_what_was_kept_is_not_complained_about():
+def test_trials_as_expected_have_no_violations():
     assert find_violations(EXPECTATION, [GOOD] * 20) == []
     assert find_late_stops(EXPECTATION, [GOOD] * 20) == []
 
@@ -63,23 +63,23 @@ def test_what_was_kept_is_not_complained_about():
     ({'message': 'Traceback: ValueError'}, 'a traceback'),
     ({'broken': ('its guardian outlived it',)}, 'its guardian outlived it'),
 ])
-def test_one_broken_promise_among_many_trials_is_seen(change, told):
+def test_one_violation_among_many_trials_is_found(change, told):
     trials = [GOOD] * 19 + [replace(GOOD, **change)]
     assert find_violations(EXPECTATION, trials) == [f'SIGTERM: {told} (1 of 20)']
 
 
-def test_zeros_may_be_lost_to_a_listener_but_not_every_time():
+def test_a_subscriber_may_lose_zeros_but_not_in_every_trial():
     few = replace(GOOD, zeros=9)
     assert find_violations(EXPECTATION, [few] * 19 + [GOOD]) == []
     assert find_violations(EXPECTATION, [few] * 20) == [
         'SIGTERM: fewer than 10 zeros came (20 of 20)']
 
 
-def test_a_row_that_was_not_tried_is_not_kept():
+def test_a_row_that_was_not_tried_is_a_violation():
     assert find_violations(EXPECTATION, []) == ['SIGTERM: it was not tried']
 
 
-def test_the_worst_time_counts_and_a_busy_machine_has_wide_bars():
+def test_the_worst_time_counts_and_limits_are_wider_under_load():
     trials = [GOOD] * 19 + [replace(GOOD, zero=0.15)]
     assert find_late_stops(EXPECTATION, trials) == [
         'SIGTERM: 150.0 ms to the first zero, more than the 20 ms of its bar']
@@ -91,14 +91,14 @@ def test_the_worst_time_counts_and_a_busy_machine_has_wide_bars():
 @pytest.mark.parametrize('zero, kind, kept', [
     (0.001, Zero.AT_END, True), (-0.3, Zero.AT_END, False), (-0.3, Zero.ANY_TIME, True),
     (None, Zero.ANY_TIME, False), (None, Zero.NONE, True)])
-def test_a_zero_is_wanted_where_it_is_promised(zero, kind, kept):
+def test_a_zero_is_required_as_expected(zero, kind, kept):
     trial = replace(GOOD, zero=zero)
     assert (find_violations(replace(EXPECTATION, zero=kind), [trial]) == []) == kept
 
 
-def test_where_only_the_hold_helps_motion_after_the_fault_is_still_seen():
-    nobody = replace(EXPECTATION, zero=Zero.NONE)
-    assert find_violations(nobody, [replace(GOOD, zero=None, zeros=0, late=1)]) != []
+def test_motion_after_the_fault_is_a_violation_even_if_no_zero_is_expected():
+    expectation = replace(EXPECTATION, zero=Zero.NONE)
+    assert find_violations(expectation, [replace(GOOD, zero=None, zeros=0, late=1)]) != []
 
 
 def test_the_table_shows_the_worst():
@@ -120,13 +120,13 @@ def test_a_time_is_counted_from_the_end_where_nothing_needs_stopping():
     assert cells['to the first zero [ms], median / worst'] == '1.00 / 1.00 after its end'
 
 
-def test_a_matrix_can_be_kept_and_made_in_pieces():
+def test_a_matrix_can_be_saved_and_measured_in_parts():
     data = {'rows': {'SIGTERM': [asdict(GOOD)]}}
     kept = json.loads(json.dumps(merged({'rows': {'other': []}}, data)))
     assert trials_of(kept) == {'other': [], 'SIGTERM': [GOOD]}
 
 
-def test_the_last_line_that_says_something_is_the_message():
+def test_the_last_line_that_is_no_routine_log_is_the_message():
     text = """[INFO] [1763.5] [kachaka_simple_control]: Robot control node has started
 \x1b[0m[INFO] [1763.9] [kachaka_simple_control]: Robot has stopped\x1b[0m
 kachaka_simple_control: the robot left: nobody subscribes to /stop_3/manual_control/cmd_vel
@@ -138,13 +138,13 @@ kachaka_simple_control: the robot left: nobody subscribes to /stop_3/manual_cont
     assert last_message(trace, 'stop_3', False).startswith('Traceback: ')
 
 
-def test_rows_have_names_of_their_own_and_are_tried():
+def test_rows_have_unique_names_and_are_tried():
     names = [row.expectation.what for row in ROWS]
     assert len(set(names)) == len(names) > 35
     assert all(row.full or row.quick for row in ROWS)
 
 
-def test_core_rows_are_such_as_a_robot_over_grpc_can_play():
+def test_core_rows_can_be_tried_with_a_robot_over_grpc():
     core = [row for row in ROWS if row.expectation.what in CORE]
     assert len(core) == len(CORE)
     for one in core:
@@ -156,7 +156,7 @@ def test_core_rows_are_such_as_a_robot_over_grpc_can_play():
         assert one.expectation.zero is not Zero.NONE
 
 
-def test_the_page_shows_the_matrix_that_is_kept():
+def test_the_page_shows_the_reference_results():
     page = PAGE.read_text()
     assert 'new' in updated(page, 'new', BEGIN, END)
     run = json.loads(REFERENCE.read_text())
@@ -168,8 +168,8 @@ def test_the_page_shows_the_matrix_that_is_kept():
 
 
 @pytest.mark.ros
-def test_rows_are_brought_about():
-    """A stop by the node, one by the guardian, and a killed pair that nobody stops."""
+def test_faults_are_injected():
+    """A stop by the node, one by the guardian, and none because both are killed."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     from benchmarks.stop_matrix.runner import run
@@ -181,7 +181,7 @@ def test_rows_are_brought_about():
     assert guarded.zero is not None
     assert stopped.metres is not None
     assert lost.zeros == 0
-    # The hold alone: 0.3 s at 0.1 m/s since the last velocity.
+    # The command timeout alone: 0.3 s at 0.1 m/s since the last velocity.
     assert lost.metres == pytest.approx(0.025, abs=0.01)
 
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How exact three processes are: the arithmetic of the benchmark, its verdict, and one run."""
+"""How exact three processes are: the computations of the benchmark, its verdict, and one run."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ GOOD = Run('square', 0.0002, math.radians(0.02))
 
 
 @given(POSES, LENGTHS, ANGLES)
-def test_who_drives_as_planned_is_right_wherever_it_began(start, distance, angle):
+def test_a_drive_as_planned_has_no_error_from_any_start(start, distance, angle):
     end = advance(start, distance, angle)
-    # Odometry knows no turns.
+    # Odometry wraps the heading.
     told = Pose(end.x, end.y, math.remainder(end.theta, math.tau))
     position, heading = errors(start, told, advance(ORIGIN, distance, angle))
     assert position == pytest.approx(0.0, abs=1e-9)
@@ -56,7 +56,7 @@ def test_who_drives_as_planned_is_right_wherever_it_began(start, distance, angle
 
 
 @given(POSES, POSES, LENGTHS, LENGTHS, st.floats(-3.0, 3.0))
-def test_what_it_is_off_is_what_is_told(start, planned, x, y, turn):
+def test_the_errors_are_the_deviation_from_the_plan(start, planned, x, y, turn):
     cosine, sine = math.cos(start.theta), math.sin(start.theta)
     ahead, left = planned.x + x, planned.y + y
     end = Pose(start.x + cosine * ahead - sine * left, start.y + sine * ahead + cosine * left,
@@ -81,7 +81,7 @@ def test_the_table_has_a_row_for_each_motion_and_leaves_out_what_failed():
         ('square', '2 of 3', '0.30 / 0.40', '0.03 / 0.04'), ('lesson', '0 of 1', '-', '-'))
 
 
-def test_bars_are_for_the_median_and_every_run_must_come_to_its_end():
+def test_thresholds_apply_to_the_median_and_every_run_must_reach_its_end():
     assert missed([GOOD] * 10) == []
     far, turned = Run('square', 2.0 * MAX_OFFSET, 0.0), Run('square', 0.0, 2.0 * MAX_ANGLE)
     assert missed([GOOD] * 6 + [far] * 4) == []
@@ -95,7 +95,7 @@ def test_bars_are_for_the_median_and_every_run_must_come_to_its_end():
 @pytest.mark.ros
 @pytest.mark.slow
 def test_one_run_through_three_processes(monkeypatch, capsys):
-    """Only that it works: how exact it is, a machine with other work cannot tell."""
+    """Only whether it works: a machine with other work cannot measure how exact it is."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")

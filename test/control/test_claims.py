@@ -43,7 +43,7 @@ def test_a_newcomer_does_not_hold_anything():
     assert claims.holder(0.1) is None
 
 
-def test_a_claim_that_is_not_received_any_more_is_over():
+def test_a_claim_that_is_not_received_any_more_expires():
     """As of a program that was killed or is frozen, though DDS still lists it."""
     claims = Claims('cc')
     claims.on_claim(HOLDER, 10.0)
@@ -51,7 +51,7 @@ def test_a_claim_that_is_not_received_any_more_is_over():
     assert claims.holder(10.01 + CLAIM_TIMEOUT) is None
 
 
-def test_a_claim_may_be_taken_back():
+def test_a_claim_may_be_released():
     claims = Claims('cc')
     claims.on_claim(HOLDER, 0.0)
     claims.on_claim(Claim('bb', RELEASED, 'holder'), 0.1)
@@ -64,7 +64,7 @@ def test_the_own_claim_does_not_block():
     assert claims.blocking_claim(0.1) is None
 
 
-def test_the_network_cannot_fill_the_memory():
+def test_the_number_of_stored_claims_is_bounded():
     claims = Claims('cc')
     for number in range(10 * MAX_CLAIMS):
         claims.on_claim(Claim(str(number), HELD, 'flood'), 0.0)
@@ -74,7 +74,7 @@ def test_the_network_cannot_fill_the_memory():
 
 
 @given(st.permutations(['aa', 'bb', 'cc', 'dd']))
-def test_of_newcomers_that_receive_each_other_one_goes_on(order):
+def test_of_newcomers_that_receive_each_other_one_wins(order):
     programs = {participant: Claims(participant) for participant in order}
     for claims in programs.values():
         for participant in order:
@@ -86,14 +86,14 @@ def test_of_newcomers_that_receive_each_other_one_goes_on(order):
 
 @given(
     st.builds(Claim, st.text(max_size=30), st.sampled_from([RELEASED, WANTED, HELD]), st.text()))
-def test_a_claim_survives_the_network(claim):
+def test_a_claim_is_the_same_after_json(claim):
     read = Claim.from_json(claim.to_json())
     assert (read.participant, read.state) == (claim.participant, claim.state)
     assert read.who.isprintable()
 
 
 @given(st.text() | st.binary().map(lambda data: data.decode('latin-1')))
-def test_what_is_no_claim_is_none(text):
+def test_invalid_text_is_no_claim(text):
     assert Claim.from_json(text) is None or Claim.from_json(text).state in (RELEASED, WANTED, HELD)
 
 
@@ -106,7 +106,7 @@ def test_hostile_texts_are_no_claims(text):
     assert Claim.from_json(text) is None
 
 
-def test_what_is_shown_is_one_line_that_a_terminal_can_take():
+def test_the_description_of_a_holder_is_one_printable_line():
     claim = Claim.from_json(Claim('aa', HELD, 'a\nb\x1b[2J' + 'c' * 1000).to_json())
     assert claim.who.startswith('a?b?[2Jccc')
     assert len(claim.who) == 200

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""One program on a machine holds a claim: real processes, and the kernel between them."""
+"""One program on a machine holds a claim: by real processes and the kernel."""
 
 import contextlib
 import os
@@ -86,8 +86,8 @@ def refused(name):
         claim.release()
 
 
-def take_and_give_back(name):
-    """Take the claim, which must be free."""
+def take_and_release(name):
+    """Take the claim, which must be free, and release it."""
     claim = MachineClaim()
     claim.take(name, 'newcomer')
     claim.release()
@@ -111,7 +111,7 @@ def test_a_program_that_ends_releases_it(name):
         assert refused(name) == 'holder 0'
         holder.stdin.close()
         holder.wait()
-        take_and_give_back(name)
+        take_and_release(name)
 
 
 def test_a_program_that_is_frozen_keeps_it(name):
@@ -124,7 +124,7 @@ def test_a_program_that_is_frozen_keeps_it(name):
         holder.send_signal(signal.SIGCONT)
 
 
-def test_what_inherited_it_keeps_it_after_its_program_was_killed(name):
+def test_a_process_that_inherited_it_keeps_it_after_its_parent_released_it(name):
     """As a guardian does, until it has stopped the robot; a newcomer waits for that."""
     first = MachineClaim()
     first.take(name, 'first')
@@ -139,7 +139,7 @@ def test_what_inherited_it_keeps_it_after_its_program_was_killed(name):
             guardian.stdin.close()
             os._exit(0)
         guardian.stdin.close()
-        take_and_give_back(name)
+        take_and_release(name)
         os.waitpid(pid, 0)
     assert 0.3 < time.monotonic() - begun < 2.5
 
@@ -162,13 +162,13 @@ def test_a_child_that_was_forked_does_not_keep_it(name):
 
 def _is_free(name):
     try:
-        take_and_give_back(name)
+        take_and_release(name)
     except ClaimedError:
         return False
     return True
 
 
-def test_it_is_taken_once_and_two_objects_of_one_program_are_two(name):
+def test_taking_it_twice_is_harmless_and_another_object_is_refused(name):
     claim = MachineClaim()
     claim.take(name, 'one')
     claim.take(name, 'one')
@@ -179,5 +179,5 @@ def test_it_is_taken_once_and_two_objects_of_one_program_are_two(name):
 def test_other_names_are_other_claims(name):
     claim = MachineClaim()
     claim.take(name, 'one')
-    take_and_give_back(name + '/other')
+    take_and_release(name + '/other')
     claim.release()

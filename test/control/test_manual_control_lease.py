@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Manual control lasts 60 s: it is renewed in time, at rest where there is one."""
+"""The lease of manual control, 60 s: it is renewed in time, in a rest if there is one."""
 
 from itertools import pairwise
 
@@ -25,35 +25,35 @@ PATIENCE = 0.2
 
 
 class Robot:
-    """Grants manual control after a while."""
+    """Grants or refuses manual control after a delay."""
 
     def __init__(self, delay=0.0, refusal=None):
-        """Take so long, and say so."""
+        """Set the delay [s], and why it refuses."""
         self.delay, self.refusal = delay, refusal
         self.now = 0.0
         self.asked = []
 
     def ask(self):
-        """Note the time, and answer later."""
+        """Record the time, and respond later."""
         self.asked.append(self.now)
         return Answer(self, self.now)
 
 
 class Answer:
-    """What the robot says."""
+    """A response of the robot."""
 
     def __init__(self, robot, asked):
-        """Be on the way."""
+        """Record when it was requested."""
         self.robot, self.asked = robot, asked
 
     @property
     def done(self):
-        """Tell whether it took long enough."""
+        """Return whether the delay is over."""
         return self.robot.now - self.asked >= self.robot.delay
 
     @property
     def refusal(self):
-        """Tell what the robot says."""
+        """Return why the robot refuses."""
         return self.robot.refusal
 
 
@@ -67,7 +67,7 @@ def drive(robot, duration, rest_at=lambda _: 0.0, period=0.1):
         renewer.on_sent(robot.now, rest_at(robot.now))
 
 
-def test_ten_minutes_without_a_rest_are_renewed_every_40_seconds():
+def test_without_a_rest_it_is_renewed_every_40_seconds():
     robot = Robot()
     drive(robot, 600.0)
     gaps = [b - a for a, b in zip([0.0, *robot.asked], robot.asked)]
@@ -89,24 +89,24 @@ def test_manual_control_is_never_older_than_45_seconds(stretches):
     assert all(b - a >= 20.0 for a, b in pairwise(times[:-1]))
 
 
-def test_a_rest_is_used_where_there_is_one():
+def test_it_is_renewed_in_a_rest_if_there_is_one():
     robot = Robot()
     drive(robot, 60.0, lambda now: 30.0 - now if 25.0 <= now < 30.0 else 0.0)
     assert robot.asked[0] == pytest.approx(25.0)
 
 
-def test_a_rest_too_short_for_an_answer_is_not_used():
+def test_a_rest_too_short_for_a_response_is_not_used():
     robot = Robot()
     drive(robot, 60.0, lambda now: 0.1 if 25.0 <= now < 25.1 else 0.0)
     assert robot.asked[0] == pytest.approx(40.0)
 
 
-def test_an_answer_slower_than_the_hold_allows_is_a_fault():
+def test_a_response_slower_than_the_timeout_is_a_fault():
     with pytest.raises(RunFaultError, match='not renewed within 200 ms'):
         drive(Robot(delay=0.5), 60.0)
 
 
-def test_a_refusal_is_a_fault_with_the_robots_words():
+def test_a_refusal_is_a_fault_with_the_robots_reason():
     with pytest.raises(RunFaultError, match='took manual control away: on the dock'):
         drive(Robot(refusal='on the dock'), 60.0)
 

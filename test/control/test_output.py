@@ -50,11 +50,11 @@ class Piped:
                 env={**environment(), 'PYTHONUNBUFFERED': ''})
 
     def fill(self):
-        """Let it find no room."""
+        """Fill the pipe."""
         fill(self._pipe)
 
     def end(self, timeout):
-        """Wait for its end, and return its exit code as a shell tells it."""
+        """Wait for its end, and return its exit code as a shell gives it."""
         code = self.process.wait(timeout)
         return 128 - code if code < 0 else code
 
@@ -68,7 +68,7 @@ class Piped:
         return text.decode()
 
     def close(self):
-        """Leave nothing of it behind."""
+        """Kill it and its children, and close the pipe."""
         children = children_of(self.process.pid)
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.process.pid, signal.SIGKILL)
@@ -97,7 +97,7 @@ def piped(command, *full, log=None):
 
 
 def code(text):
-    """Return what runs a program."""
+    """Return the command that runs a program."""
     return [sys.executable, '-c', BEGIN + text]
 
 
@@ -119,7 +119,7 @@ sys.exit(7)
     assert time.monotonic() - begun < 2 * FLUSH_TIMEOUT + 2.0
 
 
-def test_a_slow_reader_gets_all():
+def test_a_slow_reader_receives_everything():
     with piped(code("""
 make_nonblocking(1, 2)
 for line in range(5000):
@@ -204,7 +204,7 @@ print('y', file=sys.stderr)
         assert shown.process.wait(10.0) == 0
 
 
-def test_a_stream_that_was_replaced_before_stays():
+def test_a_replaced_stream_is_left_alone():
     run("""
 import io
 mine = sys.stderr = io.StringIO()
@@ -344,7 +344,7 @@ def test_a_result_is_printed_whole_to_a_late_reader():
 
 @needs_ros
 @pytest.mark.parametrize('signum, code', [(None, 0), (signal.SIGINT, 130)])
-def test_a_script_whose_log_is_unread_is_as_safe(listener, signum, code):
+def test_a_script_whose_log_is_unread_is_stopped_too(listener, signum, code):
     with piped([sys.executable, '-c', SCRIPT + """
 node.move_robot(0.1, 0.0, 2.0)
 node.destroy_node()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Playing a plan through the gate, on a clock that the test moves."""
+"""The plan runner: what it sends, and when, by a clock that the test advances."""
 
 from itertools import pairwise
 
@@ -31,26 +31,26 @@ LIMITS = Limits(0.3, 1.57)
 COMMAND_TIMEOUT = 0.3
 
 
-class Alone:
-    """A monitor that has nothing to do."""
+class CountingMonitor:
+    """A run monitor that counts its checks."""
 
     def __init__(self):
-        """Count nothing yet."""
+        """Start at zero."""
         self.checks = 0
 
     def on_sent(self, rest):
         """Do nothing."""
 
     def check(self):
-        """Count."""
+        """Count a check."""
         self.checks += 1
 
 
 class Bench:
-    """A plan, an gate and a clock, ready to play."""
+    """A plan, a velocity gate and a clock."""
 
     def __init__(self, *moves, rate=10.0):
-        """Open the gate: the robot is ours."""
+        """Open the gate."""
         self.time = FakeTime()
         self.wire = FakePublisher(self.time)
         self.latch = Latch()
@@ -59,10 +59,10 @@ class Bench:
             self.time.clock, self.time.clock)
         self.gate.open()
         self.plan = plan(Motion('test', moves), LIMITS, rate)
-        self.monitor = Alone()
+        self.monitor = CountingMonitor()
 
-    def play(self):
-        """Play the plan."""
+    def run(self):
+        """Run the plan."""
         return run_plan(
             self.plan, self.gate, COMMAND_TIMEOUT, self.monitor, self.time.clock, self.time.sleep)
 
@@ -70,30 +70,30 @@ class Bench:
 def test_a_move_is_held_for_its_duration_and_ends_in_a_zero():
     bench = Bench(Move(0.1, 0.0, 1.0))
     start = bench.time.now
-    bench.play()
+    bench.run()
     times = [at - start for at, _ in bench.wire.sent]
     assert times == pytest.approx([0.1 * k for k in range(11)])
     assert [v for _, v in bench.wire.sent] == [Velocity(0.1, 0.0)] * 10 + [ZERO]
 
 
-def test_sleeping_too_long_does_not_add_up():
+def test_late_wakeups_do_not_add_up():
     """Deadlines are absolute: 5 ms late each time, and still 1 s in all, not 1.05 s."""
     bench = Bench(Move(0.1, 0.0, 1.0))
     start, sleep = bench.time.now, bench.time.sleep
     bench.time.sleep = lambda duration: sleep(duration + 0.005)
-    bench.play()
+    bench.run()
     assert bench.wire.sent[-1][0] - start == pytest.approx(1.0, abs=0.006)
     assert len(bench.wire.sent) == 11
 
 
-def test_it_shows_a_sign_of_life_every_20_ms():
+def test_it_checks_for_faults_every_20_ms():
     bench = Bench(Move(0.1, 0.0, 1.0), rate=5.0)
-    bench.play()
+    bench.run()
     assert bench.monitor.checks >= 50
 
 
-def test_a_motion_that_is_always_late_shows_signs_of_life_all_the_same():
-    """Others join and leave, and handing over each message takes longer than a period."""
+def test_it_checks_for_faults_even_if_every_message_is_late():
+    """Publishing takes longer than a period, as while other participants join."""
     bench = Bench(Move(0.1, 0.0, 1.0), rate=50.0)
     transmit, checks, late = bench.gate._transmit, [], 0.03
 
@@ -103,12 +103,12 @@ def test_a_motion_that_is_always_late_shows_signs_of_life_all_the_same():
 
     bench.gate._transmit = held_up
     bench.monitor.check = lambda: checks.append(bench.time.now)
-    bench.play()
+    bench.run()
     gaps = [after - before for before, after in pairwise(checks)]
     assert max(gaps) <= late + POLL_PERIOD + 1e-6
 
 
-def test_a_graph_that_answers_slowly_ends_no_healthy_run():
+def test_a_slow_graph_query_does_not_end_the_run():
     bench = Bench(Move(0.1, 0.0, 1.0), rate=50.0)
     flags = []
 
@@ -117,12 +117,12 @@ def test_a_graph_that_answers_slowly_ends_no_healthy_run():
         bench.time.now += 0.25 if len(flags) % 10 == 5 else 0.0
 
     bench.monitor.check = ask
-    bench.play()
+    bench.run()
     assert bench.wire.sent[-1][1] == ZERO
     assert all(flags)
 
 
-def test_a_graph_that_does_not_answer_for_as_long_as_the_robot_keeps_a_velocity_ends_the_run():
+def test_a_graph_query_longer_than_the_command_timeout_ends_the_run():
     """The robot has stopped by itself meanwhile, so the rest would begin at another place."""
     bench = Bench(Move(0.1, 0.0, 1.0), rate=50.0)
 
@@ -131,7 +131,7 @@ def test_a_graph_that_does_not_answer_for_as_long_as_the_robot_keeps_a_velocity_
 
     bench.monitor.check = ask
     with pytest.raises(RunFaultError, match='nothing was sent for .* ms, more than the 300 ms'):
-        bench.play()
+        bench.run()
     assert len(bench.wire.sent) == 3
 
 
@@ -144,11 +144,11 @@ def test_a_gap_beyond_the_limit_is_a_fault_and_sends_nothing():
 
     bench.time.on_sleep = freeze
     with pytest.raises(RunFaultError, match='nothing was sent for .* ms, more than the 200 ms'):
-        bench.play()
+        bench.run()
     assert len(bench.wire.sent) == 3
 
 
-def test_a_gap_within_the_limit_is_driven_through():
+def test_a_gap_within_the_limit_does_not_end_the_run():
     bench = Bench(Move(0.1, 0.0, 1.0))
     frozen = []
 
@@ -158,7 +158,7 @@ def test_a_gap_within_the_limit_is_driven_through():
             bench.time.now += 0.09
 
     bench.time.on_sleep = freeze
-    bench.play()
+    bench.run()
     assert bench.wire.sent[-1][1] == ZERO
 
 
@@ -166,10 +166,10 @@ def test_a_set_latch_ends_the_run_before_anything_else_is_sent():
     bench = Bench(Move(0.1, 0.0, 1.0))
     bench.time.on_sleep = lambda: bench.latch.trip() if len(bench.wire.sent) == 3 else None
     with pytest.raises(MotionRefusedError, match='stopped for good'):
-        bench.play()
+        bench.run()
     assert len(bench.wire.sent) == 3
 
 
 @pytest.mark.parametrize('period, gap', [(0.1, 0.2), (0.01, 0.11), (0.2, 0.3), (0.25, 0.3)])
-def test_the_gap_allowed_is_a_period_and_100_ms_but_never_beyond_the_hold(period, gap):
+def test_the_largest_gap_is_a_period_and_100_ms_but_at_most_the_command_timeout(period, gap):
     assert gap == pytest.approx(max_gap(period, COMMAND_TIMEOUT))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Which received messages were sent here: at random."""
+"""Which of the received messages this program has sent, at random."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -43,8 +43,8 @@ def test_a_message_that_was_never_sent_is_foreign(messages):
 
 
 @given(OWN, st.sampled_from([ZERO, FORWARD, LEFT]), st.integers(min_value=0, max_value=40))
-def test_one_message_too_many_is_noticed_even_if_it_looks_like_ours(messages, foreign, place):
-    """Not which, but that: with nothing lost, not all of them can be accounted for."""
+def test_one_extra_message_is_detected_even_if_it_equals_ours(messages, foreign, place):
+    """Not which one: with nothing lost, one message is more than was sent."""
     log = sent(*messages)
     received = [*messages]
     received.insert(min(place, len(received)), foreign)
@@ -53,7 +53,7 @@ def test_one_message_too_many_is_noticed_even_if_it_looks_like_ours(messages, fo
     assert False in answers
 
 
-def test_a_zero_of_the_guardian_is_ours_once_and_not_for_long():
+def test_a_zero_of_the_guardian_is_ours_once_and_for_a_limited_time():
     log = sent()
     log.record_guardian_zero(0.0)
     log.record_guardian_zero(0.0)
@@ -62,7 +62,7 @@ def test_a_zero_of_the_guardian_is_ours_once_and_not_for_long():
     assert not log.consume(ZERO, True, MAX_GUARDIAN_DELAY + 0.1)
 
 
-def test_a_subscription_that_begins_receives_nothing_of_long_ago():
+def test_old_messages_are_discarded_when_a_subscription_begins():
     log = sent(FORWARD, now=0.0)
     log.record(1.0, LEFT)
     log.discard_old(1.0 + MAX_TRANSIT_TIME)

@@ -11,39 +11,39 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Signals: told to everybody, whatever the program is at."""
+"""Signals: every handler is called, whatever the program is doing."""
 
 import signal
 
 from kachaka_simple_control.control.signals import SignalDispatcher
 
 
-class Noting:
-    """A listener that notes what it is told."""
+class RecordingHandler:
+    """A handler that records its calls."""
 
     def __init__(self):
-        """Have heard nothing."""
-        self.heard = []
+        """Begin without calls."""
+        self.received = []
         self.woken = 0
 
     def on_signal(self, signum):
-        """Note it."""
-        self.heard.append(signum)
+        """Record it."""
+        self.received.append(signum)
 
     def wake(self):
-        """Note it."""
+        """Record it."""
         self.woken += 1
 
 
-def test_where_no_thread_can_start_handlers_are_told_all_the_same(monkeypatch):
+def test_handlers_are_called_even_if_no_thread_can_start(monkeypatch):
     """As at the end of Python 3.12 and later, while a thread still drives."""
     def refuse(self):
         raise RuntimeError("can't create new thread at interpreter shutdown")
 
-    dispatcher, first, second = SignalDispatcher(), Noting(), Noting()
+    dispatcher, first, second = SignalDispatcher(), RecordingHandler(), RecordingHandler()
     dispatcher._handlers += [first, second]
     monkeypatch.setattr('threading.Thread.start', refuse)
     dispatcher._dispatch(signal.SIGTERM)
-    assert first.heard == second.heard == [signal.SIGTERM]
+    assert first.received == second.received == [signal.SIGTERM]
     assert first.woken == second.woken == 1
     assert dispatcher.signum == signal.SIGTERM

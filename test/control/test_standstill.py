@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Whether odometry sees the robot stand still."""
+"""Whether the robot stands still by its odometry."""
 
 from kachaka_simple_control.control.stop import StandstillDetector
 from kachaka_simple_control.control.timing import ODOMETRY_MAX_AGE
@@ -20,7 +20,7 @@ from kachaka_simple_control.motion.geometry import Velocity, ZERO
 FORWARD = Velocity(0.1, 0.0)
 
 
-def test_nothing_heard_is_nothing_known():
+def test_without_odometry_nothing_is_known():
     detector = StandstillDetector()
     assert detector.age(1.0) is None
     assert detector.still_since(1.0) is None
@@ -44,8 +44,8 @@ def test_moving_forward_or_turning_is_moving():
         assert detector.still_since(1.2) is None
 
 
-def test_old_odometry_says_nothing_of_now():
-    """Or a robot whose link is lost would be taken for one that moves, or for one that stands."""
+def test_old_odometry_is_ignored():
+    """Otherwise a robot whose link is lost would count as moving, or as standing still."""
     moving, standing = StandstillDetector(), StandstillDetector()
     moving.on_odometry(1.0, FORWARD)
     standing.on_odometry(1.0, ZERO)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The stop: front-loaded, long enough, once, and given way to a new run."""
+"""The stop: a burst of zeros, long enough, sent once, and ended by a new run."""
 
 from itertools import pairwise
 
@@ -28,24 +28,24 @@ COMMAND_TIMEOUT = 0.3
 REASON = MotionRefusedError('test')
 
 
-class Guard:
-    """Notes what a guardian is told."""
+class FakeGuardian:
+    """Records what is reported to the guardian."""
 
     def __init__(self):
-        """Hear nothing yet."""
+        """Begin without reports."""
         self.received = []
 
     def report_stopping(self):
-        """Note it."""
+        """Record it."""
         self.received.append('rest')
 
     def report_stopped(self):
-        """Note it."""
+        """Record it."""
         self.received.append('stopped')
 
 
 class Bench:
-    """A controller and a run that has moved."""
+    """A stop controller, and a run that has sent a velocity."""
 
     def __init__(self):
         """Send one velocity."""
@@ -54,7 +54,7 @@ class Bench:
         self.gate = VelocityGate(
             self.wire.transmit, Limits(0.3, 1.57), Latch(), None,
             self.time.clock, self.time.clock)
-        self.guardian = Guard()
+        self.guardian = FakeGuardian()
         self.moves = lambda: False
         self.controller = StopController(
             self.gate, COMMAND_TIMEOUT, self.guardian, self.still_moves, self.time.clock,
@@ -64,7 +64,7 @@ class Bench:
         self.gate.send(self.run, Velocity(0.1, 0.0))
 
     def still_moves(self):
-        """Tell what odometry sees."""
+        """Return whether odometry reports motion."""
         return self.moves()
 
     @property
@@ -73,15 +73,15 @@ class Bench:
         return [at for at, velocity in self.wire.sent if velocity == ZERO]
 
 
-def test_ten_zeros_go_back_to_back():
-    """A reader that was asleep plays its queue: ten zeros push ten velocities out of it."""
+def test_ten_zeros_are_sent_back_to_back():
+    """A subscriber that was suspended executes its queue: ten zeros displace ten velocities."""
     bench = Bench()
     begun = bench.time.now
     bench.controller.stop(REASON)
     assert sum(at == begun for at in bench.zeros) >= 10
 
 
-def test_zeros_go_on_until_the_hold_is_over_at_20_hz_or_faster():
+def test_zeros_are_sent_beyond_the_command_timeout_at_20_hz_or_faster():
     bench = Bench()
     bench.controller.stop(REASON)
     zeros = bench.zeros
@@ -97,8 +97,8 @@ def test_a_stop_is_sent_once_for_a_run_however_often_it_is_asked_for():
     assert len(bench.zeros) == count
 
 
-def test_a_stop_that_was_cut_short_is_sent_whole_by_the_next():
-    """Ctrl+C in the middle of a stop raises there; whoever comes next begins again."""
+def test_an_interrupted_stop_is_sent_whole_by_the_next():
+    """Ctrl+C in the middle of a stop raises there; the next call begins again."""
     bench = Bench()
 
     def interrupt():
@@ -113,18 +113,19 @@ def test_a_stop_that_was_cut_short_is_sent_whole_by_the_next():
     assert bench.zeros[-1] - begun >= COMMAND_TIMEOUT + 0.1
 
 
-def test_nothing_is_sent_when_nothing_ever_moved():
+def test_nothing_is_sent_if_the_robot_was_never_moved():
     time = FakeTime()
     wire = FakePublisher(time)
     gate = VelocityGate(wire.transmit, Limits(0.3, 1.57), Latch(), None, time.clock, time.clock)
-    controller = StopController(gate, COMMAND_TIMEOUT, Guard(), clock=time.clock, sleep=time.sleep)
+    controller = StopController(
+        gate, COMMAND_TIMEOUT, FakeGuardian(), clock=time.clock, sleep=time.sleep)
     controller.stop(REASON)
     gate.open()
     controller.stop(REASON)
     assert wire.sent == []
 
 
-def test_the_run_in_another_thread_hears_why():
+def test_the_stopped_run_gets_the_reason():
     bench = Bench()
     bench.controller.stop(REASON)
     with pytest.raises(MotionRefusedError, match='test'):
@@ -144,14 +145,14 @@ def test_a_new_run_ends_the_stop_of_the_one_before():
     assert bench.wire.sent[-1][1] == Velocity(0.2, 0.0)
 
 
-def test_with_nothing_following_the_stop_comes_by_itself():
+def test_the_stop_is_sent_if_no_run_follows():
     bench = Bench()
     bench.controller.stop_after_idle(bench.run, within=0.0)
     bench.controller._later.join(5.0)
     assert len(bench.zeros) >= 10
 
 
-def test_the_stop_does_not_wait_where_no_thread_can_start(monkeypatch):
+def test_the_stop_is_sent_at_once_if_no_thread_can_start(monkeypatch):
     """As at the end of Python 3.12 and later."""
     def refuse(self):
         raise RuntimeError("can't create new thread at interpreter shutdown")
@@ -162,7 +163,7 @@ def test_the_stop_does_not_wait_where_no_thread_can_start(monkeypatch):
     assert len(bench.zeros) >= 10
 
 
-def test_with_another_run_following_it_does_not():
+def test_the_stop_is_not_sent_if_another_run_follows():
     bench = Bench()
     bench.gate.begin(0.2)
     bench.controller.stop_after_idle(bench.run, within=0.0)
@@ -170,7 +171,7 @@ def test_with_another_run_following_it_does_not():
     assert bench.zeros == []
 
 
-def test_the_guardian_is_told_before_and_after():
+def test_the_stop_is_reported_to_the_guardian_before_and_after():
     """Before, or it would stop too; after, or it would stop again when the program ends."""
     bench = Bench()
     bench.controller.stop(REASON)
@@ -178,8 +179,8 @@ def test_the_guardian_is_told_before_and_after():
     assert received == ['rest'] * len(bench.zeros) + ['stopped']
 
 
-def test_the_guardian_hears_of_each_zero_before_it_leaves():
-    """Whoever is held up before the last one must not pass for done."""
+def test_each_zero_is_reported_to_the_guardian_before_it_is_sent():
+    """A node that is held up before the last zero must not count as stopped."""
     bench = Bench()
     bench.end = bench.time.now + 1.0
     bench.moves = lambda: bench.time.now < bench.end
@@ -196,12 +197,12 @@ def test_the_guardian_hears_of_each_zero_before_it_leaves():
     assert 'stopped' not in bench.guardian.received[:-1]
 
 
-def test_a_stop_that_comes_late_does_not_end_the_run_that_begins_just_then():
+def test_a_late_stop_does_not_end_a_run_that_begins_at_that_moment():
     bench = Bench()
     gate, begun = bench.gate, []
 
     class Late:
-        """Has another run begin after it was asked for the newest."""
+        """Begins another run after the newest one was read."""
 
         def __getattr__(self, name):
             found = getattr(gate, name)
@@ -214,7 +215,7 @@ def test_a_stop_that_comes_late_does_not_end_the_run_that_begins_just_then():
     gate.send(begun[0], Velocity(0.2, 0.0))
 
 
-def test_a_stop_that_was_cut_short_leaves_the_guardian_ready():
+def test_an_interrupted_stop_is_not_reported_as_complete():
     bench = Bench()
     bench.time.on_sleep = bench.gate.close
     bench.controller.stop(REASON)
@@ -229,7 +230,7 @@ def test_zeros_go_on_while_the_robot_is_seen_to_move():
     assert bench.zeros[-1] == pytest.approx(end, abs=0.05)
 
 
-def test_but_not_for_ever():
+def test_zeros_end_within_2_s_even_if_the_robot_still_moves():
     bench = Bench()
     begun = bench.time.now
     bench.moves = lambda: True

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The scheduler: what is due when, asked on time and late."""
+"""The tick scheduler: what is due when, asked on time and late."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,7 +28,7 @@ MOVES = st.lists(
 RATES = st.floats(5.0, 200.0)
 
 
-def player_of(*moves: Move, rate: float = 10.0) -> TickScheduler:
+def scheduler_of(*moves: Move, rate: float = 10.0) -> TickScheduler:
     """Return a scheduler at the start of some moves."""
     return TickScheduler(plan(Motion('test', moves), LIMITS, rate))
 
@@ -43,24 +43,24 @@ def walk(scheduler: TickScheduler) -> list:
 
 
 def test_a_second_at_ten_hertz_is_ten_messages():
-    answers = walk(player_of(Move(0.1, 0.0, 1.0)))
+    answers = walk(scheduler_of(Move(0.1, 0.0, 1.0)))
     assert [round(0.1 * k, 9) for k in range(10)] == [round(at, 9) for at, _ in answers]
     assert answers[-1][1].deadline == 1.0
 
 
 def test_a_step_ends_on_its_boundary_not_on_the_grid():
     """0.25 s at 10 Hz: the third tick is cut short, and the next step begins there."""
-    times = [at for at, _ in walk(player_of(Move(0.1, 0.0, 0.25), Move(0.2, 0.0, 0.1)))]
+    times = [at for at, _ in walk(scheduler_of(Move(0.1, 0.0, 0.25), Move(0.2, 0.0, 0.1)))]
     assert times == pytest.approx([0.0, 0.1, 0.2, 0.25])
 
 
-def test_a_step_of_no_time_is_nothing():
-    assert player_of(Move(0.1, 0.0, 0.0)).due(0.0) is None
+def test_a_step_of_zero_duration_has_no_message():
+    assert scheduler_of(Move(0.1, 0.0, 0.0)).due(0.0) is None
 
 
 @given(moves=MOVES, rate=RATES)
-def test_asked_on_time_it_sends_each_step_for_exactly_its_time(moves, rate):
-    answers = walk(player_of(*moves, rate=rate))
+def test_asked_on_time_each_step_lasts_exactly_its_duration(moves, rate):
+    answers = walk(scheduler_of(*moves, rate=rate))
     sent = sum((due.deadline - at) * due.velocity.linear_x for at, due in answers)
     assert sent == pytest.approx(sum(m.linear_x * m.duration for m in moves), abs=1e-9)
     assert all(due.deadline - at <= 1.0 / rate * (1 + 1e-5) for at, due in answers)
@@ -68,10 +68,10 @@ def test_asked_on_time_it_sends_each_step_for_exactly_its_time(moves, rate):
 
 
 @given(moves=MOVES, rate=RATES, lateness=st.lists(st.floats(0.0, 0.5), max_size=200))
-def test_a_late_answer_moves_no_deadline(moves, rate, lateness):
+def test_a_late_query_moves_no_deadline(moves, rate, lateness):
     """Whatever the lateness, each deadline is one that a punctual walk has too."""
-    punctual = {due.deadline for _, due in walk(player_of(*moves, rate=rate))}
-    scheduler, now = player_of(*moves, rate=rate), 0.0
+    punctual = {due.deadline for _, due in walk(scheduler_of(*moves, rate=rate))}
+    scheduler, now = scheduler_of(*moves, rate=rate), 0.0
     for late in lateness:
         due = scheduler.due(now)
         if due is None:
@@ -81,8 +81,8 @@ def test_a_late_answer_moves_no_deadline(moves, rate, lateness):
         now = due.deadline + late
 
 
-def test_what_is_due_after_a_gap_is_the_present_and_the_gap_is_counted():
-    scheduler = player_of(Move(0.1, 0.0, 1.0), Move(0.2, 0.0, 1.0))
+def test_after_a_gap_the_current_velocity_is_due_and_skipped_ones_are_counted():
+    scheduler = scheduler_of(Move(0.1, 0.0, 1.0), Move(0.2, 0.0, 1.0))
     scheduler.due(0.0)
     due = scheduler.due(1.05)
     assert due.velocity == Velocity(0.2, 0.0)
@@ -91,14 +91,14 @@ def test_what_is_due_after_a_gap_is_the_present_and_the_gap_is_counted():
 
 
 def test_after_the_end_nothing_is_due():
-    scheduler = player_of(Move(0.1, 0.0, 1.0))
+    scheduler = scheduler_of(Move(0.1, 0.0, 1.0))
     scheduler.due(0.0)
     assert scheduler.due(1.0) is None
     assert scheduler.due(2.0) is None
 
 
-def test_the_rest_that_remains_is_told():
+def test_the_remaining_rest_is_returned():
     """Manual control is renewed where there is time for an answer."""
-    scheduler = player_of(Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0))
+    scheduler = scheduler_of(Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0))
     assert [due.rest for _, due in walk(scheduler)] == pytest.approx(
         [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, *[0.0] * 10])

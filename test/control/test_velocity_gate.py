@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The gate: what leaves it, and what never does."""
+"""The velocity gate: what it sends, and what it refuses."""
 
 import contextlib
 import threading
@@ -29,13 +29,13 @@ FORWARD = Velocity(0.1, 0.0)
 
 @pytest.fixture
 def time():
-    """Return a clock that stands still."""
+    """Return a clock that only the test advances."""
     return FakeTime()
 
 
 @pytest.fixture
 def wire(time):
-    """Return what takes the velocities."""
+    """Return a publisher that records."""
     return FakePublisher(time)
 
 
@@ -47,11 +47,11 @@ def latch():
 
 @pytest.fixture
 def gate(time, wire, latch):
-    """Return an gate to a robot that has not been taken."""
+    """Return a gate that is not open yet."""
     return VelocityGate(wire.transmit, Limits(0.3, 1.57), latch, None, time.clock, time.clock)
 
 
-def test_before_the_robot_is_ours_not_even_a_zero_leaves(gate, wire):
+def test_before_the_gate_is_open_not_even_a_zero_is_sent(gate, wire):
     """A zero switches a Kachaka's manual control on, and drives it off its dock."""
     assert not gate.send_zero(after=None)
     with pytest.raises(MotionRefusedError, match='not ours'):
@@ -59,7 +59,7 @@ def test_before_the_robot_is_ours_not_even_a_zero_leaves(gate, wire):
     assert wire.sent == []
 
 
-def test_after_the_robot_was_given_back_nothing_leaves(gate, wire):
+def test_after_the_gate_is_closed_nothing_is_sent(gate, wire):
     gate.open()
     run = gate.begin(0.2)
     gate.close()
@@ -75,14 +75,14 @@ def test_after_the_robot_was_given_back_nothing_leaves(gate, wire):
 @pytest.mark.parametrize('velocity', [
     Velocity(0.31, 0.0), Velocity(0.0, -1.6), Velocity(float('nan'), 0.0),
     Velocity(0.0, float('inf'))])
-def test_limits_hold_whoever_planned_the_velocity(gate, wire, velocity):
+def test_a_velocity_beyond_the_limits_is_never_sent(gate, wire, velocity):
     gate.open()
     with pytest.raises(RunFaultError, match='not sent: .* outside the robot'):
         gate.send(gate.begin(0.2), velocity)
     assert wire.sent == []
 
 
-def test_a_set_latch_lets_zeros_out_and_nothing_else(gate, wire, latch):
+def test_after_the_latch_is_set_only_zeros_are_sent(gate, wire, latch):
     gate.open()
     run = gate.begin(0.2)
     latch.trip()
@@ -94,7 +94,7 @@ def test_a_set_latch_lets_zeros_out_and_nothing_else(gate, wire, latch):
     assert [v for _, v in wire.sent] == [ZERO]
 
 
-def test_a_cancelled_run_hears_the_reason_and_sends_no_more(gate, wire):
+def test_a_cancelled_run_gets_the_reason_and_sends_no_more(gate, wire):
     gate.open()
     run = gate.begin(0.2)
     gate.send(run, FORWARD)
@@ -127,7 +127,7 @@ def test_the_gap_is_checked_directly_before_publishing(gate, time, wire):
     assert len(wire.sent) == 1
 
 
-def test_a_machine_that_slept_is_a_gap_although_the_steady_clock_stood_still(wire, latch):
+def test_a_suspended_machine_is_a_gap_although_the_steady_clock_stopped(wire, latch):
     steady, awake = FakeTime(), FakeTime()
     gate = VelocityGate(wire.transmit, Limits(0.3, 1.57), latch, None, steady.clock, awake.clock)
     gate.open()
@@ -146,7 +146,7 @@ def test_the_first_message_of_a_run_has_no_gap_before_it(gate, time, wire):
     assert len(wire.sent) == 1
 
 
-def test_what_leaves_is_recorded_with_its_time(gate, time):
+def test_each_sent_velocity_is_reported_with_its_time(gate, time):
     noted = []
     gate.on_sent = lambda at, velocity: noted.append((at, velocity))
     gate.open()
@@ -180,7 +180,7 @@ def test_no_motion_follows_the_first_zero_of_a_stop_in_another_thread():
         assert sent[-1] == ZERO
 
 
-def test_the_flag_is_up_while_dds_has_the_message():
+def test_the_flag_is_set_while_dds_publishes():
     flag, seen = SharedFlag(), []
     gate = VelocityGate(lambda _: seen.append(flag.is_set), Limits(0.3, 1.57), Latch(), flag)
     gate.open()
@@ -189,7 +189,7 @@ def test_the_flag_is_up_while_dds_has_the_message():
     assert not flag.is_set
 
 
-def test_the_flag_is_up_while_dds_is_asked_something_and_down_again_when_that_fails(gate):
+def test_the_flag_is_set_during_a_dds_query_and_cleared_if_it_fails(gate):
     flag, seen = SharedFlag(), []
     gate = VelocityGate(lambda _: None, Limits(0.3, 1.57), Latch(), flag)
     gate.open()
@@ -207,8 +207,8 @@ def test_the_flag_is_up_while_dds_is_asked_something_and_down_again_when_that_fa
 
 @pytest.mark.parametrize('waits, ends', [([0.3], False), ([0.1] * 4, False), ([0.8], True),
                                          ([0.3] * 3, True)])
-def test_what_dds_takes_to_answer_is_no_gap_within_a_bound(gate, time, wire, waits, ends):
-    """The bound is for all questions between two messages together."""
+def test_time_of_dds_queries_is_no_gap_within_a_bound(gate, time, wire, waits, ends):
+    """The bound is for all queries between two messages together."""
     gate.open()
     run = gate.begin(0.12)
     gate.send(run, FORWARD)
@@ -222,7 +222,7 @@ def test_what_dds_takes_to_answer_is_no_gap_within_a_bound(gate, time, wire, wai
     assert len(wire.sent) == 1 + (not ends)
 
 
-def test_a_wait_for_dds_before_a_message_excuses_no_gap_after_it(gate, time):
+def test_a_wait_for_dds_does_not_extend_the_gap_after_the_next_message(gate, time):
     gate.open()
     run = gate.begin(0.12)
     gate.send(run, FORWARD)
@@ -233,8 +233,8 @@ def test_a_wait_for_dds_before_a_message_excuses_no_gap_after_it(gate, time):
         gate.send(run, FORWARD)
 
 
-def test_what_dds_takes_is_no_gap(time):
-    """Somebody joined the graph, and publishing took a third of a second."""
+def test_time_that_publishing_takes_is_no_gap(time):
+    """A participant joined, and publishing took a third of a second."""
     def transmit(_):
         time.now += 0.33
 
@@ -264,7 +264,7 @@ def test_a_cancel_ends_the_run_under_way_and_the_one_that_waits(gate):
         assert str(run.ended_by) == 'enough'
 
 
-def test_a_run_that_waits_takes_nothing_from_the_one_before(gate, wire):
+def test_a_run_that_waits_does_not_end_the_zeros_of_the_one_before(gate, wire):
     """Its whole stop goes on until the next run really begins."""
     gate.open()
     first = gate.begin(0.2)

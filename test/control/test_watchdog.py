@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a guardian makes of what it hears: when it stops the robot, and when never."""
+"""The watchdog of the guardian: when it stops the robot, and when it must not."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -24,11 +24,11 @@ from kachaka_simple_control.control.timing import (
 from kachaka_simple_control.control.watchdog import GuardianMessage, TIME_TOLERANCE, Watchdog
 import pytest
 
-SIGNS = st.lists(
+MESSAGES = st.lists(
     st.tuples(st.floats(0.0, 0.3), st.sampled_from(list(GuardianMessage))), max_size=40)
 
 
-def hear(*messages, pause=0.02):
+def after(*messages, pause=0.02):
     """Return a watchdog that received messages, and the time of the last."""
     watchdog, now = Watchdog(), 0.0
     for message in messages:
@@ -37,8 +37,8 @@ def hear(*messages, pause=0.02):
     return watchdog, now
 
 
-def test_a_node_that_goes_in_the_middle_of_a_run_leaves_a_robot_to_stop():
-    watchdog, _ = hear(GuardianMessage.PRIME, GuardianMessage.BEAT)
+def test_a_disconnect_during_a_run_requires_a_stop():
+    watchdog, _ = after(GuardianMessage.PRIME, GuardianMessage.BEAT)
     assert watchdog.on_disconnect()
     assert watchdog.is_over
 
@@ -47,43 +47,43 @@ def test_a_node_that_goes_in_the_middle_of_a_run_leaves_a_robot_to_stop():
     (), (GuardianMessage.PRIME,), (GuardianMessage.BEAT, GuardianMessage.STOPPED),
     (GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.STOPPED),
     (GuardianMessage.BEAT, GuardianMessage.STOPPED, GuardianMessage.REST)])
-def test_a_node_that_moved_nothing_or_stopped_it_leaves_none(messages):
-    watchdog, _ = hear(*messages)
+def test_a_disconnect_before_a_motion_or_after_a_whole_stop_requires_none(messages):
+    watchdog, _ = after(*messages)
     assert not watchdog.on_disconnect()
 
 
 def test_one_zero_at_the_end_of_a_run_is_not_a_stop():
-    watchdog, _ = hear(GuardianMessage.BEAT, GuardianMessage.REST)
+    watchdog, _ = after(GuardianMessage.BEAT, GuardianMessage.REST)
     assert watchdog.on_disconnect()
 
 
 def wait(watchdog, now, duration):
-    """Wait without a message, as a guardian does; return when silence counted, or None."""
+    """Wait without a message, as the guardian does; return when it timed out, or None."""
     end = now + duration
-    while (patience := watchdog.timeout()) is not None and now < end:
-        now += patience
+    while (timeout := watchdog.timeout()) is not None and now < end:
+        now += timeout
         if watchdog.has_timed_out(now):
             return now
     return None
 
 
-def test_silence_in_a_run_counts_once():
-    watchdog, now = hear(GuardianMessage.BEAT)
+def test_missing_heartbeats_in_a_run_are_detected_once():
+    watchdog, now = after(GuardianMessage.BEAT)
     assert wait(watchdog, now, 60.0) == pytest.approx(now + HEARTBEAT_TIMEOUT)
     assert wait(watchdog, now, 60.0) is None
     assert not watchdog.on_disconnect()
 
 
-def test_time_that_the_guardian_slept_is_not_silence():
-    """The whole machine stood still for a moment, node and guardian alike."""
-    watchdog, now = hear(GuardianMessage.BEAT)
+def test_time_in_which_the_guardian_was_suspended_does_not_count():
+    """The whole machine was suspended, node and guardian alike."""
+    watchdog, now = after(GuardianMessage.BEAT)
     assert not watchdog.has_timed_out(now + 0.5)
     watchdog.on_message(GuardianMessage.BEAT, now + 0.51)
     assert not watchdog.has_timed_out(now + 1.0)
 
 
 def test_a_node_that_waits_for_dds_is_given_more_time():
-    watchdog, now = hear(GuardianMessage.BEAT)
+    watchdog, now = after(GuardianMessage.BEAT)
     looks = round(0.4 / 0.02)
     assert not any(
         watchdog.has_timed_out(now + 0.02 * (k + 1), is_publishing=True) for k in range(looks))
@@ -91,15 +91,15 @@ def test_a_node_that_waits_for_dds_is_given_more_time():
     assert wait(watchdog, now + 0.4, 1.0) == pytest.approx(now + 0.4 + HEARTBEAT_TIMEOUT)
 
 
-def test_a_node_that_never_comes_back_from_dds_is_found_out():
-    watchdog, now = hear(GuardianMessage.BEAT)
+def test_a_node_that_never_returns_from_dds_is_detected():
+    watchdog, now = after(GuardianMessage.BEAT)
     told = [
         k for k in range(100) if watchdog.has_timed_out(now + 0.02 * (k + 1), is_publishing=True)]
     assert told == [pytest.approx(PUBLISH_TIMEOUT / 0.02 - 1, abs=1)]
 
 
-def test_a_node_that_stays_silent_after_a_stall_is_found_out():
-    watchdog, now = hear(GuardianMessage.BEAT)
+def test_a_node_that_stays_silent_after_a_stall_is_detected():
+    watchdog, now = after(GuardianMessage.BEAT)
     assert not watchdog.has_timed_out(now + 0.5)
     assert wait(watchdog, now + 0.5, 1.0) <= now + 0.5 + HEARTBEAT_TIMEOUT
 
@@ -109,15 +109,15 @@ def test_a_node_that_stays_silent_after_a_stall_is_found_out():
     (GuardianMessage.BEAT, GuardianMessage.STOPPED),
     (GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.STOPPED),
     (GuardianMessage.BEAT, GuardianMessage.STOPPED, GuardianMessage.REST)])
-def test_silence_outside_a_run_and_its_stop_is_peace(messages):
-    watchdog, now = hear(*messages)
+def test_silence_outside_a_run_and_its_stop_is_no_fault(messages):
+    watchdog, now = after(*messages)
     assert not watchdog.has_timed_out(now + 3600.0)
     assert watchdog.timeout() is None
 
 
-def test_a_node_that_falls_silent_before_its_whole_stop_is_found_out():
+def test_a_node_that_falls_silent_before_its_whole_stop_is_detected():
     """Its run has sent a zero, which may be lost; whatever holds it up may hold it for ever."""
-    watchdog, now = hear(GuardianMessage.BEAT, GuardianMessage.REST)
+    watchdog, now = after(GuardianMessage.BEAT, GuardianMessage.REST)
     assert wait(watchdog, now, 60.0) == pytest.approx(now + REST_TIMEOUT)
     assert wait(watchdog, now, 60.0) is None
     assert not watchdog.on_disconnect()
@@ -125,7 +125,7 @@ def test_a_node_that_falls_silent_before_its_whole_stop_is_found_out():
 
 def test_a_stop_under_way_is_no_silence():
     """Nor one that goes on for longer than silence may, while the robot is seen to move."""
-    watchdog, now = hear(GuardianMessage.BEAT)
+    watchdog, now = after(GuardianMessage.BEAT)
     for _ in range(100):
         watchdog.on_message(GuardianMessage.REST, now)
         assert wait(watchdog, now, 0.04) is None
@@ -133,13 +133,13 @@ def test_a_stop_under_way_is_no_silence():
     assert watchdog.on_disconnect()
 
 
-def test_a_next_movement_is_watched_as_the_first():
-    watchdog, now = hear(GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.BEAT)
+def test_the_next_movement_has_the_same_heartbeat_timeout():
+    watchdog, now = after(GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.BEAT)
     assert wait(watchdog, now, 60.0) == pytest.approx(now + HEARTBEAT_TIMEOUT)
 
 
-def test_after_a_run_too_what_the_guardian_slept_is_not_silence():
-    watchdog, now = hear(GuardianMessage.BEAT, GuardianMessage.REST)
+def test_time_in_which_the_guardian_was_suspended_after_a_run_does_not_count():
+    watchdog, now = after(GuardianMessage.BEAT, GuardianMessage.REST)
     assert not watchdog.has_timed_out(now + 3600.0)
     assert wait(watchdog, now + 3600.0, 60.0) == pytest.approx(
         now + 3600.0 + REST_TIMEOUT, abs=0.03)
@@ -149,7 +149,7 @@ def test_after_a_run_too_what_the_guardian_slept_is_not_silence():
     st.lists(st.floats(0.0, HEARTBEAT_TIMEOUT - 2 * WATCHDOG_PERIOD), min_size=1, max_size=5),
     st.floats(0.0, REST_TIMEOUT - 2 * WATCHDOG_PERIOD), st.integers(0, 5)), max_size=5))
 def test_a_healthy_node_is_never_stopped(movements):
-    """Beats, a zero, a while, and then a stop, whole or cut short by the next movement."""
+    """Heartbeats, a zero, a pause, and then a stop, whole or cut short by the next movement."""
     watchdog, now = Watchdog(), 0.0
     for beats, pause, zeros in movements:
         messages = [(0.0, GuardianMessage.BEAT), *((beat, GuardianMessage.BEAT) for beat in beats),
@@ -164,9 +164,9 @@ def test_a_healthy_node_is_never_stopped(movements):
             assert wait(watchdog, now, 3600.0) is None
 
 
-@given(SIGNS)
+@given(MESSAGES)
 def test_the_robot_is_stopped_at_most_once_unless_it_moved_again(messages):
-    """And never without a beat before it."""
+    """And never without a heartbeat before it."""
     watchdog, now, moved = Watchdog(), 0.0, False
     for pause, message in messages:
         now += pause
@@ -181,9 +181,9 @@ def test_the_robot_is_stopped_at_most_once_unless_it_moved_again(messages):
     assert not watchdog.on_disconnect()
 
 
-@given(SIGNS)
-def test_its_patience_ends_in_time(messages):
-    """Whatever was received, silence is told as soon as there was enough of it, or never."""
+@given(MESSAGES)
+def test_silence_is_detected_within_its_timeout(messages):
+    """Whatever messages were received; without a heartbeat it is never detected."""
     watchdog, now = Watchdog(), 0.0
     for pause, message in messages:
         now += pause
@@ -194,7 +194,7 @@ def test_its_patience_ends_in_time(messages):
         assert told is None
     else:
         allowed = HEARTBEAT_TIMEOUT if left[-1] is GuardianMessage.BEAT else REST_TIMEOUT
-        # A message that is no news may have come since the last that was.
+        # A message that changes nothing may have come since the last one that did.
         assert told - now <= allowed + TIME_TOLERANCE
 
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The display of a drive at a real terminal: visible, harmless, and gone in the end."""
+"""The display of a drive at a real terminal: visible, harmless, and removed at the end."""
 
 import os
 import signal
@@ -165,7 +165,7 @@ def test_when_the_display_is_killed_the_terminal_is_cleared_and_the_drive_goes_o
         assert is_clean(shown.screen)
 
 
-def test_a_display_that_hangs_delays_no_one():
+def test_a_display_that_hangs_does_not_delay_the_program():
     with at_terminal(publisher(1.0)) as shown:
         begin(shown)
         display = shown.display()
@@ -181,7 +181,7 @@ def test_a_display_that_hangs_delays_no_one():
             os.kill(display, 0)
 
 
-def test_a_program_that_was_suspended_gives_the_terminal_back():
+def test_a_suspended_program_releases_the_terminal():
     with at_terminal(publisher(1.0)) as shown:
         begin(shown)
         shown.process.send_signal(signal.SIGSTOP)
@@ -231,7 +231,7 @@ def test_a_display_that_starts_late_writes_all_lines():
 
 
 @pytest.mark.parametrize('cursor', [0, 5, 19])
-def test_room_is_made_wherever_the_cursor_is(cursor):
+def test_rows_are_reserved_wherever_the_cursor_is(cursor):
     screen = Screen(80, 20)
     screen.write('\n'.join(map(str, range(cursor + 1))))
     screen.write('\r')
@@ -244,13 +244,13 @@ def test_room_is_made_wherever_the_cursor_is(cursor):
     assert len(screen.above) == cursor + 1
 
 
-def test_where_there_is_no_panel_closing_it_does_no_harm():
+def test_releasing_rows_without_a_panel_is_harmless():
     screen = Screen(80, 20)
     screen.write(f'one\r\n{terminal.RELEASE_ROWS}two')
     assert screen.above == ['one', 'two']
 
 
-def test_without_rich_it_says_so_once_and_writes_lines(monkeypatch):
+def test_without_rich_it_warns_once_and_writes_lines(monkeypatch):
     leader, follower = os.openpty()
     monkeypatch.setenv('TERM', 'xterm')
     assert isinstance(renderer_for(follower), PanelRenderer)
@@ -315,7 +315,7 @@ def test_ctrl_c_ends_the_drive_and_the_display(motion):
 
 
 @pytest.mark.ros
-def test_what_is_no_terminal_gets_a_line_for_each_step(motion, tmp_path):
+def test_output_that_is_no_terminal_gets_a_line_for_each_step(motion, tmp_path):
     with program([*COMMAND, motion, '--sim'], tmp_path) as started:
         assert started.end(40.0) == 0
     assert '\x1b' not in started.text

@@ -105,7 +105,7 @@ def test_when_steps_are_due_does_not_depend_on_the_rate(motion, limits, rate):
 
 @UNHURRIED
 @given(MOTIONS, LIMITS, st.floats(0.0, 1.0))
-def test_time_runs_off_as_planned(motion, limits, part):
+def test_the_remaining_time_is_that_of_the_plan(motion, limits, part):
     try:
         planned = plan(motion, limits, 10.0)
     except InvalidMotionError:
@@ -133,7 +133,7 @@ def test_a_step_has_its_number_its_description_and_what_remains():
     assert (step.remaining.distance, step.remaining.angle) == (None, pytest.approx(0.6))
 
 
-def test_what_remains_is_by_odometry_as_long_as_that_is_new():
+def test_the_remaining_distance_is_by_odometry_while_that_is_new():
     """Of a robot that goes half as far as commanded."""
     tracker = driven(1.0, gain=0.5)
     remaining = tracker.status_at(START + 1.0).step.remaining
@@ -151,7 +151,7 @@ def test_a_displacement_over_two_steps_is_shared_between_them():
     assert tracker.status_at(START + 2.1).step.remaining.angle == pytest.approx(0.95)
 
 
-def test_states_follow_each_other():
+def test_states_follow_the_events():
     tracker = DriveTracker()
     assert tracker.status_at(0.0).state is DriveState.READY
     tracker.on_event(STARTED)
@@ -169,8 +169,8 @@ def test_states_follow_each_other():
     assert tracker.status_at(6.3).fraction == 1.0
 
 
-def test_a_stop_is_seen_from_its_first_zeros():
-    """MotionEnded comes 0.4 s later; until then no step begins that never will."""
+def test_a_stop_is_shown_from_its_first_zeros():
+    """MotionEnded comes 0.4 s later; until then no further step must be shown."""
     tracker = driven(1.9)
     for number in range(10):
         tracker.on_event(VelocitySent(START + 1.95 + 0.0001 * number, ZERO))
@@ -197,7 +197,7 @@ def test_as_long_as_odometry_sees_it_move_it_is_stopping():
     assert status.fraction == pytest.approx(0.25)
 
 
-def test_a_program_that_sends_nothing_is_held_up():
+def test_a_program_that_sends_nothing_is_shown_as_silent():
     tracker = driven(1.0)
     assert tracker.status_at(START + 1.5).silent_for is None
     assert tracker.status_at(START + 3.0).silent_for == pytest.approx(2.0)
@@ -254,7 +254,7 @@ def test_a_motion_that_is_driven_again_is_logged_again():
     assert lines == ['step 1 of 3: forward 0.5 m (2 s)'] * 2
 
 
-def test_a_robot_that_does_not_listen_is_noted_once():
+def test_waiting_for_the_robot_is_logged_once():
     tracker, logger = DriveTracker(), StepLogger()
     tracker.on_event(STARTED)
     tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is wrong with a motion file: a line for each thing, with file, line and step."""
+"""Errors of motion files: one line for each, with file, line and step."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SEVERAL = "in one step; begin each step with '- ', and indent what belongs to it
 
 
 @pytest.mark.parametrize('step, line', [
-    # Steps that are none.
+    # No steps.
     ('trun: 90 deg', "trun: there is no such step; did you mean 'turn'?"),
     ('Forward: 1 m', "Forward: there is no such step; did you mean 'forward'?"),
     ('WAIT: 1', "WAIT: there is no such step; did you mean 'wait'?"),
@@ -83,7 +83,7 @@ SEVERAL = "in one step; begin each step with '- ', and indent what belongs to it
      "turn.speed: '2 m/s'; it must be a turning speed, as in 45 deg/s (in rad/s, deg/s or °/s)"),
     ('repeat: {times: -1, steps: []}', 'repeat.times: -1; it must be at least 0'),
     ('repeat: {times: 1000001, steps: []}', 'repeat.times: 1000001; it must be at most 1000000'),
-    # Numbers that are none.
+    # No numbers.
     ('wait: .inf', 'wait: .inf is not a finite number'),
     ('wait: -.Inf', 'wait: -.Inf is not a finite number'),
     ('wait: .nan', 'wait: .nan is not a finite number'),
@@ -100,7 +100,7 @@ SEVERAL = "in one step; begin each step with '- ', and indent what belongs to it
     ('{<<: {wait: 1}}',
      "'<<': there is no such step; known are move, forward, turn, arc, wait, repeat"),
 ])
-def test_a_step_that_is_none_is_refused_in_one_line(step, line):
+def test_an_invalid_step_is_refused_in_one_line(step, line):
     assert step_refusal(step) == line
 
 
@@ -161,7 +161,7 @@ def test_repeats_may_be_nested_as_deep_as_a_motion_has_them_and_no_deeper():
     assert 'nested more than 70 deep' in refusal(nested(200))[0]
 
 
-def test_all_that_is_wrong_is_said_at_once_in_the_order_of_the_lines():
+def test_all_errors_are_reported_at_once_in_the_order_of_the_lines():
     lines = refusal("""\
 descriptoin: x
 rate: 2 s
@@ -198,7 +198,7 @@ def test_a_file_full_of_errors_does_not_fill_the_screen():
     assert refusal('steps:\n' + '- wiat: 1\n' * 20_000)[-1] == 'bad.yaml: and many more'
 
 
-def test_an_error_can_be_caught_as_a_bad_motion_and_asked_for_its_places():
+def test_an_error_is_an_invalid_motion_error_and_has_its_locations():
     with pytest.raises(InvalidMotionError) as caught:
         loads('steps:\n- wait: 1 m\n', 'a.yaml')
     assert isinstance(caught.value, MotionFileError)
@@ -206,7 +206,7 @@ def test_an_error_can_be_caught_as_a_bad_motion_and_asked_for_its_places():
     assert (caught.value.source, problem.line, problem.path) == ('a.yaml', 2, 'steps[0].wait')
 
 
-def test_what_a_file_says_cannot_write_to_the_terminal():
+def test_errors_contain_no_control_characters_of_the_file():
     lines = refusal('steps: []\n"\\e[31m\\n": 1\nname: ["\\e[2J"]\n', 'bad\n.yaml')
     assert len(lines) == 2
     assert all(line.isprintable() for line in lines)

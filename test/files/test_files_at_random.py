@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Whatever is in a file, it is read or refused in the one error type, line by line."""
+"""Whatever is in a file, it is read, or refused with the one type of error."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ footprint: {length: 0.4 m, width: 0.3 m, ahead: 0 m}
 """
 #: The first of them loads jsonschema, which takes longer than an example may.
 SETTINGS = settings(max_examples=200, deadline=None)
-#: What stands in the places where motions and robots go wrong.
+#: Values for the places where motions and robots may be wrong.
 PIECES = st.sampled_from([
     '', ' ', '\n', '\t', '  ', '- ', ': ', '{', '}', '[', ']', ',', '"', "'", '#', '&a ', '*a',
     '!', '!!int ', '|', '>', '%', '@', '---', '...', '? ', '-', '~', 'null', 'yes', '.inf', '.nan',

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Files that are large, deep, endless or no files: one clear line, soon, in little memory."""
+"""Files that are large, deep, endless or no files: one clear line, quickly, in little memory."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize('what', HOSTILE)
-def test_a_hostile_text_is_refused_soon(what):
+def test_a_hostile_text_is_refused_quickly(what):
     begin = time.process_time()
     lines = refusal(HOSTILE[what])
     assert time.process_time() - begin < 3.0  # of a slow machine; here it is below 1 s
@@ -95,7 +95,7 @@ def test_a_file_of_the_largest_size_is_read(tmp_path):
 
 
 def refused(path: str | os.PathLike[str]) -> str:
-    """Return how a path is refused, and make sure that nobody waits for it."""
+    """Return the error of a path, and assert that reading it does not wait."""
     begin = time.monotonic()
     with pytest.raises(MotionFileError) as caught:
         load(path)
@@ -103,7 +103,7 @@ def refused(path: str | os.PathLike[str]) -> str:
     return str(caught.value)
 
 
-def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path):
+def test_what_is_no_file_is_refused_without_waiting(tmp_path):
     pipe = tmp_path / 'pipe.yaml'
     os.mkfifo(pipe)
     assert refused(pipe) == f'{pipe}: this is a device or a pipe, not a file'
@@ -118,7 +118,7 @@ def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path):
     assert 'it cannot be read: ' in refused('a' * 300 + '.yaml')
 
 
-def test_a_file_one_may_not_read_is_refused(tmp_path, monkeypatch):
+def test_an_unreadable_file_is_refused(tmp_path, monkeypatch):
     path = tmp_path / 'secret.yaml'
     path.touch(mode=0)
     if os.geteuid() == 0:  # who may read everything
@@ -136,7 +136,7 @@ def test_no_file_is_left_open(tmp_path):
     assert len(list(descriptors.iterdir())) == count
 
 
-def test_all_of_this_needs_little_memory(tmp_path):
+def test_reading_hostile_files_needs_little_memory(tmp_path):
     """A process that may have 400 MB reads every one of them; most of it is PyYAML's code."""
     for number, text in enumerate(HOSTILE.values()):
         tmp_path.joinpath(f'{number}.yaml').write_text(text)

@@ -56,7 +56,7 @@ def drive(pose: Pose, steps: tuple[Step, ...]) -> Pose:
     return pose
 
 
-def test_the_library_has_what_it_has():
+def test_the_library_has_these_motions():
     assert library() == NAMES
 
 
@@ -72,18 +72,18 @@ def test_each_ends_where_its_name_says(name, end):
 
 @pytest.mark.parametrize('robot', robots())
 @pytest.mark.parametrize('name', NAMES)
-def test_each_robot_can_do_it(name, robot):
+def test_each_robot_can_drive_it(name, robot):
     file, profile = find(name), find_robot(robot)
     limits = file.check(profile.limits, profile.name)
     planned = plan(file.motion, limits, file.rate or 20.0)
     ours, geometry = planned.path()[-1], drive(ORIGIN, file.motion.steps)
-    if name != 'lesson':  # which asks for velocities, not for a way
+    if name != 'lesson':  # which has velocities, not a path
         assert (ours.x, ours.y, ours.theta) == pytest.approx(
             (geometry.x, geometry.y, geometry.theta), abs=1e-6)
 
 
 @pytest.mark.parametrize('name', NAMES)
-def test_each_is_written_for_people(name):
+def test_each_has_its_name_and_a_description(name):
     file = find(name)
     assert file.motion.name == name
     assert file.motion.description.endswith('.')
@@ -92,13 +92,13 @@ def test_each_is_written_for_people(name):
 
 
 @pytest.mark.parametrize('name', [name for name in NAMES if name != 'lesson'])
-def test_each_file_is_written_for_people(name):
+def test_each_file_names_its_schema_and_has_short_lines(name):
     text = Path(find(name).source).read_text()
     assert text.startswith('# yaml-language-server: $schema=motion.schema.json\n')
     assert all(len(line) <= 99 for line in text.splitlines())
 
 
-def test_the_lesson_is_what_the_node_plays():
+def test_the_lesson_has_the_steps_that_the_node_drives():
     pytest.importorskip('rclpy', reason='needs ROS 2')
     from kachaka_simple_control.kachaka_simple_control import play_lesson
 
@@ -114,7 +114,7 @@ def test_the_lesson_is_what_the_node_plays():
     assert find('lesson').motion.steps == notes.steps
 
 
-def test_an_edited_lesson_is_what_the_plan_shows(tmp_path, monkeypatch):
+def test_edits_of_the_lesson_are_read(tmp_path, monkeypatch):
     edited = library_module.LESSON_FILE.read_text().replace(
         'robot_control.move_robot(0.1, 0.0, 1.0)',
         'for _ in range(3):\n        robot_control.move_robot(0.2, 0.0, 1.5)')
@@ -126,7 +126,7 @@ def test_an_edited_lesson_is_what_the_plan_shows(tmp_path, monkeypatch):
     assert steps[1:4] == (Move(0.2, 0.0, 1.5),) * 3
 
 
-def test_umbmark_is_the_same_square_both_ways_round():
+def test_umbmark_is_the_same_square_in_both_directions():
     both = [find(f'umbmark_{way}').motion for way in ('ccw', 'cw')]
     for motion, sign in zip(both, (1, -1)):
         repeat, = motion.steps
@@ -134,7 +134,7 @@ def test_umbmark_is_the_same_square_both_ways_round():
         assert (repeat.times, forward.distance, turn.angle) == (4, 4.0, sign * math.pi / 2)
 
 
-def test_a_path_is_a_path_and_a_name_a_name(tmp_path, monkeypatch):
+def test_a_path_names_a_file_and_a_name_a_library_motion(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for path in ('square', 'square.yaml'):
         Path(path).write_text('name: mine\nsteps: []')
@@ -154,7 +154,7 @@ def test_a_path_is_a_path_and_a_name_a_name(tmp_path, monkeypatch):
     ('motions/square', 'motions/square: there is no such file'),
     ('../motions/square', '../motions/square: there is no such file'),
 ])
-def test_what_is_not_there_is_refused_in_one_line(name, words, tmp_path, monkeypatch):
+def test_an_unknown_motion_is_refused_in_one_line(name, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(MotionFileError) as caught:
         find(name)

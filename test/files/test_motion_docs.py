@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What docs/motions.md says of files is what there is."""
+"""What docs/motions.md says of files agrees with the code."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ def file_in(page: str, name: str) -> str:
         rf'<!-- test: file {re.escape(name)} -->\n```yaml\n(.*?)```', page, re.DOTALL)[1]
 
 
-def test_its_files_are_files(page, tmp_path):
+def test_its_files_can_be_read(page, tmp_path):
     assert len(loads(file_in(page, 'square.yaml')).motion.steps) == 6
     path = tmp_path / 'robot.yaml'
     path.write_text(file_in(page, 'robot.yaml'))
     assert find_robot(path).name == 'carrier'
 
 
-def test_each_form_of_a_step_in_the_table_is_one(page):
+def test_each_form_of_a_step_in_the_table_is_valid(page):
     forms = re.findall(r'^\| `(\w+: .+?)` \|', page, re.MULTILINE)
     assert len(forms) == 6
     for form in forms:
@@ -70,7 +70,7 @@ def test_each_unit_is_in_the_table(page):
     assert told == known
 
 
-def test_each_word_is_on_the_page(page):
+def test_each_name_is_on_the_page(page):
     for word in [*KINDS, *LIMIT_QUANTITIES, *library(), *robots()]:
         assert f'`{word}' in page, word
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Motions in files: what a text says, where it says it, and that writing it loses nothing."""
+"""Motion files: what is read, in which line it stands, and that writing loses nothing."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def only_step(text: str) -> object:
 
 
 @pytest.mark.usefixtures('any_loader')
-def test_a_file_says_what_a_person_wrote():
+def test_every_kind_of_step_is_read():
     file = loads(EVERYTHING, 'everything.yaml')
     assert file.motion == Motion('everything', (
         Forward(0.5), Turn(math.pi / 2), Arc(0.3, math.pi, 0.15), Move(0.1, 0.0, 1.0), Wait(2.0),
@@ -83,11 +83,11 @@ def test_numbers_become_floats_and_counts_whole_numbers():
 
 
 @pytest.mark.parametrize('word', ['yes', 'on', 'off', 'n', '1:30', '0x10', '1_000', '2026-11-21'])
-def test_words_that_old_yaml_reads_as_something_else_are_text(word):
+def test_words_with_another_meaning_in_yaml_1_1_are_text(word):
     assert loads(f'name: {word}\nsteps: []').motion.name == word
 
 
-def test_only_the_steps_must_be_there():
+def test_only_the_steps_are_required():
     file = loads('steps: []', 'folder/quiet.yaml')
     assert file.motion == Motion('quiet', ())
     assert (file.robot, file.rate, dict(file.limits)) == (None, None, {})
@@ -112,7 +112,7 @@ def test_a_file_read_is_not_changed(tmp_path):
     ('steps', 6), ('steps[0]', 7), ('steps[0].forward.distance', 7), ('steps[2].arc.speed', 9),
     ('steps[8].repeat', 15), ('steps[8].repeat.times', 16), ('steps[8].repeat.steps[0].wait', 18),
     ('steps[8].repeat.steps[1].repeat.times', 19), ('steps[9]', 6), ('limits', 4)])
-def test_a_place_in_a_motion_has_a_line(path, line):
+def test_a_path_in_a_motion_has_a_line(path, line):
     assert loads(EVERYTHING, 'a.yaml').where(path) == f'a.yaml:{line}'
 
 
@@ -129,7 +129,7 @@ steps:
 """
 
 
-def test_what_a_robot_cannot_do_is_said_with_its_line_and_the_robots_name():
+def test_an_error_of_planning_has_its_line_and_the_robots_name():
     with pytest.raises(MotionFileError) as caught:
         loads(TOO_FAST, 'fast.yaml').check(KACHAKA, 'kachaka')
     assert str(caught.value).splitlines() == [
@@ -172,7 +172,7 @@ def test_what_can_be_done_is_planned_with_the_tighter_limits():
     (Limits(0.3, 1.0, max_backward_velocity=0.2), 'max_backward_velocity: 0.15', 0.15),
     (Limits(0.3, 1.0), 'max_linear_velocity: 0.1', 0.1),
 ])
-def test_who_slows_a_robot_down_slows_it_down_backwards_too(robot, text, expected):
+def test_a_lower_velocity_limit_holds_backwards_too(robot, text, expected):
     file = loads(f'limits: {{{text}}}\nsteps: []')
     assert file.tighten(robot).backward_velocity == expected
 
@@ -210,7 +210,7 @@ def test_what_is_written_is_what_any_yaml_reader_reads(motion):
     assert len(data['steps']) == len(motion.steps)
 
 
-def test_what_is_written_looks_as_if_a_person_wrote_it():
+def test_what_is_written_is_readable():
     steps = [Repeat(4, [Forward(0.5), Turn(1.5, 0.5)]), Wait(2)]
     assert dump(Motion('square', steps, 'A square.')) == (
         'name: square\n'

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Robots as files: what they say, what is refused, and what is known without any file."""
+"""Robot profiles as files: what is read, what is refused, what is known without a file."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ limits: {max_linear_velocity: 0.2, max_angular_velocity: 1}
 
 @pytest.fixture
 def robot(tmp_path):
-    """Return a way to read a robot from a text."""
+    """Return a function that reads a robot from a text."""
     path = tmp_path / 'robot.yaml'
 
     def read(text: str) -> RobotProfile:
@@ -64,7 +64,7 @@ def test_kachaka_is_known_without_a_file():
     assert not (ROBOTS / 'kachaka.yaml').is_file()
 
 
-def test_kachaka_is_what_its_maker_says_with_chosen_accelerations():
+def test_kachaka_has_its_makers_figures_and_chosen_accelerations():
     assert KACHAKA == RobotProfile(
         'kachaka', '/kachaka', 'manual_control/cmd_vel', 'odometry/odometry',
         'manual_control/set_enabled', 60.0, 0.3, Limits(0.3, 1.57, 0.5, 2.5, 2.0, 10.0), 'Twist',
@@ -96,12 +96,12 @@ def test_each_figure_has_its_source_or_is_chosen(name):
     assert figures > 5
 
 
-def test_a_robot_of_ones_own_needs_few_words(robot):
+def test_a_custom_robot_has_defaults(robot):
     assert robot(LEAST) == RobotProfile(
         'robot', '/', 'cmd_vel', None, None, math.inf, 0.5, Limits(0.2, 1.0))
 
 
-def test_a_robot_of_ones_own_may_say_everything(robot):
+def test_a_custom_robot_may_set_every_key(robot):
     assert robot("""\
 name: own
 description: One that has everything.
@@ -164,14 +164,14 @@ def test_an_outline_may_be_round(robot):
       'limits, footprint')),
     ('command_timeout: 1', '4: command_timeout: this key is here twice, first in line 2'),
 ])
-def test_what_is_wrong_with_a_robot_is_said_in_one_line(robot, tmp_path, more, line):
+def test_an_error_of_a_robot_is_one_line(robot, tmp_path, more, line):
     with pytest.raises(RobotFileError) as caught:
         robot(LEAST + more)
     assert str(caught.value) == f'{tmp_path}/robot.yaml:{line}'
     assert isinstance(caught.value, UsageError)
 
 
-def test_all_that_is_wrong_with_a_robot_is_said_at_once(robot):
+def test_all_errors_of_a_robot_are_reported_at_once(robot):
     with pytest.raises(RobotFileError) as caught:
         robot('velocity_topic: cmd vel\ncommand_timeout: 0 s\n'
               'limits: {max_linear_velocity: 1 rad/s}')
@@ -183,7 +183,7 @@ def test_all_that_is_wrong_with_a_robot_is_said_at_once(robot):
     ('pr2', 'pr2: there is no robot of this name; known are generic, kachaka, turtlebot3; a file'),
     ('./kachaka.yaml', './kachaka.yaml: there is no such file'),
 ])
-def test_a_robot_that_is_not_there_is_refused(name, words, tmp_path, monkeypatch):
+def test_an_unknown_robot_is_refused(name, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(RobotFileError) as caught:
         find_robot(name)

@@ -64,11 +64,11 @@ def test_they_are_schemas_of_draft_7(whole):
     jsonschema.Draft7Validator.check_schema(whole)
 
 
-def test_each_keyword_has_a_message_of_ours():
+def test_each_keyword_has_an_error_message():
     assert {keyword for part in ALL for keyword in part} - SILENT == set(_MESSAGES)
 
 
-def test_each_part_says_what_it_is_to_a_person_and_in_an_error():
+def test_each_part_has_a_description_and_a_text_for_errors():
     for part in ALL:
         if '$ref' not in part:
             assert part['description'][-1].isalnum() or part['description'].endswith(('.', '/'))
@@ -87,7 +87,7 @@ def test_quantities_are_those_of_the_program():
         assert part.get('minimum', part.get('exclusiveMinimum', 0)) == 0
 
 
-def test_examples_are_what_they_are_examples_of():
+def test_examples_are_valid():
     """An editor offers them."""
     count = 0
     for part in ALL:
@@ -121,7 +121,7 @@ def test_limits_are_those_of_the_program_in_both_schemas():
             } == LIMIT_QUANTITIES
 
 
-def test_the_schema_alone_takes_and_refuses_what_the_program_does():
+def test_the_schema_alone_accepts_and_refuses_what_the_program_does():
     """An editor has nothing but the schema."""
     validator = jsonschema.Draft7Validator(MOTION)
     good = yaml.safe_load(EVERYTHING)

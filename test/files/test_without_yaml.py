@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Who reads no file needs neither PyYAML nor jsonschema; who reads one is told what to install."""
+"""Only reading a file needs PyYAML and jsonschema; the error says how to install them."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ assert kachaka_simple_control.files.robot_profile.find_robot('kachaka') is KACHA
     "from kachaka_simple_control.files.motion_file import loads; loads('steps: []')",
     "from kachaka_simple_control.files.robot_profile import find_robot; find_robot('generic')",
 ])
-def test_who_reads_a_file_is_told_what_to_install(what, blocked):
+def test_the_error_of_reading_a_file_says_what_to_install(what, blocked):
     if blocked != 'yaml':
         pytest.importorskip('yaml', reason='needs PyYAML')
     said = run(f"""

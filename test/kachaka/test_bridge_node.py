@@ -26,7 +26,7 @@ from ros_support import bridge, BridgeProcess, Probe, wait_until
 pytestmark = pytest.mark.ros
 pytest.importorskip('rclpy')
 pytest.importorskip('nav_msgs')
-#: What a hold of 0.3 s at 0.1 m/s drives [m].
+#: The distance driven in a command timeout of 0.3 s at 0.1 m/s [m].
 TIMEOUT_DISTANCE = 0.03
 VELOCITY = '/kachaka/manual_control/cmd_vel'
 

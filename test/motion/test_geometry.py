@@ -63,7 +63,7 @@ def test_backwards_in_velocity_is_back_in_space(speed, turn, time):
 
 
 @given(st.floats(-1e-3, 1e-3))
-def test_sinc_has_no_seam_between_series_and_quotient(angle):
+def test_sinc_is_continuous_between_series_and_quotient(angle):
     assert sinc(angle) == pytest.approx(1.0 - angle**2 / 6.0 + angle**4 / 120.0, abs=1e-15)
 
 

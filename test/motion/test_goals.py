@@ -64,7 +64,7 @@ def test_no_limit_of_a_robot_is_broken_from_tick_to_tick(goal, limits, rate):
 
 
 def cruising(length, speed, acceleration, deceleration, jerk):
-    """Return the time of a way that is long enough to reach the speed and both accelerations."""
+    """Return the time of a path that is long enough to reach the speed and both accelerations."""
     ramps = [speed / limit + limit / jerk for limit in (acceleration, deceleration)]
     return length / speed + sum(ramps) / 2.0
 
@@ -81,7 +81,7 @@ def cruising(length, speed, acceleration, deceleration, jerk):
     (Arc(0.5, 20.0), (10.0, 1.5, 1.0, 0.5, 3.0)),
     (Forward(10.0, 0.5), (10.0, 0.5, 1.0, 0.5, 4.0)),
 ])
-def test_a_long_way_takes_what_its_limits_say(goal, expected):
+def test_a_long_path_takes_the_time_of_its_limits(goal, expected):
     limits = Limits(2.0, 3.0, 1.0, 2.0, 4.0, 6.0, 0.5, 1.5, 1.0)
     planned = plan(Motion('one', (goal,)), limits, 50.0)
     assert planned.duration == pytest.approx(cruising(*expected), rel=1e-12)

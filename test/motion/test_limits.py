@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a robot may be told at most."""
+"""The limits of a robot, and the velocities that they allow."""
 
 from dataclasses import fields, replace
 import math
@@ -55,7 +55,7 @@ def test_backwards_may_have_a_limit_of_its_own():
 
 
 @pytest.mark.parametrize('value', [math.inf, -math.inf, math.nan])
-def test_no_limit_at_all_is_still_none_for_what_is_no_number(value):
+def test_without_limits_a_velocity_must_still_be_finite(value):
     limits = Limits(math.inf, math.inf)
     limits.check(Velocity(1e9, -1e9))
     with pytest.raises(InvalidMotionError, match='linear_x is'):
@@ -64,7 +64,7 @@ def test_no_limit_at_all_is_still_none_for_what_is_no_number(value):
         limits.check(Velocity(0.0, value))
 
 
-def test_what_is_not_given_is_as_large_as_the_other():
+def test_a_limit_that_is_not_given_equals_its_counterpart():
     limits = Limits(0.3, 1.57, 0.4, 2.0)
     assert limits.backward_velocity == 0.3
     assert limits.linear_deceleration == 0.4
@@ -75,7 +75,7 @@ def test_what_is_not_given_is_as_large_as_the_other():
 
 @pytest.mark.parametrize('name', LIMIT_QUANTITIES)
 @pytest.mark.parametrize('value', [0.0, -0.1, math.nan, -math.inf])
-def test_limits_no_robot_has_are_refused(name, value):
+def test_limits_that_are_not_positive_are_refused(name, value):
     with pytest.raises(InvalidMotionError) as caught:
         Limits(**{'max_linear_velocity': 0.3, 'max_angular_velocity': 1.0, name: value})
     unit = LIMIT_QUANTITIES[name].unit
@@ -94,7 +94,7 @@ def test_every_limit_has_a_unit():
 
 
 @given(st.floats(), st.floats(0.001, 10.0), st.floats(0.001, 10.0))
-def test_check_is_the_comparison_it_says(value, forward, backward):
+def test_check_compares_with_both_limits(value, forward, backward):
     limits = Limits(forward, 1.0, max_backward_velocity=backward)
     try:
         limits.check(Velocity(value, 0.0))

@@ -28,8 +28,8 @@ MOVES = st.builds(
     Move, st.floats(-0.3, 0.3), st.floats(-1.57, 1.57), st.floats(0.0, 100.0))
 
 
-def test_a_plan_refuses_what_a_later_step_would_break():
-    """Nothing may fail in mid-motion that could be seen before."""
+def test_a_plan_refuses_a_later_step_beyond_the_limits():
+    """Nothing may fail in mid-motion that can be found before."""
     with pytest.raises(InvalidMotionError, match='linear_x is 0.4'):
         plan(Motion('late', (Move(0.1, 0.0, 1.0), Move(0.4, 0.0, 1.0))), KACHAKA, 10.0)
 
@@ -43,7 +43,7 @@ def test_segments_follow_each_other_without_a_gap(moves):
 
 
 @given(st.lists(MOVES, min_size=1, max_size=20))
-def test_a_plan_predicts_the_heading_its_moves_add_up_to(moves):
+def test_a_plan_ends_at_the_heading_its_moves_add_up_to(moves):
     heading = plan(Motion('any', tuple(moves)), KACHAKA, 10.0).path()[-1].theta
     assert heading == pytest.approx(sum(m.angular_z * m.duration for m in moves), abs=1e-9)
 

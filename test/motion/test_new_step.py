@@ -14,7 +14,7 @@
 """
 A kind of step that only these tests know is planned, read, drawn, listed, driven and reported.
 
-It is one class; nothing else in the package is told of it.
+It is one class; nothing else in the package is changed for it.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class LaneChange(Step):
         return f'lane {format_number(self.offset)} m, {format_number(self.length)} m'
 
 
-# The other tests are not to know it.
+# It must not exist in other tests.
 del KINDS[LaneChange.keyword]
 
 
@@ -182,7 +182,7 @@ def test_it_is_read_from_a_file_and_written_to_one():
     ('lanechange: {offset: 1 s, length: 1 m}',
      "steps[0].lanechange.offset: '1 s'; it must be a length, as in 0.5 m (in m, cm or mm)"),
 ])
-def test_what_is_wrong_in_a_file_is_said_in_its_words(step, line):
+def test_errors_of_a_file_name_its_fields(step, line):
     pytest.importorskip('yaml', reason='needs PyYAML')
     pytest.importorskip('jsonschema', reason='needs jsonschema')
     with pytest.raises(MotionFileError) as caught:
@@ -190,7 +190,7 @@ def test_what_is_wrong_in_a_file_is_said_in_its_words(step, line):
     assert str(caught.value) == f'bad.yaml:2: {line}'
 
 
-def test_an_editor_can_be_told_of_it():
+def test_it_is_in_the_schema_for_editors():
     part = motion_schema()['definitions']['step']['properties']['lanechange']
     assert part['description'] == 'Change the lane by two arcs, each from rest to rest.'
     assert part['required'] == ['offset', 'length']

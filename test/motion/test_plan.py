@@ -80,7 +80,7 @@ def test_every_stage_ends_where_geometry_says(motion, limits, rate):
 
 @UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
-def test_stages_and_segments_tell_the_same(motion, limits, rate):
+def test_stages_and_segments_agree(motion, limits, rate):
     planned = plan(motion, limits, rate)
     for stage in planned.steps:
         own = [segment for segment in planned.segments
@@ -108,7 +108,7 @@ def test_segments_and_stages_follow_each_other_without_a_gap(motion, limits, rat
 
 @UNHURRIED
 @given(motions(GOALS), LIMITS, RATES)
-def test_no_tick_of_a_goal_is_longer_than_a_period_and_none_is_a_sliver(motion, limits, rate):
+def test_ticks_of_a_goal_are_equal_and_at_most_a_period(motion, limits, rate):
     planned = plan(motion, limits, rate)
     for stage in planned.steps:
         own = [segment.end - segment.start for segment in planned.segments
@@ -119,14 +119,14 @@ def test_no_tick_of_a_goal_is_longer_than_a_period_and_none_is_a_sliver(motion, 
 
 @UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
-def test_nothing_in_a_plan_is_refused_on_its_way_out(motion, limits, rate):
-    """The edge checks each velocity once more, and a run that it refuses has failed."""
+def test_the_velocity_gate_refuses_nothing_of_a_plan(motion, limits, rate):
+    """It checks each velocity once more, and a refused velocity ends the run."""
     for segment in plan(motion, limits, rate).segments:
         limits.check(segment.velocity)
 
 
 @pytest.mark.parametrize('radius', [0.181, -0.163, 0.186])
-def test_an_arc_that_turns_as_quickly_as_the_robot_may_is_not_refused_either(radius):
+def test_an_arc_at_the_angular_limit_is_not_refused_either(radius):
     """1.57 rad/s times one of these radii, divided by it again, is more than 1.57 rad/s."""
     for speed in (None, abs(radius) * 1.57):
         planned = plan(Motion('arc', (Arc(radius, 3.0, speed),)), KACHAKA, 10.0)
@@ -138,7 +138,7 @@ def test_an_arc_that_turns_as_quickly_as_the_robot_may_is_not_refused_either(rad
 @pytest.mark.parametrize('step, linear, angular', [
     (Forward(1.0, 0.1), 0.1, 0.0), (Forward(-1.0, 0.1), 0.1, 0.0), (Turn(-2.0, 0.5), 0.0, 0.5),
     (Arc(0.5, 2.0, 0.1), 0.1, 0.2), (Arc(-2.0, -2.0, 0.2), 0.2, 0.1)])
-def test_a_speed_is_kept_to_and_reached(step, linear, angular):
+def test_a_speed_is_reached_and_not_exceeded(step, linear, angular):
     planned = plan(Motion('slow', (step,)), KACHAKA, 10.0)
     assert planned.max_linear_velocity == pytest.approx(linear)
     assert planned.max_angular_velocity == pytest.approx(angular)
@@ -146,7 +146,7 @@ def test_a_speed_is_kept_to_and_reached(step, linear, angular):
 
 @UNHURRIED
 @given(MOTIONS, LIMITS, RATES, RATES)
-def test_another_rate_is_no_other_motion(motion, limits, rate, other):
+def test_the_rate_does_not_change_the_motion(motion, limits, rate, other):
     one, two = plan(motion, limits, rate), plan(motion, limits, other)
     assert close(one.path()[-1], two.path()[-1], size(one))
     assert one.duration == two.duration
@@ -163,7 +163,7 @@ def test_durations_add_up(first, second, limits, rate):
 
 @UNHURRIED
 @given(MOTIONS, LIMITS, RATES, st.integers(0, 4))
-def test_a_repeat_is_the_same_over_and_over(motion, limits, rate, times):
+def test_a_repeat_equals_its_steps_written_out(motion, limits, rate, times):
     repeated = plan(Motion('many', (Repeat(times, motion.steps),)), limits, rate)
     by_hand = plan(Motion('many', motion.steps * times), limits, rate)
     assert repeated.segments == by_hand.segments
@@ -193,7 +193,7 @@ def test_a_mirrored_motion_is_the_mirrored_plan(motion, limits, rate):
 
 
 def reversed_(step):
-    """Return a step that goes its way backwards."""
+    """Return a step that drives its path backwards."""
     if isinstance(step, Move):
         return Move(-step.linear_x, -step.angular_z, step.duration)
     if isinstance(step, Repeat):
@@ -225,13 +225,13 @@ def test_an_arc_stays_an_arc_at_every_tick(goal, limits, rate):
 
 @pytest.mark.parametrize('distance', [0.07, 0.14, 0.28, 0.56])
 def test_rounding_alone_makes_no_further_tick(distance):
-    """Some of these take a hair more than a whole number of periods."""
+    """Some of these take slightly more than a whole number of periods."""
     for bounds, speed in ((Limits(0.3, 1.57), 0.1), (Limits(0.1, 1.57), None)):
         planned = plan(Motion('x', (Forward(distance, speed),)), bounds, 10.0)
         assert len(planned.segments) == round(100.0 * distance)
 
 
-def test_a_plan_is_a_value_that_nothing_changes():
+def test_a_plan_is_an_immutable_value():
     planned = plan(Motion('x', (Forward(0.5), Wait(1.0))), KACHAKA, 10.0)
     assert planned == plan(Motion('y', (Forward(0.5), Wait(1.0))), KACHAKA, 10.0)
     segment = planned.segments[0]

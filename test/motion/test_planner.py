@@ -32,7 +32,7 @@ SLOW_BACKWARDS = replace(KACHAKA, max_backward_velocity=0.1)
 
 
 def texts(limits, *steps):
-    """Return what is said about some steps."""
+    """Return the errors of some steps, as texts."""
     return [str(error) for error in find_errors(Motion('x', steps), limits)]
 
 
@@ -71,7 +71,7 @@ def texts(limits, *steps):
     (Limits(math.inf, math.inf), Arc(1.0, 1.0),
      'arc.speed: it is not given, and the robot has no limit either; give one'),
 ])
-def test_an_error_tells_place_value_and_bound(limits, step, text):
+def test_an_error_has_place_value_and_bound(limits, step, text):
     assert texts(limits, Wait(1.0), step) == [f'steps[1].{text}']
 
 
@@ -113,7 +113,7 @@ def test_all_errors_are_found_in_the_order_of_the_motion_and_planning_raises_the
     assert str(errors[0]) == str(caught.value)
 
 
-def test_a_step_that_is_never_reached_is_still_looked_at():
+def test_a_step_that_is_never_reached_is_still_checked():
     assert len(texts(KACHAKA, Repeat(0, (Turn(1.0, 2.0),)))) == 1
 
 
@@ -130,7 +130,7 @@ def test_no_motion_takes_longer_than_a_day():
 
 
 def test_repeats_beyond_all_bounds_are_refused_at_once():
-    """Nobody may wait for what can be counted without being done."""
+    """Their steps are counted without being planned."""
     steps = (Wait(1.0),)
     for _ in range(20):
         steps = (Repeat(1_000_000, steps),)
@@ -161,7 +161,7 @@ def test_a_plan_has_no_more_segments_than_memory_can_hold():
     (math.nan, 'rate is nan Hz; it must be a finite number'),
     ('fast', "rate is 'fast'; it must be a number [Hz]"),
 ])
-def test_a_rate_that_is_none_is_refused(rate, text):
+def test_an_invalid_rate_is_refused(rate, text):
     with pytest.raises(InvalidMotionError) as caught:
         plan(Motion('none', ()), KACHAKA, rate)
     assert text == str(caught.value)
@@ -169,8 +169,7 @@ def test_a_rate_that_is_none_is_refused(rate, text):
 
 @UNHURRIED
 @given(MOTIONS, LIMITS, RATES, st.floats(0.01, 20.0))
-def test_nothing_found_means_that_it_can_be_planned(motion, limits, rate, speed):
-    """And something found means that it cannot."""
+def test_a_motion_can_be_planned_exactly_if_no_error_is_found(motion, limits, rate, speed):
     motion = replace(motion, steps=(*motion.steps, Forward(-1.0, speed), Arc(0.2, 1.0, speed)))
     errors = find_errors(motion, limits)
     if errors:

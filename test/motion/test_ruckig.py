@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Another's generator beside ours: ruckig answers the same question, and must agree."""
+"""The velocity profile compared with that of ruckig, which solves the same problem."""
 
 import math
 
@@ -42,7 +42,7 @@ def answered(distance, velocity, acceleration, deceleration, jerk):
 
 
 @given(DISTANCES, FINITE, ANY, ANY, ANY, st.floats(0.0, 1.0))
-def test_ruckig_is_no_quicker_and_drives_the_same(
+def test_ruckig_finds_the_same_profile(
         distance, velocity, acceleration, deceleration, jerk, part):
     # With infinite jerk and acceleration ruckig leaves the deceleration out of account.
     assume(math.isfinite(jerk) or math.isfinite(max(acceleration, deceleration)))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a motion may be made of, and what is refused when it is made."""
+"""The steps of a motion, and what is refused when they are made."""
 
 import math
 
@@ -69,13 +69,13 @@ import pytest
     (lambda: Motion(1, ()), 'name is 1; it must be text'),
     (lambda: Motion('x', (), None), 'description is None; it must be text'),
 ])
-def test_what_nobody_could_drive_is_refused(make, text):
+def test_invalid_steps_are_refused(make, text):
     with pytest.raises(InvalidMotionError) as caught:
         make()
     assert text == str(caught.value)
 
 
-def test_an_error_tells_its_place_and_its_message_apart():
+def test_an_error_has_its_place_and_its_message():
     error = InvalidMotionError('2 m is too far', 'steps[1].forward.distance')
     assert ('2 m is too far', 'steps[1].forward.distance') == (error.message, error.path)
     assert str(error) == 'steps[1].forward.distance: 2 m is too far'
@@ -104,7 +104,7 @@ def test_a_whole_turn_and_more_is_no_mistake():
     assert Arc(-1.0, -100.0).angle == -100.0
 
 
-def test_repeats_may_be_nested_but_not_for_ever():
+def test_repeats_may_be_nested_up_to_a_bound():
     steps = (Wait(1.0),)
     for _ in range(MAX_NESTING):
         steps = (Repeat(1, steps),)

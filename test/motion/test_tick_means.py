@@ -103,7 +103,7 @@ def test_finer_ticks_are_the_coarse_ones_divided(distance, bounds, count, factor
 
 
 @given(DISTANCES, spread(1e-3, 1e3), spread(1e-3, 1e3), spread(1e-3, 1e3), COUNTS)
-def test_equal_ramps_make_ticks_that_read_the_same_backwards(
+def test_equal_ramps_make_symmetric_ticks(
         distance, velocity, acceleration, jerk, count):
     means = time_optimal_profile(distance, velocity, acceleration, acceleration, jerk).means(count)
     assert means == pytest.approx(means[::-1], rel=1e-9, abs=1e-12 * max(means))
@@ -114,6 +114,6 @@ def test_within_the_cruise_every_tick_is_the_velocity_to_the_last_bit():
     assert means.count(0.3) > 99800
 
 
-def test_a_single_tick_is_the_whole_way():
+def test_a_single_tick_is_the_whole_distance():
     profile = time_optimal_profile(0.5, 0.3, 0.3, 0.4, 1.5)
     assert profile.means(1) == pytest.approx([0.5 / profile.duration])

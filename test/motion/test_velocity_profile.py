@@ -42,7 +42,7 @@ def pieces(profile):
 
 
 @given(DISTANCES, BOUNDS)
-def test_it_begins_at_nothing_and_ends_at_the_distance_to_the_last_bit(distance, bounds):
+def test_it_begins_at_zero_and_ends_at_the_distance_to_the_last_bit(distance, bounds):
     profile = time_optimal_profile(distance, *bounds)
     assert profile.position_at(0.0) == 0.0
     assert profile.position_at(profile.duration) == distance
@@ -93,7 +93,7 @@ def test_positions_are_the_sum_of_velocities_and_those_of_accelerations(distance
 
 @given(DISTANCES, BOUNDS)
 def test_where_the_velocity_is_not_reached_there_is_no_cruise(distance, bounds):
-    """To cruise below the largest velocity would be to give time away."""
+    """To cruise below the largest velocity would take longer."""
     profile = time_optimal_profile(distance, *bounds)
     assert profile.velocity == bounds[0] or profile.cruise <= 1e-9 * profile.duration
 
@@ -131,7 +131,7 @@ def test_with_a_limit_of_jerk_alone_it_takes_the_textbooks_time(distance, jerk):
     ((1.0, 9.0, 9.0, 1.0), 1.0, 10.0 / 1.0 + 2.0),
     ((2.0, 1.0, 9.0, 1.0), 2.0, 10.0 / 2.0 + (3.0 + 2.0 * math.sqrt(2.0)) / 2.0),
 ])
-def test_some_profiles_are_those_reckoned_by_hand(bounds, peak, duration):
+def test_some_profiles_are_those_computed_by_hand(bounds, peak, duration):
     profile = time_optimal_profile(10.0, *bounds)
     assert profile.velocity == pytest.approx(peak)
     assert profile.duration == pytest.approx(duration)
@@ -145,7 +145,7 @@ def test_a_larger_limit_makes_nothing_slower(distance, bounds, which, factor):
 
 
 @given(DISTANCES, SMOOTH, PARTS)
-def test_with_acceleration_and_deceleration_exchanged_it_is_the_film_backwards(
+def test_with_acceleration_and_deceleration_exchanged_it_is_reversed_in_time(
         distance, bounds, part):
     velocity, acceleration, deceleration, jerk = bounds
     there = time_optimal_profile(distance, velocity, acceleration, deceleration, jerk)
@@ -157,7 +157,7 @@ def test_with_acceleration_and_deceleration_exchanged_it_is_the_film_backwards(
 
 
 @given(DISTANCES, BOUNDS, spread(1e-3, 1e3), spread(1e-3, 1e3))
-def test_other_units_make_no_other_profile(distance, bounds, length, time):
+def test_the_profile_does_not_depend_on_the_units(distance, bounds, length, time):
     """Millimetres or miles, seconds or minutes: the drive is the same."""
     velocity, acceleration, deceleration, jerk = bounds
     square, cube = time * time, time * time * time
@@ -175,13 +175,13 @@ def test_no_distance_takes_no_time(bounds):
 
 
 @given(st.floats(5e-324, 1e-6), BOUNDS)
-def test_the_tiniest_distances_break_nothing(distance, bounds):
+def test_the_smallest_distances_stay_within_the_limits(distance, bounds):
     profile = time_optimal_profile(distance, *bounds)
     for part in (0.0, 0.3, 0.7, 1.0):
         assert 0.0 <= profile.position_at(part * profile.duration) <= distance * (1.0 + 1e-12)
         assert 0.0 <= profile.velocity_at(part * profile.duration) <= bounds[0]
 
 
-def test_what_nothing_limits_is_refused():
+def test_a_profile_without_limits_is_refused():
     with pytest.raises(InvalidMotionError, match='nothing limits the velocity'):
         time_optimal_profile(1.0, math.inf)

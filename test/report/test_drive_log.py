@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a record makes of drives that did not go as planned."""
+"""The drive log of drives that did not go as planned."""
 
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
@@ -50,7 +50,7 @@ def stopped(after, reason='stopped by SIGINT'):
 @pytest.mark.parametrize('reason', ['stopped by SIGINT', None])
 @pytest.mark.parametrize(('after', 'wholes'), [
     (0.5, [False]), (1.5, [True, False]), (2.5, [True, True, False])])
-def test_of_a_stopped_motion_the_steps_that_were_begun_are_told(after, wholes, reason):
+def test_a_stopped_motion_has_the_steps_that_were_begun(after, wholes, reason):
     """Whether it was stopped or killed."""
     (motion,) = stopped(after, reason).motions
     assert [movement.is_complete for movement in motion.steps] == wholes
@@ -67,7 +67,7 @@ def test_the_zero_of_the_stop_ends_the_step_it_fell_into():
 
 
 def test_a_motion_that_never_began_has_no_steps():
-    """No robot listened, say."""
+    """For example because no robot was found."""
     record = DriveLog()
     record.on_event(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0))
     record.on_event(MotionEnded(3.0, 'no robot listens'))

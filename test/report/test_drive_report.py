@@ -60,14 +60,14 @@ def recorded(folder):
 
 
 def headline(folder):
-    """Return what the report says first, the same on its page and for programs."""
+    """Return the headline of the report, the same on its page and in ``run.json``."""
     told = json.loads((folder / 'report' / 'run.json').read_text())['verdict']['headline']
     assert f'{told}<' in (folder / 'report' / 'report.html').read_text()
     return told
 
 
 def assert_same(sent, heard):
-    """Assert that what is recorded is what a robot heard, and when."""
+    """Assert that what is recorded is what a robot received, and when."""
     assert [velocity[1:] for velocity in sent] == [(one.linear_x, one.angular_z) for one in heard]
     for velocity, one in zip(sent, heard):
         assert velocity[0] / 1e9 == pytest.approx(one.time, abs=0.1)
@@ -84,7 +84,7 @@ def is_motion(velocity):
 
 
 def wait_for_end(folder, started):
-    """Return when the reporter, which outlives its program, has said its last word."""
+    """Return when the reporter, which outlives its program, has printed its last line."""
     end = time.monotonic() + 20.0
     while 'report: ' not in started.text.rpartition('run.mcap')[2]:
         assert time.monotonic() < end, started.text
@@ -99,7 +99,7 @@ def wait_for_file(file):
         time.sleep(0.02)
 
 
-def test_as_many_velocities_are_recorded_as_a_robot_heard(listener, tmp_path):
+def test_as_many_velocities_are_recorded_as_a_robot_received(listener, tmp_path):
     """Without a guardian, which sends zeros of its own to a robot just met."""
     options = ['--ros-args', '-p', 'guardian:=false']
     with program(command(tmp_path, 0.5, *options), tmp_path) as started:
@@ -135,7 +135,7 @@ def test_a_signal_in_mid_motion_is_recorded_to_the_last_zero(listener, tmp_path,
 
 @pytest.mark.parametrize('name', ['SIGKILL', 'SIGQUIT'])
 def test_a_program_that_is_killed_leaves_all_that_it_sent(listener, tmp_path, name):
-    """The zeros after it are its guardian's: the robot hears them, and they are not recorded."""
+    """The zeros after it are its guardian's: received by the robot, but not recorded."""
     with program(command(tmp_path, 8.0), tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
         time.sleep(0.5)
@@ -146,7 +146,7 @@ def test_a_program_that_is_killed_leaves_all_that_it_sent(listener, tmp_path, na
         sent = recorded(tmp_path)
         last = max(place for place, velocity in enumerate(listener.heard) if velocity.moves)
         assert sent[-1][1:] == (0.1, 0.0)
-        # Killed between sending and telling, it takes one velocity with it.
+        # Killed between sending and recording, it loses one velocity.
         heard = sum(heard.moves for heard in listener.heard)
         assert 0 <= heard - sum(map(is_motion, sent)) <= 1
         listener.wait_for(lambda heard: not heard.moves, after=last)
@@ -187,7 +187,7 @@ def test_a_folder_that_holds_something_is_refused_before_anything_begins(tmp_pat
         'name a folder that is new or empty\n')
 
 
-def test_a_robot_that_nobody_finds_is_reported_too(tmp_path):
+def test_a_robot_that_is_not_found_is_reported_too(tmp_path):
     options = ['--ros-args', '-p', 'robot_timeout:=0.5', '-p', 'robot_namespace:=/nobody']
     with program(command(tmp_path, 0.5, *options), tmp_path) as started:
         assert started.end() == 3

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The page of a report in a real browser: its figures and layout, and that it needs no net."""
+"""The page of a report in a real browser: its figures and layout, and that it needs no network."""
 
 import base64
 import json
@@ -60,7 +60,7 @@ BROKEN = """
             }));
     }).map(cell => cell.textContent);
 """
-#: Labels of a picture that lie on each other, or are cut off at its edge.
+#: Labels of a picture that overlap, or are cut off at its edge.
 LABELS = """
     const bad = [];
     for (const svg of document.querySelectorAll('figure svg')) {
@@ -83,7 +83,7 @@ LABELS = """
 
 @pytest.fixture(scope='module')
 def browser(tmp_path_factory):
-    """Yield a browser that has never seen anything."""
+    """Yield a browser with a new profile."""
     pytest.importorskip('selenium', reason='needs selenium')
     pytest.importorskip('matplotlib', reason='pictures need matplotlib')
     if CHROMIUM is None or not DRIVER.exists():
@@ -133,12 +133,12 @@ def texts(browser, selector):
     return [element.text for element in browser.find_elements('css selector', selector)]
 
 
-def test_the_page_asks_for_nothing_but_itself(browser, reports):
+def test_the_page_requests_nothing_but_itself(browser, reports):
     for name in DRIVES:
         file = reports / name / 'report.html'
         show(browser, file)
         assert [url for url in requests(browser) if not url.startswith('data:')] == [file.as_uri()]
-    # Nor does anything in it go against its own policy.
+    # Nor does anything violate its content security policy.
     assert [entry for entry in browser.get_log('browser') if entry['level'] == 'SEVERE'] == []
 
 
@@ -150,7 +150,7 @@ def test_the_verdict_comes_first(browser, reports, name):
     assert headline.text == summary.outcome.headline
     assert headline.rect['y'] + headline.rect['height'] < 200
     assert texts(browser, '.why') == [' '.join(summary.outcome.reason.split())]
-    # Told by a sign and a word as well as by colour.
+    # Shown by a sign and a word as well as by colour.
     assert headline.find_elements('css selector', 'svg path')
 
 
@@ -193,7 +193,7 @@ def test_the_table_has_every_step(browser, reports):
 
 @pytest.mark.parametrize('width', WIDTHS)
 @pytest.mark.parametrize('name', DRIVES)
-def test_nothing_is_cut_off_or_lies_on_anything(browser, reports, name, width):
+def test_nothing_is_cut_off_or_overlaps(browser, reports, name, width):
     show(browser, reports / name / 'report.html', width)
     browser.execute_script(
         "document.querySelectorAll('details').forEach(part => part.open = true)")
@@ -204,7 +204,7 @@ def test_nothing_is_cut_off_or_lies_on_anything(browser, reports, name, width):
         "return document.querySelectorAll('figure svg text').length") > 10
 
 
-def test_pictures_and_tables_can_be_heard(browser, reports):
+def test_pictures_and_tables_are_marked_for_screen_readers(browser, reports):
     show(browser, reports / 'done' / 'report.html')
     assert browser.execute_script('return document.documentElement.lang') == 'en'
     pictures = browser.find_elements('css selector', 'figure svg')
@@ -216,7 +216,7 @@ def test_pictures_and_tables_can_be_heard(browser, reports):
         assert cell.get_attribute('scope') in {'col', 'row'}
 
 
-def test_settings_and_versions_are_folded_away(browser, reports):
+def test_settings_and_versions_are_collapsed(browser, reports):
     show(browser, reports / 'done' / 'report.html')
     (part,) = (part for part in browser.find_elements('css selector', 'details')
                if part.text.startswith('Settings and versions'))
@@ -261,8 +261,8 @@ def test_it_is_dark_where_the_reader_wants_that(browser, reports):
     browser.execute_cdp_cmd('Emulation.setEmulatedMedia', {'features': []})
 
 
-def test_it_prints_whole(browser, reports):
-    """With what is folded away, on few pages."""
+def test_it_is_printed_completely(browser, reports):
+    """With the collapsed parts, on few pages."""
     show(browser, reports / 'done' / 'report.html')
     browser.execute_cdp_cmd('Emulation.setEmulatedMedia', {'media': 'print'})
     try:

@@ -52,7 +52,7 @@ def exactly(rows):
 @given(st.sampled_from([TWIST, STAMPED]), st.lists(st.one_of(SENT, ANSWERED), max_size=30),
        st.lists(st.tuples(st.integers(0, 30), TIMES), max_size=3))
 @settings(UNHURRIED, max_examples=60)
-def test_what_was_told_is_what_both_readers_find(opened, told, flushes):
+def test_both_readers_find_what_was_published(opened, told, flushes):
     """In any order of events, with any flushes in between: equal stamps, equal bits."""
     with tempfile.TemporaryDirectory() as folder:
         drive = RecordedDrive(folder, opened)
@@ -97,7 +97,7 @@ def test_stamps_are_as_far_apart_as_their_times(epoch, one, two):
 
 @pytest.mark.parametrize('message_type', TYPES)
 def test_the_definitions_are_those_of_ros(message_type):
-    """Judged by the hash that ROS itself tells types apart by."""
+    """Compared by the hash with which ROS identifies types."""
     typesys = pytest.importorskip('rosbags.typesys')
     ours = typesys.get_typestore(typesys.Stores.EMPTY)
     ours.register(typesys.get_types_from_msg(definition(message_type), message_type))
@@ -124,7 +124,7 @@ def test_the_path_leads_from_where_the_robot_is_to_where_the_plan_ends(read, tmp
     assert path.message.header.frame_id == 'odom'
 
 
-def test_the_folder_is_a_bag_with_all_that_rosbag2_asks_for(tmp_path):
+def test_the_folder_is_a_bag_with_all_that_rosbag2_requires(tmp_path):
     rosbag2 = pytest.importorskip('rosbags.rosbag2')
     drive = RecordedDrive(tmp_path, STAMPED)
     drive.send(10.0, 20)
@@ -149,7 +149,7 @@ def test_the_folder_is_a_bag_with_all_that_rosbag2_asks_for(tmp_path):
         assert qualities[PATH].durability.name == 'TRANSIENT_LOCAL'
 
 
-def test_the_file_says_what_it_is(tmp_path):
+def test_the_file_has_its_metadata(tmp_path):
     make_reader = pytest.importorskip('mcap.reader').make_reader
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 3)
@@ -167,7 +167,7 @@ def test_the_file_says_what_it_is(tmp_path):
         assert 'message_count: 3' in metadata.metadata['serialized_metadata']
 
 
-def test_a_minute_at_50_hz_takes_little_room(tmp_path):
+def test_a_minute_at_50_hz_takes_little_space(tmp_path):
     """And so does an hour: 36 MB at most."""
     drive = RecordedDrive(tmp_path)
     for second, tick in itertools.product(range(60), range(50)):

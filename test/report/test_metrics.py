@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is told of a drive: displacements, and the table."""
+"""The figures of a drive: displacements, and the table."""
 
 import math
 
@@ -46,12 +46,12 @@ LIMITS = Limits(1.0, 2.0)
 
 
 def planned(*steps, limits=LIMITS, rate=10.0):
-    """Return what a record is told before steps are driven in one run."""
+    """Return the event before steps are driven in one run."""
     return MotionPlanned(Motion('test', steps), limits, rate)
 
 
 def record_of(steps, delay=0.004, period=0.02, start=100.0):
-    """Return the record of a robot that does what it is told, a moment later."""
+    """Return the record of a robot that follows its velocities after a delay [s]."""
     record, now, pose, told = DriveLog(), start, ORIGIN, []
     for step in steps:
         told.append((now, step.velocity))
@@ -86,7 +86,7 @@ def test_each_movement_gets_what_it_moved():
 
 
 def test_odometry_that_comes_during_the_first_rest_is_early_enough():
-    """The graph may bring it later than the subscription to our velocities."""
+    """Its discovery may take longer than that of the subscription to our velocities."""
     record = record_of(STEPS)
     del record.odometry[:30]
     cuts = segment_odometry(record.steps, record.odometry)
@@ -117,7 +117,7 @@ def test_the_steps_of_one_run_share_its_messages():
         assert told.angle == pytest.approx(wanted.angle, abs=1e-9)
 
 
-def test_the_cuts_never_go_back():
+def test_the_cuts_are_in_order():
     record = record_of([Move(0.0, 0.0, 0.1), Move(0.1, 0.0, 0.1), Move(0.0, 0.0, 0.1)])
     cuts = segment_odometry(record.steps, record.odometry)
     assert cuts == sorted(cuts)
@@ -135,7 +135,7 @@ def test_what_was_sent_is_each_velocity_until_the_next(pairs):
     assert sent(messages) == Displacement(pytest.approx(wanted), pytest.approx(-wanted))
 
 
-def test_odometry_that_does_not_cover_a_movement_says_nothing():
+def test_odometry_that_does_not_cover_a_movement_gives_no_displacement():
     assert driven([], 0.0, 1.0) is None
     assert driven([OdometryReceived(0.5, ORIGIN), OdometryReceived(2.0, ORIGIN)], 0.0, 1.0) is None
 

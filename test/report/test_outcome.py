@@ -62,8 +62,8 @@ def test_each_signal_is_named(signum, name):
     assert fields(Summary(record), None)['verdict']['signal'] == name
 
 
-def test_a_fault_before_the_signal_is_told_too():
-    """Standing by, a program goes on after a motion that came to nothing."""
+def test_a_fault_before_the_signal_is_reported_too():
+    """Standing by, a program goes on after a motion that failed."""
     simulated = SimulatedDrive(20.0)
     simulated.drive(SQUARE, 6.4, HELD_UP)
     simulated.drive(SECOND)

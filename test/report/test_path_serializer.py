@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A path packed by us is the one that ROS reads."""
+"""ROS reads the path that we serialize."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def stamp(header, frame, time):
 
 
 def message(frame, poses, time):
-    """Return the path that is meant."""
+    """Return the expected path."""
     path = Path()
     stamp(path.header, frame, time)
     for pose, when in poses:
@@ -59,10 +59,10 @@ def message(frame, poses, time):
 
 
 @given(FRAMES, st.lists(st.tuples(POSES, TIMES), max_size=5), TIMES)
-def test_a_path_is_packed_as_ros_packs_it(frame, poses, time):
+def test_a_path_is_serialized_as_by_ros(frame, poses, time):
     own = PathSerializer(frame)
     packed = own.path([own.pose(pose, when) for pose, when in poses], time)
     meant = message(frame, poses, time)
-    # Not the bytes: what ROS leaves between two numbers is anything.
+    # Not the bytes: the padding that ROS leaves is undefined.
     assert deserialize_message(packed, Path) == meant
     assert len(packed) == len(serialize_message(meant))

@@ -77,7 +77,7 @@ def test_backwards_is_drawn_backwards():
     assert polyline(paths, 0.001)[-1] == pytest.approx((-1.5, 0.5))
 
 
-def test_lines_drawn_again_are_drawn_once():
+def test_repeated_lines_are_drawn_once():
     points = polyline(arc_segments(preview(HOUR).plan), 0.001)
     seen = [point for point in points if not math.isnan(point[0])]
     assert len(seen) < 10

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a person sees of a plan before it is driven."""
+"""The plot of a plan."""
 
 from itertools import combinations
 import math
@@ -59,7 +59,7 @@ def data_of(figure, gid):
 
 
 @pytest.mark.parametrize('name', ['plan.jpg', 'plan', 'plan.', '.png', 'plan.svg.txt'])
-def test_an_ending_that_we_cannot_draw_is_refused(tmp_path, name):
+def test_an_unknown_file_extension_is_refused(tmp_path, name):
     file = tmp_path / name
     with pytest.raises(UsageError) as refusal:
         check_plot_file(file)
@@ -67,7 +67,7 @@ def test_an_ending_that_we_cannot_draw_is_refused(tmp_path, name):
         f'{file}: a plot is .png, .svg or .pdf; take one of these as its ending')
 
 
-def test_a_place_that_is_none_is_refused_before_anything_is_drawn(tmp_path, monkeypatch):
+def test_an_impossible_path_is_refused_before_anything_is_drawn(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'matplotlib', None)
     with pytest.raises(UsageError) as refusal:
         save_plot(tmp_path / 'gone' / 'plan.svg', [preview(SQUARE)])
@@ -79,7 +79,7 @@ def test_a_place_that_is_none_is_refused_before_anything_is_drawn(tmp_path, monk
     assert str(refusal.value) == f'{tmp_path}/plan.svg: this is a folder; name a file in it'
 
 
-def test_a_place_that_is_not_ours_is_refused(tmp_path, monkeypatch):
+def test_a_folder_without_write_permission_is_refused(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(os, 'access', lambda *question: asked.append(question))
     with pytest.raises(UsageError) as refusal:
@@ -88,7 +88,7 @@ def test_a_place_that_is_not_ours_is_refused(tmp_path, monkeypatch):
     assert asked == [(tmp_path, os.W_OK)]
 
 
-def test_without_matplotlib_one_sentence_says_how_to_get_it(tmp_path, monkeypatch):
+def test_without_matplotlib_one_sentence_says_how_to_install_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'matplotlib', None)
     with pytest.raises(UsageError) as refusal:
         save_plot(tmp_path / 'plan.svg', [preview(SQUARE)])
@@ -98,12 +98,12 @@ def test_without_matplotlib_one_sentence_says_how_to_get_it(tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize('count', [0, 13])
-def test_nobody_looks_at_too_many_plans(count):
+def test_the_number_of_plans_in_a_plot_is_bounded(count):
     with pytest.raises(UsageError, match=rf'^a plot shows 1 to 12 motions, not {count}; name'):
         draw_plans([preview(SPIN)] * count)
 
 
-def test_a_disk_that_is_full_is_one_sentence(tmp_path, monkeypatch, matplotlib):
+def test_a_full_disk_is_reported_in_one_sentence(tmp_path, monkeypatch, matplotlib):
     def refuse(*_):
         raise OSError(28, 'No space left on device')
     monkeypatch.setattr(Path, 'write_bytes', refuse)
@@ -196,7 +196,7 @@ SHOWN = {
 
 
 @pytest.mark.parametrize('previews', SHOWN.values(), ids=SHOWN)
-def test_no_words_are_clipped_or_on_top_of_others(matplotlib, previews):
+def test_no_text_is_clipped_or_overlaps(matplotlib, previews):
     figure = draw_plans(previews)
     figure.canvas.draw()
     renderer = figure.canvas.get_renderer()
@@ -208,7 +208,7 @@ def test_no_words_are_clipped_or_on_top_of_others(matplotlib, previews):
         assert 0.0 <= box.y0 < box.y1 <= figure.bbox.y1, text
     for (one, first), (two, second) in combinations(zip(texts, boxes), 2):
         assert not first.overlaps(second), (one, two)
-    # The key is beside the pictures, not in them.
+    # The legend is beside the pictures, not in them.
     key = figure.legends[0].get_window_extent(renderer)
     assert not any(key.overlaps(axes.get_window_extent()) for axes in figure.axes)
 
@@ -261,7 +261,7 @@ def ordinates(line):
     return [float(y) for y in re.findall(r'[ML] \S+ (\S+)', line)]
 
 
-def test_settings_and_state_of_others_stay_as_they_are(tmp_path, matplotlib):
+def test_settings_and_state_of_matplotlib_stay_as_they_are(tmp_path, matplotlib):
     before = dict(matplotlib.rcParams)
     had_pyplot = 'matplotlib.pyplot' in sys.modules
     matplotlib.rcParams['font.size'] = 31.0

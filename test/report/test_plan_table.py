@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a person reads of a plan before it is driven."""
+"""The table of a plan."""
 
 import math
 import re
@@ -38,7 +38,7 @@ def cells(line):
     return line.split()
 
 
-def test_square_tells_what_school_geometry_does():
+def test_square_has_the_figures_of_elementary_geometry():
     """Half a metre at 0.25 m/s is 2 s, a quarter turn at 1 rad/s is pi / 2 s."""
     lines = lines_of(preview(SQUARE, ABRUPT))
     assert lines[0] == 'square on kachaka at 20 Hz'
@@ -63,7 +63,7 @@ def test_square_tells_what_school_geometry_does():
         '1.000']
 
 
-def test_below_the_table_stand_messages_and_limits():
+def test_messages_and_limits_are_below_the_table():
     limits = Limits(0.3, 1.57, 0.5, 2.5, max_backward_velocity=0.1, max_linear_deceleration=1.0)
     lines = lines_of(preview(LESSON, limits, rate=10.0))
     assert 'Sent: 90 velocities, 100 ms apart or less, then the stop' in lines
@@ -73,20 +73,20 @@ def test_below_the_table_stand_messages_and_limits():
     assert lines[-1].startswith('Poses: at the end')
 
 
-def test_without_limits_none_are_told():
+def test_without_limits_none_are_shown():
     motion = Motion('any', [Forward(1.0, 0.2)])
     lines = lines_of(preview(motion, Limits(math.inf, math.inf)))
     assert 'Limits: none' in lines
 
 
-def test_a_motion_of_nothing_has_a_table_too():
+def test_an_empty_motion_has_a_table_too():
     lines = lines_of(preview(EMPTY))
     assert cells(lines[-6]) == [
         '0', 'steps', '0.000', '0.000', '0.000', '0.000', '0.0', '0.000', '0.000']
     assert any(line.startswith('Sent: 0 velocities') for line in lines)
 
 
-def test_repeated_steps_of_a_long_motion_stand_there_twice():
+def test_repeated_steps_of_a_long_motion_are_shown_twice():
     lines = lines_of(preview(HOUR, ABRUPT))
     assert len(lines) < 20
     assert cells(lines[5])[:7] == ['1', 'forward', '0.5', 'm', '1', 'of', '1000']
@@ -106,7 +106,7 @@ def test_a_long_motion_without_repeats_is_cut_in_the_middle():
     assert numbers == [*range(1, 20), *range(282, 301)]
 
 
-def test_what_was_not_seen_before_is_not_called_as_above():
+def test_only_steps_shown_before_are_called_as_above():
     inner = [Forward(0.1), Turn(0.5)]
     motion = Motion('nested', [Repeat(5, [Repeat(10, inner), Wait(1.0)]), Forward(-1.0)])
     gaps = [line for line in lines_of(preview(motion)) if line.startswith('...')]
@@ -158,7 +158,7 @@ def test_steps_in_words(step, words):
 
 @pytest.mark.parametrize('name', [
     'x' * 300, '四角' * 100, 'two\nlines\tand a bell\x07', '$a_b$', ''])
-def test_a_name_keeps_to_its_line(name):
+def test_a_name_stays_on_its_line(name):
     """Names come from files, and may be anything."""
     for previews in ([PlanView(name, name, plan(SQUARE, GENTLE, 20.0), GENTLE)],
                      [preview(SQUARE), preview(Motion(name, SQUARE.steps), robot=name)]):
@@ -182,10 +182,10 @@ def test_any_table_fits_a_terminal(motion, limits, rate):
 
 
 @given(MOTIONS, LIMITS, RATES)
-def test_as_many_velocities_are_told_as_are_sent(motion, limits, rate):
+def test_as_many_velocities_are_shown_as_are_sent(motion, limits, rate):
     one = preview(motion, limits, rate)
-    player = TickScheduler(one.plan)
+    scheduler = TickScheduler(one.plan)
     sent, now = 0, 0.0
-    while sent < 3000 and (due := player.due(now)) is not None:
+    while sent < 3000 and (due := scheduler.due(now)) is not None:
         sent, now = sent + 1, due.deadline
     assert sent in (3000, one.messages)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Ways as few poses: they begin and end where they should, and are never too long."""
+"""Paths as few poses: they begin and end where they should, and are never too long."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ POSES = st.builds(
     Pose, st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-10.0, 10.0))
 
 
-def way(*steps, **more):
-    """Return the way of a motion."""
+def path_of(*steps, **more):
+    """Return the path of a motion."""
     return sample_path(plan(Motion('way', steps), KACHAKA.limits, 10.0), **more)
 
 
 @UNHURRIED
 @given(MOTIONS, POSES, st.integers(2, 50))
-def test_a_planned_way_begins_and_ends_where_the_robot_does(motion, start, most):
+def test_a_planned_path_begins_and_ends_where_the_robot_does(motion, start, most):
     drawn = plan(motion, KACHAKA.limits, 10.0)
     poses = sample_path(drawn, start, most)
     exact = drawn.path(start)
@@ -52,25 +52,25 @@ def test_a_planned_way_begins_and_ends_where_the_robot_does(motion, start, most)
 
 
 def test_a_straight_line_is_two_poses():
-    assert len(way(Move(0.1, 0.0, 5.0))) == 2
+    assert len(path_of(Move(0.1, 0.0, 5.0))) == 2
 
 
 def test_a_circle_is_round():
-    poses = way(Arc(radius=0.5, angle=math.tau))
+    poses = path_of(Arc(radius=0.5, angle=math.tau))
     assert len(poses) == 91
     assert all(math.hypot(pose.x, pose.y - 0.5) == pytest.approx(0.5) for pose in poses)
 
 
-def test_a_turn_shows_where_the_robot_looks():
-    poses = way(Turn(angle=math.pi / 2.0))
+def test_headings_of_a_turn_in_place_are_close_together():
+    poses = path_of(Turn(angle=math.pi / 2.0))
     assert {(pose.x, pose.y) for pose in poses} == {(0.0, 0.0)}
     assert max(b.theta - a.theta for a, b in pairwise(poses)) <= TURN + 1e-9
 
 
 @pytest.mark.parametrize('times', [30, 300, 3000])
-def test_a_long_way_has_as_many_poses_as_it_may(times):
+def test_a_long_path_has_as_many_poses_as_allowed(times):
     side = (Move(0.2, 0.0, 1.0), Move(0.0, 1.0, 1.0))
-    poses = way(Repeat(times, side), most=200)
+    poses = path_of(Repeat(times, side), most=200)
     assert 60 <= len(poses) <= 200
     # Evenly from all: the end is as near as the beginning.
     assert poses[-1].theta == pytest.approx(times)
@@ -88,7 +88,7 @@ def test_a_trail_is_never_too_long_and_keeps_its_beginning(poses, most):
     assert all(pose in rest for pose in trail.kept)  # in order
 
 
-def test_a_trail_leaves_out_what_cannot_be_seen_and_keeps_what_can():
+def test_a_trail_leaves_out_changes_too_small_to_be_seen():
     trail = PoseHistory(100, lambda pose: pose)
     assert trail.add(ORIGIN)
     assert not trail.add(Pose(SPACING / 2.0, 0.0, TURN / 2.0))
@@ -111,7 +111,7 @@ def test_a_full_trail_is_thinned_from_end_to_end():
     assert max(gaps) <= 2.5 * min(gaps)
 
 
-def test_what_is_kept_is_made_once():
+def test_each_kept_pose_is_converted_once():
     made = []
     trail = PoseHistory(4, lambda pose: made.append(pose.x) or pose.x)
     for number in range(50):

@@ -42,8 +42,8 @@ def test_the_file_is_whole_after_each_flush(read, tmp_path):
         assert velocities(read(drive.file), TWIST) == drive.expected(until)
 
 
-def test_what_was_told_late_comes_in_its_place(tmp_path):
-    """Threads tell what happens, and one may be overtaken by another."""
+def test_a_late_event_is_sorted_by_its_time(tmp_path):
+    """Several threads publish events, and one may be slower than another."""
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 5)
     drive.recorder.flush(10.25)
@@ -117,7 +117,7 @@ def test_a_disk_without_any_room_leaves_no_file(monkeypatch, tmp_path):
     assert not drive.file.exists()
 
 
-def test_a_full_disk_at_the_very_end_costs_the_index_alone(monkeypatch, tmp_path):
+def test_a_full_disk_at_the_very_end_loses_only_the_index(monkeypatch, tmp_path):
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 10)
     drive.recorder.flush(20.0)
@@ -127,7 +127,7 @@ def test_a_full_disk_at_the_very_end_costs_the_index_alone(monkeypatch, tmp_path
         assert velocities(read(drive.file), TWIST) == drive.expected()
 
 
-def test_a_full_disk_after_the_recording_leaves_no_half_of_a_description(monkeypatch, tmp_path):
+def test_a_full_disk_after_the_recording_leaves_no_incomplete_metadata(monkeypatch, tmp_path):
     def write_text(self, text, encoding):
         self.write_bytes(text[:100].encode(encoding))
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -153,7 +153,7 @@ def test_a_failure_of_another_kind_ends_the_recording_too(monkeypatch, tmp_path)
     assert len(read_with_mcap(drive.file)) == 10
 
 
-def test_without_the_library_the_recording_is_left_out_in_a_sentence(monkeypatch, tmp_path):
+def test_without_the_library_the_recording_is_left_out_with_a_message(monkeypatch, tmp_path):
     monkeypatch.setattr(mcap_recorder.importlib.util, 'find_spec', lambda name: None)
     drive = RecordedDrive(tmp_path)
     drive.send(10.0, 3)
@@ -163,7 +163,7 @@ def test_without_the_library_the_recording_is_left_out_in_a_sentence(monkeypatch
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_old_library_is_told_from_a_new_one(monkeypatch, tmp_path):
+def test_a_library_that_is_too_old_is_refused(monkeypatch, tmp_path):
     from mcap.writer import Writer
     monkeypatch.delattr(Writer, 'flush')
     drive = RecordedDrive(tmp_path)

@@ -52,7 +52,7 @@ EVIL = '<script>alert("x")</script>&$x_1$\x00'
 
 
 def drawn():
-    """Skip a test where there is nothing to draw with."""
+    """Skip a test where matplotlib is missing."""
     pytest.importorskip('matplotlib', reason='pictures need matplotlib')
 
 
@@ -178,7 +178,8 @@ def test_without_matplotlib_the_page_says_so(tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ['report.html', 'run.json']
 
 
-def test_without_jinja2_one_line_says_how_to_get_it_and_the_rest_is_there(tmp_path, monkeypatch):
+def test_without_jinja2_one_line_says_how_to_install_it_and_the_rest_is_written(
+        tmp_path, monkeypatch):
     drawn()
     monkeypatch.setitem(sys.modules, 'jinja2', None)
     line = ('report.html is left out: it needs Jinja2: pip install jinja2, or sudo apt install '
@@ -188,7 +189,7 @@ def test_without_jinja2_one_line_says_how_to_get_it_and_the_rest_is_there(tmp_pa
     assert sorted(path.name for path in tmp_path.iterdir()) == ['path.png', 'run.json']
 
 
-def test_a_picture_that_fails_does_not_cost_the_page(tmp_path, monkeypatch):
+def test_the_page_is_written_even_if_a_picture_fails(tmp_path, monkeypatch):
     drawn()
     monkeypatch.setattr(
         'kachaka_simple_control.report.drive_plots.draw_drive_path', lambda *_: 1 / 0)
@@ -202,7 +203,7 @@ def test_a_folder_that_cannot_be_written_to_is_an_os_error(tmp_path):
         write_report(done(), tmp_path / 'nowhere', None)
 
 
-def test_why_there_is_no_recording_is_told():
+def test_the_report_says_why_there_is_no_recording():
     summary = Summary(done())
     assert 'run.mcap</code>, the recording.' in render_page(summary, {}, None, None)
     why = 'It needs mcap-ros2-support: pip install <it>.'
@@ -233,7 +234,7 @@ def headings(record):
     return [float(heading) for _, _, heading in rows]
 
 
-def test_headings_tell_where_it_looks_and_not_how_often_it_turned():
+def test_headings_are_shown_without_full_turns():
     assert headings(done()) == [0.0, pytest.approx(0.0, abs=0.1), pytest.approx(4.3, abs=0.1)]
     assert headings(stopped()) == [0.0, pytest.approx(90.0, abs=0.1), pytest.approx(91.1, abs=0.1)]
     half = Motion('half', [Turn(3.14)])
@@ -257,14 +258,14 @@ def test_of_very_many_steps_the_first_and_the_last_are_shown(tmp_path):
 
 
 @pytest.mark.slow
-def test_an_hour_is_reported_small_and_soon(tmp_path):
+def test_the_report_of_an_hour_is_small_and_quick(tmp_path):
     drawn()
     record = hour()
     assert len(record.sent) >= 180_000
     assert len(record.odometry) >= 72_000
     begin = time.process_time()
     write_report(record, tmp_path, None)
-    # The bar is 5 s; docs/report.md says what was measured.  This machine may be any.
+    # The bar is 5 s; docs/report.md says what was measured.  This machine may be slower.
     assert time.process_time() - begin < 20.0
     assert (tmp_path / 'report.html').stat().st_size < 2_000_000
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The reporter hears all, holds nobody up, and leaves what it heard, whatever ends whom."""
+"""The reporter receives all events, delays no program, and keeps what it received."""
 
 import os
 from pathlib import Path
@@ -83,7 +83,7 @@ def wait_for_file(file, size):
         time.sleep(0.02)
 
 
-def test_all_that_was_told_is_recorded(tmp_path, capfd):
+def test_all_published_events_are_recorded(tmp_path, capfd):
     events = [
         *BEGINNING, *drive(1000, 10.1), MotionEnded(30.0), SessionEnded(31.0, still_after=0.1)]
     process = reporter_of(tmp_path)
@@ -109,11 +109,11 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-def test_it_lives_on_when_the_program_is_killed(tmp_path):
+def test_it_continues_when_the_program_is_killed(tmp_path):
     environment = processes.child_environment()
     environment['PYTHONPATH'] += os.pathsep + str(Path(__file__).parent) + os.pathsep + str(
         Path(__file__).parents[1])
-    # The reporter holds on to the pipe; so this returns when it has ended.
+    # The reporter keeps the pipe open; so this returns when it has ended.
     ended = subprocess.run(
         [sys.executable, '-c', TELL, str(tmp_path)], env=environment, timeout=PATIENCE,
         capture_output=True, text=True, check=False)
@@ -122,7 +122,7 @@ def test_it_lives_on_when_the_program_is_killed(tmp_path):
     assert ended.stderr == f'report: {tmp_path}/report.html\n'
 
 
-def test_killed_itself_it_leaves_all_but_the_last_second(tmp_path):
+def test_a_killed_reporter_leaves_all_but_the_last_second(tmp_path):
     """So does a machine that kills both at once."""
     process = reporter_of(tmp_path)
     for event in (OPENED, PLANNED):
@@ -146,7 +146,7 @@ def test_killed_itself_it_leaves_all_but_the_last_second(tmp_path):
         assert found[:len(due)] == due
 
 
-def test_what_is_told_reaches_the_disk_while_nothing_more_comes(tmp_path):
+def test_an_event_reaches_the_disk_even_if_none_follows(tmp_path):
     process = reporter_of(tmp_path)
     for event in (OPENED, PLANNED):
         process.send(event)
@@ -172,7 +172,7 @@ def test_a_signal_to_all_programs_does_not_end_it(signum, tmp_path):
     assert_recorded(tmp_path, events)
 
 
-def test_it_stands_behind_the_program_that_drives(tmp_path):
+def test_it_has_a_lower_priority_than_the_program_that_drives(tmp_path):
     process = reporter_of(tmp_path)
     process.send(OPENED)
     wait_for_file(tmp_path / 'run.mcap', 0)
@@ -205,7 +205,7 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
     assert one[0] == (stamp_of(OPENED, 10.0), 0.1, 0.0)
 
 
-def test_one_that_does_not_keep_up_is_told_no_more_and_says_what_it_heard(tmp_path, capfd):
+def test_one_that_does_not_keep_up_gets_no_more_and_records_what_it_received(tmp_path, capfd):
     event_bus = EventBus()
     with SubscriberProcesses(event_bus) as subscribers:
         subscribers.start(REPORTER, str(tmp_path))
@@ -228,7 +228,7 @@ def test_one_that_does_not_keep_up_is_told_no_more_and_says_what_it_heard(tmp_pa
         assert 1000 < len(found) < 20_000
 
 
-def test_a_program_that_ended_before_it_began_is_no_report(tmp_path, capfd):
+def test_a_program_that_ended_before_it_began_has_no_report(tmp_path, capfd):
     process = reporter_of(tmp_path)
     assert process.close(PATIENCE) == 1
     assert 'report: there is none: the program ended before anything began' in (
@@ -239,7 +239,7 @@ def test_a_program_that_ended_before_it_began_is_no_report(tmp_path, capfd):
 @pytest.mark.parametrize('error, text', [
     (ValueError('odd'), "there is none: ValueError('odd')"),
     (OSError(28, 'No space left on device'), 'there is none: No space left on device')])
-def test_a_report_that_fails_is_said_in_a_line(error, text, monkeypatch, tmp_path):
+def test_a_report_that_fails_is_a_one_line_message(error, text, monkeypatch, tmp_path):
     def write_report(record, folder, recording):
         raise error
 
@@ -249,7 +249,7 @@ def test_a_report_that_fails_is_said_in_a_line(error, text, monkeypatch, tmp_pat
     assert report_process.try_write_report(record, tmp_path, None) == text
 
 
-def test_the_report_is_told_what_became_of_the_recording(monkeypatch, tmp_path):
+def test_the_report_gets_the_failure_of_the_recording(monkeypatch, tmp_path):
     calls = []
     monkeypatch.setattr(report_process, 'write_report', lambda *arguments: calls.append(arguments))
     record = DriveLog()
@@ -270,7 +270,7 @@ def test_a_folder_is_made_and_kept(tmp_path):
     assert folder.is_dir()
 
 
-def test_bad_usage_leaves_no_folder_but_what_was_there(tmp_path):
+def test_bad_usage_leaves_only_folders_that_were_there(tmp_path):
     there = tmp_path / 'there'
     there.mkdir()
     for folder in (there, there / 'runs' / 'first'):
@@ -303,6 +303,6 @@ def test_a_file_is_no_folder(tmp_path):
 
 
 @pytest.mark.skipif(not Path('/proc/self').exists(), reason='needs a place for no files')
-def test_a_place_that_takes_no_files_is_refused():
+def test_a_folder_that_cannot_be_written_to_is_refused():
     assert 'cannot be written to' in refused_because('/proc/report')
     assert 'cannot be written to (File name too long)' in refused_because('/tmp/' + 300 * 'x')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Where a drive led: by its plans, by its messages, and by odometry."""
+"""Where a drive ended: by its plans, by its messages, and by odometry."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ from simulated_drive import SimulatedDrive
 SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
 
 
-def test_the_lesson_is_one_chain():
+def test_the_motions_of_the_lesson_follow_each_other():
     told = fields(Summary(lesson()), None)
     starts = [step['start_s'] for step in told['steps']]
     assert starts[0] == 0.0
@@ -52,7 +52,7 @@ def test_the_lesson_is_one_chain():
     assert [motion['name'] for motion in told['motions']] == ['move_robot'] * 7
 
 
-def test_odometry_is_laid_onto_the_start_wherever_its_frame_is():
+def test_odometry_is_aligned_with_the_start_wherever_its_frame_is():
     record = done()
     plain = Summary(record).path.odometry[-1].pose
     elsewhere = Pose(3.0, -2.0, 2.5)
@@ -76,13 +76,13 @@ POSES = st.builds(Pose, st.floats(-9, 9), st.floats(-9, 9), st.floats(-3, 3))
 
 
 @given(POSES, POSES)
-def test_a_pose_seen_from_another_and_back(frame, pose):
+def test_a_relative_pose_can_be_converted_back(frame, pose):
     distance, angle = distance_between(compose(frame, relative_to(frame, pose)), pose)
     assert distance == pytest.approx(0.0, abs=1e-9)
     assert angle == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_receiver_keeps_a_velocity_for_its_hold_at_most():
+def test_a_velocity_counts_for_the_command_timeout_at_most():
     way = DeadReckoning(
         [VelocitySent(1.0, Velocity(0.2, 0.0)), VelocitySent(3.0, Velocity(0.2, 0.0))], 0.3)
     assert way.at(0.0) == ORIGIN

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How the messages of a drive stand to the times at which they were due."""
+"""The times of the messages of a drive, compared with those at which they were due."""
 
 import math
 
@@ -72,7 +72,7 @@ def test_late_and_lost_are_counted_as_the_benchmarks_do():
     assert max(found.interval_errors) == pytest.approx(0.055)
 
 
-def test_what_the_stop_came_before_was_not_lost():
+def test_ticks_due_after_the_stop_are_not_lost():
     found = timing(sent_at(0.0, 0.1, 0.2, reason='held up'))
     # The zero came at 0.7 s: what was due at 0.3 to 0.6 s is lost.
     assert (found.due, found.late, found.lost) == (7, 0, 4)
@@ -80,11 +80,11 @@ def test_what_the_stop_came_before_was_not_lost():
 
 @given(MOTIONS, st.sampled_from([5.0, 20.0, 37.0]))
 @UNHURRIED
-def test_the_times_at_which_messages_are_due_are_the_players(motion, rate):
+def test_due_times_are_those_of_the_tick_scheduler(motion, rate):
     from kachaka_simple_control.control.plan_runner import TickScheduler
     planned = plan(motion, Limits(5.0, 10.0), rate)
-    player, now, asked = TickScheduler(planned), 0.0, []
-    while (due := player.due(now)) is not None:
+    scheduler, now, asked = TickScheduler(planned), 0.0, []
+    while (due := scheduler.due(now)) is not None:
         asked.append(now)
         now = due.deadline
     assert due_times(planned, math.inf) == pytest.approx(asked)
@@ -108,7 +108,7 @@ def test_the_loop_of_the_lesson_turns_too_far():
 
 @given(st.lists(st.floats(-50, 50), max_size=50))
 @UNHURRIED
-def test_the_histogram_counts_everything(values):
+def test_the_histogram_counts_every_value(values):
     pytest.importorskip('matplotlib', reason='needs matplotlib')
     reach, counts = histogram(values)
     assert sum(counts) == len(values)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""By which ways ROS 2 traffic goes."""
+"""Which transports and addresses ROS 2 traffic uses."""
 
 import contextlib
 import json
@@ -189,7 +189,7 @@ def matching_times(count):
 @pytest.mark.slow
 def test_a_robot_with_the_range_localhost_need_not_be_waited_for():
     """
-    It hears no multicast, and announces itself every 3 s.
+    It receives no multicast, and announces itself every 3 s.
 
     Whoever waits for that takes 3 s each but the first.  Of those that greet it, half are quick
     enough for its answer, even where it has nothing else to do; so two of eight must be.
@@ -201,7 +201,7 @@ def test_a_robot_with_the_range_localhost_need_not_be_waited_for():
 
 
 @pytest.mark.slow
-def test_a_robot_with_the_range_localhost_is_met_among_many_nodes():
+def test_a_robot_with_the_range_localhost_is_matched_among_many_nodes():
     """It announces itself to the first 32 participants alone, and the newcomer is none of them."""
     needs_fast_dds()
     with running(ROBOT), running(CROWD):
@@ -245,7 +245,7 @@ def test_a_simulated_drive_sends_no_packet_off_this_machine(cable, tmp_path):
     assert arrived(**{dds_transport.RANGE: 'SUBNET'}) > 0
 
 
-def test_what_people_chose_stands():
+def test_settings_of_the_user_are_kept():
     threads, _ = inspect('use_udp_transport', **{dds_transport.TRANSPORTS: 'DEFAULT'})
     assert 'shm' in threads
     for chosen in ({dds_transport.RANGE: 'SUBNET'}, {dds_transport.LOCALHOST_ONLY: '0'}):
@@ -258,7 +258,7 @@ def test_what_people_chose_stands():
         assert result.stdout.count('None') == len(dds_transport.CHOICES) - 1
 
 
-def test_tools_that_know_nothing_of_this_hear_who_stays_here():
+def test_tools_with_other_settings_receive_from_a_localhost_only_program():
     """As in another terminal: with ROS's own settings, or with its range LOCALHOST."""
     needs_fast_dds()
     talk = ('from kachaka_simple_control.ros.dds_transport import *; use_localhost_only(); '
@@ -283,7 +283,7 @@ def test_tools_that_know_nothing_of_this_hear_who_stays_here():
             talker.kill()
 
 
-def test_a_profile_of_ones_own_is_not_replaced():
+def test_a_profile_of_the_user_is_not_replaced():
     needs_fast_dds()
     name = dds_transport.PROFILES[dds_transport._fast_dds()[0]]
     before = dict(os.environ)

@@ -49,12 +49,12 @@ def test_the_plan_is_shown_before_the_robot_moves_from_where_it_is(listener, obs
     assert wait_until(lambda: planned and planned[-1].header.frame_id == 'lab')
     assert not listener.moves()
     thread.join()
-    # To the left, for the robot looks along y: from (1, 2) by (-0.2, 0.2).
+    # To the left, for the robot faces along y: from (1, 2) by (-0.2, 0.2).
     assert positions(planned[-1])[0] == pytest.approx((1.0, 2.0))
     assert positions(planned[-1])[-1] == pytest.approx((0.8, 2.2))
     assert len(planned[-1].poses) > 20
     assert {pose.header.frame_id for pose in planned[-1].poses} == {'lab'}
-    # Who comes later sees it, too.
+    # A late subscriber receives it, too.
     late = observer.planned()
     assert wait_until(lambda: late)
     assert positions(late[-1]) == positions(planned[-1])
@@ -129,7 +129,7 @@ def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, 
     assert [move.count for move in listener.moves()] == [25]
 
 
-def test_a_diagnosis_tells_of_the_end_of_a_motion(listener, observer, make):
+def test_a_diagnosis_reports_the_end_of_a_motion(listener, observer, make):
     node = make()
     seen = observer.diagnostics()
     stop_soon(node, listener)
@@ -177,7 +177,7 @@ def test_a_topic_that_fails_is_logged_once_and_ends_nothing(listener, observer, 
 
 def test_slow_dds_of_debug_topics_delays_no_velocity(
         listener, observer, make, monkeypatch):
-    """As it was seen to, for a third of a second, while somebody joins the graph."""
+    """As observed, for a third of a second, while a participant joins."""
     observer.publish_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make(rate=20.0)
     thread, sent = node._introspection._thread, []

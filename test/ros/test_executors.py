@@ -148,7 +148,7 @@ def test_subscription_executor_ends_in_the_midst_of_a_flood(node):
         flood.clear()
 
 
-def test_an_error_of_the_subscription_callback_comes_out(node):
+def test_an_error_of_the_subscription_callback_is_raised(node):
     received = []
 
     def on_twist(twist):

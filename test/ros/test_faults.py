@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What goes wrong while driving: seen, answered with a stop, and told in one line."""
+"""Faults while driving: detected, answered with a stop, and reported in one line."""
 
 import math
 import signal
@@ -46,13 +46,13 @@ class Odometer:
         self.velocity = 0.0
         self._publisher = listener._node.create_publisher(
             Odometry, 'odometry/odometry', qos_profile_sensor_data)
-        self._timer = listener._node.create_timer(0.02, self._tell)
+        self._timer = listener._node.create_timer(0.02, self._publish)
 
     def silence(self):
-        """Tell no more, as a robot that crashed."""
+        """Publish no more, as a robot that crashed."""
         self._timer.cancel()
 
-    def _tell(self):
+    def _publish(self):
         message = Odometry()
         message.twist.twist.linear.x = self.velocity
         self._publisher.publish(message)
@@ -70,14 +70,14 @@ def test_a_robot_that_leaves_is_noticed_at_once(listener, tmp_path):
         listener.leave()
         left = time.monotonic()
         assert started.end() == 1
-        # The stop and the goodbye take their time; the motion itself does not go on.
+        # The stop and the release take their time; the motion itself does not go on.
         assert time.monotonic() - left < 3.0
     assert 'the robot left: nobody subscribes to /kachaka/manual_control/cmd_vel' in started.text
     assert started.text.count('Movement completed') == 1
 
 
 def test_a_robot_whose_odometry_falls_silent_is_taken_for_lost(listener, tmp_path):
-    """Nothing else tells of a cable that was pulled, for 20 s."""
+    """Nothing else reports a pulled cable within 20 s."""
     odometer = Odometer(listener)
     with program(COMMAND, tmp_path) as started:
         moved = listener.wait_for(lambda heard: heard.angular_z != 0.0)
@@ -102,8 +102,8 @@ def test_odometry_that_begins_in_mid_motion_is_watched_from_then_on(listener, tm
     assert moved.time < end_of_motion(listener) < silent + 1.3
 
 
-def test_what_is_no_number_is_no_odometry(listener, tmp_path):
-    """A robot that tells nothing else has fallen silent."""
+def test_odometry_that_is_not_a_number_is_ignored(listener, tmp_path):
+    """A robot that publishes nothing else counts as silent."""
     odometer = Odometer(listener)
     with program(COMMAND, tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
@@ -119,13 +119,13 @@ def test_a_robot_without_odometry_is_driven_as_well(listener, tmp_path):
 
 
 class OtherPublisher:
-    """Has a publisher of velocities, and sends what it is told to, 20 times a second."""
+    """A publisher of velocities, which sends at 20 Hz from ``send`` on."""
 
     #: Something that our programs never send.
     SPEED = 0.07
 
     def __init__(self, listener, quality=10):
-        """Have the publisher, and be silent."""
+        """Create the publisher, and send nothing yet."""
         self._node = listener._node
         self._publisher = self._node.create_publisher(Twist, 'manual_control/cmd_vel', quality)
         self._message = None
@@ -140,7 +140,7 @@ class OtherPublisher:
         self._message = message
 
     def leave(self):
-        """Have no publisher any more."""
+        """Destroy the publisher."""
         self._timer.cancel()
         self._node.destroy_publisher(self._publisher)
 
@@ -151,14 +151,14 @@ class OtherPublisher:
 
 
 def ours(listener, other):
-    """Return the velocities that moved the robot and were ours, after the other began."""
+    """Return our velocities other than zero after the other publisher began."""
     return [heard for heard in listener.heard
             if heard.time > other.began + 0.05 and heard.moves
             and heard.linear_x != OtherPublisher.SPEED]
 
 
 @pytest.mark.parametrize('quality', [10, qos_profile_sensor_data])
-def test_the_first_velocity_of_somebody_else_ends_the_run(listener, tmp_path, quality):
+def test_the_first_velocity_of_another_publisher_ends_the_run(listener, tmp_path, quality):
     other = OtherPublisher(listener, quality)
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
@@ -173,7 +173,7 @@ def test_the_first_velocity_of_somebody_else_ends_the_run(listener, tmp_path, qu
     other.leave()
 
 
-def test_so_does_a_zero_of_somebody_else(listener, tmp_path):
+def test_a_zero_of_another_publisher_ends_the_run(listener, tmp_path):
     other = OtherPublisher(listener)
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
@@ -185,7 +185,7 @@ def test_so_does_a_zero_of_somebody_else(listener, tmp_path):
     other.leave()
 
 
-def test_somebody_who_comes_and_sends_in_mid_motion_is_found(listener, tmp_path):
+def test_another_publisher_that_joins_in_mid_motion_ends_the_run(listener, tmp_path):
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
         other = OtherPublisher(listener)
@@ -202,8 +202,8 @@ def end_of_motion_of_ours(listener):
                if heard.moves and heard.linear_x != OtherPublisher.SPEED)
 
 
-def test_a_publisher_that_never_sends_is_nobody(listener, tmp_path):
-    """Neither before a run, nor in it, nor when the robot is given back."""
+def test_a_publisher_that_never_sends_is_no_fault(listener, tmp_path):
+    """Neither before a run, nor in it, nor when the robot is released."""
     other = OtherPublisher(listener)
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
@@ -215,7 +215,7 @@ def test_a_publisher_that_never_sends_is_nobody(listener, tmp_path):
     another.leave()
 
 
-def test_where_somebody_else_drives_already_nothing_begins(listener, tmp_path):
+def test_no_run_begins_while_another_publisher_sends(listener, tmp_path):
     other = OtherPublisher(listener)
     other.send()
     listener.wait_for(lambda heard: heard.moves)
@@ -223,7 +223,7 @@ def test_where_somebody_else_drives_already_nothing_begins(listener, tmp_path):
         code = started.end()
     assert 'somebody else (node ' in started.text
     assert f') sends velocities on {listener._subscription.topic_name}' in started.text
-    # 1 where discovery found the publisher after the robot: then zeros were on their way.
+    # 1 where discovery found the publisher after the robot: then zeros were sent already.
     assert code in (3, 1)
     allowed = {OtherPublisher.SPEED} if code == 3 else {OtherPublisher.SPEED, 0.0}
     assert {heard.linear_x for heard in listener.heard} <= allowed
@@ -242,7 +242,7 @@ def test_zeros_go_on_beside_a_publisher_that_is_silent(listener, tmp_path):
     other.leave()
 
 
-def test_somebody_else_may_be_allowed(listener, tmp_path):
+def test_other_publishers_may_be_allowed(listener, tmp_path):
     other = OtherPublisher(listener)
     command = [*COMMAND, '--ros-args', '-p', 'allow_other_publishers:=true']
     with program(command, tmp_path) as started:
@@ -262,7 +262,7 @@ def test_a_robot_that_is_back_does_not_move_by_itself(tmp_path):
             assert not [heard for heard in back.heard if heard.moves]
 
 
-def test_after_a_fault_the_robot_is_met_anew(tmp_path):
+def test_after_a_fault_the_robot_is_connected_again(tmp_path):
     """A program that catches the fault and goes on has to find and take the robot again."""
     text = BEGIN + """
 try:
@@ -303,7 +303,7 @@ def test_a_stop_that_odometry_does_not_confirm_is_a_fault(listener, tmp_path):
     assert started.text.splitlines()[-1].startswith('kachaka_simple_control: the stop is unconf')
 
 
-def test_a_stop_by_a_signal_that_is_not_confirmed_is_told_once(listener, tmp_path):
+def test_a_stop_by_a_signal_that_is_not_confirmed_is_reported_once(listener, tmp_path):
     odometer = Odometer(listener)
     with program(COMMAND, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)

@@ -87,7 +87,7 @@ def test_the_guardian_does_not_outlive_its_node(listener, tmp_path):
         assert not is_running(guardian)
 
 
-def test_a_frozen_node_hears_one_stop_and_moves_no_more_when_it_wakes(listener, tmp_path):
+def test_a_frozen_node_is_stopped_once_and_sends_no_motion_when_it_resumes(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
         time.sleep(0.25)
@@ -126,7 +126,7 @@ node.move_robot(0.1, 0.0, 0.5)
     assert len(listener.moves()) == 1
 
 
-def test_a_node_frozen_while_it_hands_a_message_to_dds_is_no_slow_dds(listener, tmp_path):
+def test_a_node_frozen_while_publishing_is_not_taken_for_slow_dds(listener, tmp_path):
     """Its flag stays up; the guardian must not take that for a third of a second of DDS."""
     text = BEGIN + """
 node.session.gate._sending.clear = lambda: None
@@ -150,9 +150,9 @@ def slow(ask, seconds):
 """
 
 
-def test_a_graph_that_takes_long_to_answer_ends_no_healthy_run(listener, tmp_path):
+def test_slow_graph_queries_do_not_end_the_run(listener, tmp_path):
     """
-    Others join and leave; discovery has the graph, and who asks it waits with Python's lock.
+    While others join and leave, discovery locks the graph; a query waits with Python's lock.
 
     At 50 Hz that is more than a program may be silent, and less than the robot's command timeout.
     """
@@ -165,7 +165,7 @@ node.move_robot(0.1, 0.0, 3.0)
         assert started.end() == 0, started.text
 
 
-def test_a_graph_that_never_answers_is_found_out(listener, tmp_path):
+def test_a_graph_query_that_never_returns_is_detected(listener, tmp_path):
     text = BEGIN + SLOW_GRAPH + """
 ask = node.session._discovery.check_exclusive
 def hang():
@@ -180,11 +180,11 @@ node.move_robot(0.1, 0.0, 20.0)
     assert 'the guardian stopped the robot: the node fell silent' in started.text
     moves = [heard.time for heard in listener.heard if heard.moves]
     zeros = [heard.time for heard in listener.heard if not heard.moves and heard.time > moves[0]]
-    # A few of the motion's own signs may come late; the guardian's bound is 0.5 s.
+    # A few of the motion's own heartbeats may come late; the guardian's bound is 0.5 s.
     assert zeros[0] - moves[-1] < 0.8
 
 
-def test_a_node_frozen_while_it_asks_the_graph_is_no_slow_graph(listener, tmp_path):
+def test_a_node_frozen_in_a_graph_query_is_not_taken_for_a_slow_graph(listener, tmp_path):
     text = BEGIN + SLOW_GRAPH + """
 node.session._discovery.check_subscribed = slow(node.session._discovery.check_subscribed, 0.045)
 node.move_robot(0.1, 0.0, 20.0)
@@ -220,7 +220,7 @@ def test_a_short_freeze_does_not_stop_a_healthy_run(listener, tmp_path):
         assert started.end() == 0
 
 
-def test_a_guardian_that_dies_takes_the_run_with_it(listener, tmp_path):
+def test_the_run_ends_when_the_guardian_is_killed(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
         os.kill(guardian_of(started), signal.SIGKILL)
@@ -230,7 +230,7 @@ def test_a_guardian_that_dies_takes_the_run_with_it(listener, tmp_path):
     assert zeros_after(listener, killed)[0] - killed < 0.5
 
 
-def test_a_guardian_that_is_told_to_end_stops_first(listener, tmp_path):
+def test_a_guardian_that_is_terminated_stops_the_robot_first(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
         os.kill(guardian_of(started), signal.SIGTERM)
@@ -239,7 +239,7 @@ def test_a_guardian_that_is_told_to_end_stops_first(listener, tmp_path):
     assert_whole_stop(zeros_after(listener, told))
 
 
-def test_ctrl_c_at_the_terminal_is_not_the_guardians(listener, tmp_path):
+def test_ctrl_c_at_the_terminal_does_not_end_the_guardian(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
         guardian = guardian_of(started)
@@ -249,7 +249,7 @@ def test_ctrl_c_at_the_terminal_is_not_the_guardians(listener, tmp_path):
 
 
 def test_no_child_of_the_program_keeps_the_guardian_waiting(listener, tmp_path):
-    """A child holds what its parent had open; the parent's end must still be heard."""
+    """A child holds what its parent had open; the parent's end must still be detected."""
     text = BEGIN + """
 import pathlib, threading
 threading.Thread(target=node.move_robot, args=(0.1, 0.0, 20.0), daemon=True).start()
@@ -283,12 +283,12 @@ def test_a_node_that_cannot_publish_its_stop_leaves_it_to_the_guardian(listener,
     """Its context is shut down under it, past every hook, as by a handler in foreign code."""
     text = BEGIN + """
 import pathlib, threading
-def pull_the_rug():
+def shut_down_context():
     while not pathlib.Path('go').exists():
         time.sleep(0.1)
     with node.context.handle:
         node.context.handle.shutdown()
-threading.Thread(target=pull_the_rug, daemon=True).start()
+threading.Thread(target=shut_down_context, daemon=True).start()
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:
@@ -302,7 +302,7 @@ node.move_robot(0.1, 0.0, 20.0)
 
 
 def test_a_node_killed_before_it_moved_leaves_nothing_to_send(listener, tmp_path):
-    """Zeros would keep a robot awake, or take it from somebody else."""
+    """Zeros would keep a robot awake, or take it from another program."""
     with script(BEGIN + 'time.sleep(20)\n', tmp_path) as started:
         started.wait_for_text('Robot control node has started')
         time.sleep(1.0)
@@ -314,7 +314,7 @@ def test_a_node_killed_before_it_moved_leaves_nothing_to_send(listener, tmp_path
     assert listener.heard == []
 
 
-def test_after_the_robot_was_given_back_the_guardian_is_gone(listener, tmp_path):
+def test_after_the_robot_was_released_the_guardian_has_ended(listener, tmp_path):
     text = BEGIN + """
 node.move_robot(0.1, 0.0, 0.3)
 node.destroy_node()
@@ -333,8 +333,8 @@ time.sleep(20)
     assert len(listener.released) == 1
 
 
-def test_a_guardian_that_came_anew_is_known_under_all_its_names():
-    """Who has left the graph may be listed for a while, and is nobody else all the same."""
+def test_all_participants_of_a_guardian_that_joined_again_are_known():
+    """A participant that has left may be listed for a while, and is no foreign publisher."""
     guardian = Guardian([sys.executable, '-c', """
 import os, sys
 print('participant 0a', 'participant 0b', 'matched', sep=os.linesep, flush=True)
@@ -347,7 +347,7 @@ os.read(int(sys.argv[1]), 1)
         guardian.shutdown()
 
 
-def test_without_a_guardian_there_is_none(listener, tmp_path):
+def test_a_node_without_a_guardian_is_not_stopped_after_sigkill(listener, tmp_path):
     command = [*COMMAND, '--ros-args', '-p', 'guardian:=false']
     with program(command, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How the guardian gets to know the robot, and leaves no second publisher behind."""
+"""How the guardian discovers the robot, and leaves no second publisher behind."""
 
 import time
 
@@ -47,7 +47,7 @@ def publishers(observer):
     return observer.node.count_publishers(TOPIC)
 
 
-def test_who_is_answered_stays(listener, observer, enter, greeted):
+def test_a_node_that_is_matched_stays(listener, observer, enter, greeted):
     presence = create_matched_node(enter, lambda: False)
     try:
         assert presence.is_matched
@@ -57,7 +57,7 @@ def test_who_is_answered_stays(listener, observer, enter, greeted):
     assert len(greeted) <= 2
 
 
-def test_who_is_not_answered_greets_anew(observer, enter, greeted):
+def test_a_node_that_is_not_matched_joins_again(observer, enter, greeted):
     began = time.monotonic()
     presence = create_matched_node(enter, lambda: False)
     try:
@@ -69,7 +69,7 @@ def test_who_is_not_answered_greets_anew(observer, enter, greeted):
     assert publishers(observer) == 0
 
 
-def test_who_has_something_to_do_stays(enter, greeted):
+def test_a_node_that_is_needed_stays(enter, greeted):
     presence = create_matched_node(enter, lambda: True)
     presence.end()
     assert len(greeted) == 1

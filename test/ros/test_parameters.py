@@ -37,7 +37,7 @@ from topic_observer import ODOMETRY, SHOWN, VELOCITY  # noqa: E402, I100
 
 @pytest.mark.parametrize('topic', SHOWN)
 @pytest.mark.parametrize('target', [VELOCITY, 'kachaka/manual_control/cmd_vel'])
-def test_nothing_shown_may_be_remapped_to_where_it_would_move_the_robot(make, topic, target):
+def test_no_debug_topic_may_be_remapped_to_one_that_moves_the_robot(make, topic, target):
     with pytest.raises(UsageError, match=f'^{topic} is remapped to {VELOCITY}, which moves'):
         make('-r', f'{topic}:={target}')
 
@@ -64,7 +64,7 @@ def test_odometry_may_be_subscribed_to_reliably(make, observer):
     ('reliability', 'sometimes', 'sometimes'),
     ('depth', 'deep', 'depth'),
 ])
-def test_a_quality_that_cannot_be_had_is_refused(make, policy, value, text):
+def test_an_impossible_quality_of_service_is_refused(make, policy, value, text):
     name = '/kachaka_simple_control/commanded_velocity'
     with pytest.raises(UsageError, match=text):
         make(**{f'qos_overrides.{name}.publisher.{policy}': value})
@@ -117,7 +117,7 @@ def test_parameters_are_described_with_their_ranges(observer, make):
         assert ranges == ([pytest.approx(expected)] if expected else [])
 
 
-def test_a_name_that_cannot_be_is_an_error_and_no_node(make, observer):
+def test_an_invalid_name_is_an_error_and_no_node(make, observer):
     for arguments in (('-r', '__ns:=/' + 'a' * 230), ('-r', '__node:=' + 'a' * 300),
                       ('-r', f'/rosout:={VELOCITY}')):
         with pytest.raises(UsageError, match='^[^\n]{1,300}$'):
@@ -127,7 +127,7 @@ def test_a_name_that_cannot_be_is_an_error_and_no_node(make, observer):
 
 
 @pytest.mark.parametrize('clients', [1, 6])
-def test_every_call_of_a_storm_is_answered(make, observer, clients):
+def test_each_of_many_calls_at_once_is_answered(make, observer, clients):
     """The default queue keeps ten requests: most of these were never answered."""
     node = make()
     executor = rclpy.executors.SingleThreadedExecutor()

@@ -152,7 +152,7 @@ def test_a_second_bridge_under_the_same_name_is_refused():
         assert wait_until(lambda: 'ready: ' in again.text)
 
 
-def test_bridges_of_two_names_stand_side_by_side():
+def test_bridges_of_two_names_run_side_by_side():
     with bridge() as first, bridge('--namespace', 'other') as second:
         assert wait_until(lambda: 'ready: ' in first.text and 'ready: ' in second.text)
 
@@ -188,7 +188,7 @@ def test_a_driver_on_another_machine_that_was_killed_keeps_nothing(listener, tmp
     assert [(move.linear_x, move.count) for move in listener.moves()][-1] == (0.2, 5)
 
 
-def test_two_that_find_each_other_too_late_both_stop(listener, tmp_path):
+def test_two_programs_that_discover_each_other_too_late_both_stop(listener, tmp_path):
     one, two = folders(tmp_path, 'one', 'two')
     text = ELSEWHERE + UNAWARE
     with script(text + DRIVE.format(speed=0.1, duration=30.0), one) as first:

@@ -67,7 +67,7 @@ def test_a_subscriber_is_not_a_robot(tmp_path):
 
 
 def test_two_robots_under_one_name_are_refused(tmp_path):
-    """Both would obey: the wrong one, perhaps a real one beside a simulated one, as well."""
+    """Both would move: the wrong one, perhaps a real one beside a simulated one, as well."""
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     from nav_msgs.msg import Odometry
     with Listener() as one, Listener() as two:

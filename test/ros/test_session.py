@@ -88,7 +88,7 @@ def test_nothing_publishes_beside_the_velocity_gate(listener, make):
     assert listener.heard == []
 
 
-def test_a_robot_that_was_never_met_is_not_even_stopped(listener, make):
+def test_a_robot_that_was_never_connected_is_not_even_stopped(listener, make):
     make().stop_robot()
     time.sleep(0.3)
     assert listener.heard == []
@@ -111,7 +111,7 @@ def test_stopping_in_another_thread_ends_the_movement_there(listener, make):
     thread.join(2.0)
     assert raised == ['the movement was ended by stop_robot()']
     assert not listener.heard[-1].moves
-    # Stopped, but not for good.
+    # Stopped, but not permanently.
     node.move_robot(0.2, 0.0, 0.2)
     assert listener.moves()[-1].linear_x == 0.2
 
@@ -137,13 +137,13 @@ def test_a_stop_ends_a_movement_that_still_waits_for_its_robot(make):
         time.sleep(1.5)
         assert raised == ['the movement was ended by stop_robot()']
         assert late.heard == late.answered == []
-        # Not for good: somebody may ask anew.
+        # Not permanently: a new request is accepted.
         node.move_robot(0.2, 0.0, 0.2)
         assert [move.linear_x for move in late.moves()] == [0.2]
 
 
 @pytest.mark.parametrize('after', [0.0, 0.1, 0.3, 0.6])
-def test_a_stop_before_the_first_velocity_lets_none_leave(listener, make, after):
+def test_after_a_stop_before_the_first_velocity_none_is_sent(listener, make, after):
     node = make()
     motion = Motion('test', (Move(0.1, 0.0, 1.0),))
     request = node.session.request(elsewhere=True)
@@ -167,7 +167,7 @@ def test_a_stop_before_the_first_velocity_lets_none_leave(listener, make, after)
 
 
 def test_a_stop_between_two_movements_of_a_sequence_ends_the_sequence(listener, make):
-    """Whoever stops from outside cannot know that one movement has just ended."""
+    """The caller of the stop cannot know that one movement has just ended."""
     node = make(rate=5.0)
     node.move_robot(0.1, 0.0, 0.2)
     stop = threading.Thread(target=node.stop_robot)
@@ -176,7 +176,7 @@ def test_a_stop_between_two_movements_of_a_sequence_ends_the_sequence(listener, 
     with pytest.raises(MotionRefusedError, match='ended by stop_robot'):
         node.move_robot(0.2, 0.0, 0.2)
     stop.join()
-    # Whoever goes on nevertheless asks anew.
+    # A movement after that is a new request.
     node.move_robot(0.3, 0.0, 0.2)
     assert [move.linear_x for move in listener.moves()] == [0.1, 0.3]
 
@@ -240,7 +240,7 @@ def test_manual_control_is_renewed_while_it_moves(listener, make, monkeypatch):
     assert [move.count for move in listener.moves()] == [20]
 
 
-def test_manual_control_that_grew_old_between_movements_is_renewed_first(
+def test_an_old_lease_of_manual_control_is_renewed_before_a_movement(
         listener, make, monkeypatch):
     node = make()
     node.move_robot(0.1, 0.0, 0.2)
@@ -252,7 +252,7 @@ def test_manual_control_that_grew_old_between_movements_is_renewed_first(
     assert listener.enabled[1] < second.time
 
 
-def test_a_movement_that_waits_for_the_robot_does_not_hold_up_the_stop_before_it(
+def test_a_movement_that_waits_for_the_robot_does_not_delay_the_stop_before_it(
         listener, make, monkeypatch):
     node = make()
     node.move_robot(0.1, 0.0, 0.3)
@@ -278,7 +278,7 @@ def test_between_two_movements_that_follow_at_once_one_zero_is_sent(listener, ma
     assert len(zeros) == 4
 
 
-def test_a_renewal_slower_than_the_hold_is_a_fault(make, monkeypatch):
+def test_a_renewal_slower_than_the_command_timeout_is_a_fault(make, monkeypatch):
     from listener import Listener
     monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_AT_REST', 0.5)
     monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_LATEST', 1.0)
@@ -300,7 +300,7 @@ def test_a_robot_without_manual_control_is_not_asked_for_it(make):
 
 
 @pytest.mark.parametrize('drives', [True, False])
-def test_manual_control_is_not_taken_from_somebody_else_who_drives(listener, make, drives):
+def test_manual_control_is_not_taken_from_another_program_that_drives(listener, make, drives):
     from geometry_msgs.msg import Twist
     node = make()
     node.move_robot(0.1, 0.0, 0.2)

@@ -163,7 +163,7 @@ def test_the_worst_is_the_message(changes, level, text):
     assert diagnosis_of(**changes)[:2] == (level, text)
 
 
-def test_skipped_velocities_and_an_early_end_are_worth_a_warning():
+def test_skipped_velocities_and_an_early_end_are_a_warning():
     statistics = TickStatistics()
     statistics.skipped = 2
     assert diagnosis_of(statistics)[:2] == (Level.WARN, 'velocities were skipped')

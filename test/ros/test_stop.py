@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The ways out of a program: on each of them the robot is stopped and given back."""
+"""However a program ends, the robot is stopped and released."""
 
 import signal
 import time
@@ -34,7 +34,7 @@ node = KachakaSimpleControl()
 
 
 def assert_stopped(listener, since):
-    """Assert that a whole stop followed: soon, front-loaded, beyond the hold, nothing after."""
+    """Assert that a whole stop followed: soon, front-loaded, beyond the command timeout."""
     after = [heard for heard in listener.heard if heard.time > since]
     zeros = [heard.time for heard in after if not heard.moves]
     assert zeros[0] - since < SOON
@@ -43,8 +43,8 @@ def assert_stopped(listener, since):
     assert not [heard for heard in after if heard.moves and heard.time > zeros[0]]
 
 
-def assert_given_back(listener):
-    """Assert that manual control was given back once, after the last message."""
+def assert_released(listener):
+    """Assert that manual control was released once, after the last message."""
     assert len(listener.released) == 1
     assert listener.heard[-1].time < listener.released[0]
 
@@ -58,7 +58,7 @@ def test_a_signal_in_mid_motion_stops_the_robot(listener, tmp_path, name):
         sent = started.send(signum)
         assert started.end(3.5) == 128 + signum
     assert_stopped(listener, sent)
-    assert_given_back(listener)
+    assert_released(listener)
     assert ('Program was interrupted' in started.text) == (name == 'SIGINT')
     assert 'Traceback' not in started.text
 
@@ -72,12 +72,12 @@ def test_more_signals_do_not_cut_the_stop_short(listener, tmp_path):
             started.send(signal.SIGINT)
         assert started.end() == 130
     assert_stopped(listener, sent)
-    assert_given_back(listener)
+    assert_released(listener)
     assert 'Traceback' not in started.text
 
 
-def test_a_signal_before_the_robot_is_ours_sends_nothing(tmp_path):
-    """Not even zeros: they would take a robot that nobody asked for."""
+def test_a_signal_before_the_robot_is_taken_sends_nothing(tmp_path):
+    """Not even zeros: they would take the robot."""
     from listener import Listener
     with Listener(serves=False) as listener:
         with program(COMMAND, tmp_path) as started:
@@ -106,12 +106,12 @@ def test_a_script_with_a_plain_init_stops_too(listener, tmp_path, name):
         sent = started.send(signum)
         assert started.end(3.5) == 128 + signum
     assert_stopped(listener, sent)
-    assert_given_back(listener)
+    assert_released(listener)
     assert 'Traceback' not in started.text
 
 
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
-def test_a_script_that_sits_in_spin_ends_at_once(listener, tmp_path, name):
+def test_a_script_that_spins_ends_at_once(listener, tmp_path, name):
     """The main thread waits in C++; Python's handlers run only when something wakes it."""
     text = BEGIN + 'node.move_robot(0.1, 0.0, 0.2)\nprint("spinning", flush=True)\n'
     with script(text + 'rclpy.spin(node)\n', tmp_path) as started:
@@ -119,11 +119,11 @@ def test_a_script_that_sits_in_spin_ends_at_once(listener, tmp_path, name):
         time.sleep(1.0)
         started.send(signal.Signals[name])
         assert started.end(3.5) == 128 + signal.Signals[name]
-    assert_given_back(listener)
+    assert_released(listener)
     assert 'Traceback' not in started.text
 
 
-def test_ctrl_c_in_the_middle_of_a_callback_leaves_the_robot_given_back(listener, tmp_path):
+def test_ctrl_c_in_the_middle_of_a_callback_releases_the_robot(listener, tmp_path):
     """While rclpy makes a callback's message: that blocks the callback's group for good."""
     text = """
 from kachaka_simple_control.control.signals import SignalDispatcher
@@ -147,7 +147,7 @@ rclpy.spin(node)
         started.wait_for_text('spinning')
         started.send(signal.SIGINT)
         started.end(5.0)
-    assert_given_back(listener)
+    assert_released(listener)
     assert 'did not confirm' not in started.text
 
 
@@ -162,7 +162,7 @@ rclpy.spin(node)
         sent = started.send(signal.SIGTERM)
         assert started.end(3.5) == 143
     assert_stopped(listener, sent)
-    assert_given_back(listener)
+    assert_released(listener)
 
 
 @pytest.mark.parametrize(
@@ -174,7 +174,7 @@ def test_a_script_may_end_as_it_likes(listener, tmp_path, ending):
     assert move.duration == pytest.approx(0.3, abs=0.05)
     end = max(heard.time for heard in listener.heard if heard.moves)
     assert_stopped(listener, end + 0.05)
-    assert_given_back(listener)
+    assert_released(listener)
 
 
 def test_a_thread_drives_on_when_the_main_thread_has_ended(listener, tmp_path):
@@ -190,12 +190,12 @@ threading.Thread(target=play).start()
     with script(text, tmp_path) as started:
         assert started.end() == 0
     assert [move.duration for move in listener.moves()] == pytest.approx([0.5, 0.5], abs=0.05)
-    assert_given_back(listener)
+    assert_released(listener)
     assert 'Traceback' not in started.text
 
 
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
-def test_a_signal_is_heard_when_the_main_thread_has_ended(listener, tmp_path, name):
+def test_a_signal_is_handled_when_the_main_thread_has_ended(listener, tmp_path, name):
     text = BEGIN + """
 import threading
 threading.Thread(target=node.move_robot, args=(0.1, 0.0, 20.0)).start()
@@ -205,7 +205,7 @@ threading.Thread(target=node.move_robot, args=(0.1, 0.0, 20.0)).start()
         sent = started.send(signal.Signals[name])
         started.end(5.0)
     assert_stopped(listener, sent)
-    assert_given_back(listener)
+    assert_released(listener)
     assert 'new thread' not in started.text
 
 
@@ -238,10 +238,10 @@ node.move_robot(0.1, 0.0, 20.0)
         (tmp_path / 'go').touch()
         assert started.end() == 1
     assert 'a callback failed: ValueError: in a callback' in started.text
-    # Its answer is heard although the thread that served callbacks is gone.
+    # Its response is received although the thread that served callbacks is gone.
     assert 'did not confirm' not in started.text
     assert not listener.heard[-1].moves
-    assert_given_back(listener)
+    assert_released(listener)
 
 
 def test_an_exception_in_the_main_thread_stops_the_motion_of_another(listener, tmp_path):
@@ -258,11 +258,11 @@ raise ValueError('in main')
         assert started.end(10.0) == 1
     assert 'ValueError: in main' in started.text
     assert not listener.heard[-1].moves
-    assert_given_back(listener)
+    assert_released(listener)
 
 
-def test_a_program_that_freezes_gives_the_motion_up(listener, tmp_path):
-    """Frozen for longer than the gap allowed: not one velocity after it wakes."""
+def test_a_program_that_was_frozen_does_not_continue_its_motion(listener, tmp_path):
+    """Frozen for longer than the gap allowed: not one velocity after it resumes."""
     with program(COMMAND, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
         time.sleep(0.25)
@@ -272,11 +272,11 @@ def test_a_program_that_freezes_gives_the_motion_up(listener, tmp_path):
         assert started.end() == 1
     assert 'the guardian stopped the robot: the node fell silent' in started.text
     assert not [heard for heard in listener.heard if heard.moves and heard.time > thawed]
-    assert_given_back(listener)
+    assert_released(listener)
 
 
-def test_no_clock_can_keep_the_robot_moving(listener, tmp_path):
-    """With simulated time and nobody publishing it, the lesson's own loop drives for ever."""
+def test_a_clock_that_stands_still_does_not_keep_the_robot_moving(listener, tmp_path):
+    """With simulated time that is not published, the lesson's own loop drives for ever."""
     command = [*COMMAND, '--ros-args', '-p', 'use_sim_time:=true']
     with program(command, tmp_path) as started:
         assert started.end(30.0) == 0

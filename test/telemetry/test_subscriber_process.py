@@ -74,7 +74,7 @@ def test_a_subscriber_receives_all_events():
     assert subscriber.failure is None
 
 
-def test_a_subscriber_that_is_gone_delays_no_one():
+def test_a_subscriber_that_has_ended_does_not_delay_the_publisher():
     subscriber = subscriber_of('')
     assert subscriber._process.wait(20.0) == 0
     for _ in range(3):
@@ -82,7 +82,7 @@ def test_a_subscriber_that_is_gone_delays_no_one():
     assert subscriber.failure == 'it is gone (Broken pipe)'
 
 
-def test_a_subscriber_that_does_not_read_delays_no_one():
+def test_a_subscriber_that_does_not_read_does_not_delay_the_publisher():
     subscriber = subscriber_of('import time; time.sleep(60)')
     for number in range(100_000):
         subscriber.send(MotionStarted(float(number)))

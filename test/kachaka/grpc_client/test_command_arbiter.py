@@ -65,7 +65,7 @@ def sent(arbiter, now):
     return request
 
 
-# The mailbox.
+# The latest command.
 
 @given(st.lists(st.tuples(st.sampled_from(['motion', 'stop', 'take', 'take stop', 'back']),
                           st.floats(0.0, 0.2)), max_size=40))
@@ -96,7 +96,7 @@ def test_latest_command_is_the_newest_and_never_older_than_a_stop(steps):
             assert not latest.has_motion(now) or latest.take_motion(now).time >= last_stop
 
 
-# Silence.
+# The stream timeout.
 
 def test_ceased_velocities_are_detected_before_the_command_timeout():
     timeout = StreamTimeout()
@@ -146,7 +146,7 @@ def test_a_zero_resets_the_stream_timeout():
     assert timeout.end is None
 
 
-# The helm.
+# The arbiter.
 
 def test_nothing_is_sent_before_the_robot_responds():
     arbiter = CommandArbiter(COMMAND_TIMEOUT)

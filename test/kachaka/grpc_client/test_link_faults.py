@@ -27,7 +27,7 @@ pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
 from link_fault_cases import run_scenario, SCENARIOS, SPEED  # noqa: E402, I100
 
 NAMES = list(SCENARIOS)
-#: What one hold drives, and the ways of a velocity and of a zero on a busy machine [m].
+#: Distance of one command timeout, and of a velocity and a zero under way on a busy machine [m].
 TIMEOUT_DISTANCE = SPEED * (0.3 + 0.15)
 
 

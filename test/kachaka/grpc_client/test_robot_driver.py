@@ -188,7 +188,7 @@ def test_calls_cancelled_by_close_are_no_lost_connection(robot, logged):
     assert logged == []
 
 
-# The link.
+# The connection.
 
 def test_one_late_response_is_no_lost_connection():
     connection = ConnectionState()
@@ -237,7 +237,7 @@ def test_diagnostics_report_connection_and_robot():
     assert robot_status(connection, [], TEXTS).level is Level.ERROR
 
 
-# Odometry and words.
+# Odometry and log.
 
 class Response:
     """Odometry with a cursor."""

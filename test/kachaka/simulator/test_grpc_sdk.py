@@ -60,7 +60,7 @@ FAILURES = {
     'move_shelf': ERROR_UNKNOWN_NAME, 'reset_shelf_pose': ERROR_UNKNOWN_NAME,
     'return_shelf': ERROR_UNKNOWN_NAME, 'start_shortcut_command': ERROR_UNKNOWN_NAME,
     'undock_shelf': ERROR_NO_FURNITURE}
-#: What the methods answer that return no result, of a robot that nobody touched.
+#: What the methods return that have no result, of a robot in its initial state.
 ANSWERS = {
     'get_auto_homing_enabled': False, 'get_battery_info': (100.0, 2),
     'get_command_state': (pb2.COMMAND_STATE_PENDING, pb2.Command()), 'get_current_map_id': '',

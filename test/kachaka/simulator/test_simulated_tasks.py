@@ -41,7 +41,7 @@ from kachaka_simple_control.kachaka.simulator.tasks import (
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
 import pytest
 
-#: A robot that does nothing quite as it is told.
+#: A robot with errors in every part of its drive.
 ROUGH = st.builds(
     SimulationParameters, lag=st.floats(0.0, 0.3), linear_gain=st.floats(0.9, 1.1),
     angular_gain=st.floats(0.9, 1.1), linear_acceleration=st.floats(0.2, 5.0),
