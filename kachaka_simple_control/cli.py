@@ -22,6 +22,7 @@ import shlex
 import sys
 import traceback
 
+import kachaka_simple_control
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
@@ -92,13 +93,18 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     parser = _parser()
     values = vars(parser.parse_args(own))
     values.pop('ros_args', None)
+    if values.pop('version'):
+        print(f'{NAME} {kachaka_simple_control.__version__}')
+        raise SystemExit(DONE)
     options = Options(
         motions=tuple(values.pop('motions')), ros_arguments=tuple(ros),
         command=shlex.join([NAME, *arguments]), **values)
     if len(options.motions) > 1 and not options.is_preview:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
-    if options.report is not None and options.is_preview:
-        parser.error('--report is about a drive; --list, --plan and --plot drive nothing')
+    if options.is_preview:
+        for name in ('report', 'sim', 'address', 'wait', 'quiet'):
+            if getattr(options, name):
+                parser.error(f'--{name} is about a drive; --list, --plan and --plot drive nothing')
     return options
 
 
@@ -142,6 +148,7 @@ def _parser() -> OneLineParser:
     parser.add_argument(
         '--rate', type=float, metavar='HZ',
         help='how often a velocity is sent (default: what the motion says, or 10)')
+    parser.add_argument('--version', action='store_true', help='print the version')
     parser.add_argument(
         '--ros-args', action='store_true', default=argparse.SUPPRESS,
         help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import argparse
+from difflib import get_close_matches
 from typing import NoReturn
 
 from kachaka_simple_control.errors import InvalidMotionError, RobotNotFoundError, UsageError
@@ -48,5 +49,10 @@ class OneLineParser(argparse.ArgumentParser):
     """A parser whose error messages are one line, whatever was typed."""
 
     def error(self, message: str) -> NoReturn:
-        """Print a message and exit with code 2."""
+        """Print a message and exit with code 2; for an unknown option, with the nearest one."""
+        word = message.removeprefix('unrecognized arguments: ').partition('=')[0].partition(' ')[0]
+        if word != message.partition('=')[0].partition(' ')[0]:
+            options = [option for action in self._actions for option in action.option_strings]
+            near = get_close_matches(word, options, 1)
+            message += f'; did you mean {near[0]}?' if near else ''
         self.exit(BAD_USAGE, f'{self.prog}: {escaped(message, 300)}\n')

@@ -15,9 +15,11 @@
 
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 
+import kachaka_simple_control
 from kachaka_simple_control import cli
 from kachaka_simple_control.cli import exit_code, Options, parse, split_ros_arguments
 from kachaka_simple_control.control.signals import SignalDispatcher
@@ -42,7 +44,7 @@ def test_several_motions_can_be_shown_and_one_driven():
 
 
 @pytest.mark.parametrize('arguments', [
-    ['--list'], ['--plan'], ['--plot', 'square.png'], ['--plan', '--sim']])
+    ['--list'], ['--plan'], ['--plot', 'square.png'], ['--plan', '--rate', '20']])
 def test_previews_move_nothing(arguments):
     assert parse(arguments).is_preview
 
@@ -50,13 +52,33 @@ def test_previews_move_nothing(arguments):
 @pytest.mark.parametrize('arguments', [
     ['--fast'], ['--rate', 'fast'], ['square', 'circle'], ['--plot'],
     ['--report'], ['--report', 'runs', '--plan'], ['--report', 'runs', '--list'],
-    ['--report', 'runs', '--plot', 'square.png']])
+    ['--report', 'runs', '--plot', 'square.png'], ['--plan', '--sim'], ['--list', '--wait'],
+    ['--plot', 'a.png', '--address', 'robot'], ['--plan', '--quiet']])
 def test_bad_usage_is_one_sentence_and_exit_code_2(arguments, capsys):
     with pytest.raises(SystemExit) as caught:
         parse(arguments)
     assert caught.value.code == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith('kachaka_simple_control: ')
+
+
+@pytest.mark.parametrize('option, near', [
+    ('--simm', '; did you mean --sim?'), ('--raet=3', '; did you mean --rate?'),
+    ('--reprot', '; did you mean --report?'), ('--xyzzy', '')])
+def test_the_nearest_option_is_offered(option, near, capsys):
+    with pytest.raises(SystemExit):
+        parse([option])
+    assert capsys.readouterr().err == (
+        f'kachaka_simple_control: unrecognized arguments: {option}{near}\n')
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse(['--version'])
+    assert caught.value.code == 0
+    said = f'kachaka_simple_control {kachaka_simple_control.__version__}\n'
+    assert capsys.readouterr().out == said
+    assert re.fullmatch(r'\d+\.\d+\.\d+', kachaka_simple_control.__version__)
 
 
 def test_help_names_the_exit_codes(capsys):

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+import os
 import re
 from typing import Any
 
@@ -25,9 +26,9 @@ from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.motion.units import Quantity, UnitError
 
 #: How many problems an error message shows.
-MAX_LINES = 100
+MAX_LINES = 20
 #: After so many problems the rest of a file is not checked.
-MAX_PROBLEMS = 1000
+MAX_PROBLEMS = 10_000
 #: How much of the name of a file an error message shows [characters].
 MAX_NAME = 300
 #: The message where a library is missing.
@@ -103,6 +104,11 @@ def format_problems(source: str, problems: Sequence[Problem]) -> str:
     more = len(problems) - len(lines)
     many = 'many' if len(problems) >= MAX_PROBLEMS else more
     return '\n'.join([*lines, *([f'{name}: and {many} more'] if more else [])])
+
+
+def is_path(name_or_path: str) -> bool:
+    """Return whether a text is the path of a file: a name has no dot and no slash."""
+    return bool(set(name_or_path) & {'.', '/', os.sep})
 
 
 def location(source: str, line: int | None) -> str:

@@ -19,8 +19,14 @@ import __future__
 import ast
 from importlib.resources import files
 import os
+from pathlib import Path
 
-from kachaka_simple_control.files.document import MotionFileError, Problem, UnreadableFileError
+from kachaka_simple_control.files.document import (
+    is_path,
+    MotionFileError,
+    Problem,
+    UnreadableFileError,
+)
 from kachaka_simple_control.files.motion_file import loads, MotionFile
 from kachaka_simple_control.files.schema import nearest, PACKAGE
 from kachaka_simple_control.files.yaml_document import decode, read_text
@@ -68,10 +74,11 @@ def look_up(
     :raises UnreadableFileError: if there is none, or it cannot be read
     """
     name = os.fspath(name_or_path)
-    if not isinstance(name_or_path, str) or set(name) & {'.', '/', os.sep}:
+    if not isinstance(name_or_path, str) or is_path(name):
         return name, read_text(name)
     if name not in names_in(folder):
-        near = nearest(name, known)
+        is_here = Path(name + SUFFIX).is_file()
+        near = f'./{name}{SUFFIX}' if is_here else nearest(name, known)
         raise UnreadableFileError(Problem(
             f'there is no {folder.removesuffix("s")} of this name'
             f'{f"; did you mean {near!r}?  Known are" if near else "; known are"} '

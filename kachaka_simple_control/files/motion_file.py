@@ -27,6 +27,7 @@ from typing import Any
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import (
     Document,
+    is_path,
     KeyPath,
     location,
     MotionFileError,
@@ -242,8 +243,18 @@ def _read(document: Document, source: str) -> MotionFile:
     return MotionFile(
         motion=Motion(
             data.get('name', PurePath(source).stem), steps, data.get('description', '')),
-        source=source, robot=data.get('robot'), limits=MappingProxyType(limits), rate=rate,
+        source=source, robot=_robot(data.get('robot'), source),
+        limits=MappingProxyType(limits), rate=rate,
         root=document.root)
+
+
+def _robot(name_or_path: str | None, source: str) -> str | None:
+    """Return the robot that a file names; the path of a profile is seen from the file."""
+    if (name_or_path is None or not is_path(name_or_path)
+            or PurePath(name_or_path).is_absolute()):
+        return name_or_path
+    # As text: a path that begins with ./ is none any more after that is taken away.
+    return f'{PurePath(source).parent}/{PurePath(name_or_path)}'
 
 
 #: Words that need no quotes in any version of YAML, and mean nothing but text.

@@ -89,9 +89,11 @@ def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
     Return the advice for a word that is not known: the nearest one, or else all of them.
 
     :param word: what was written
-    :param known: what could have been
+    :param known: what could have been; of a schema, with their synonyms
     """
-    near = nearest(word, known)
+    parts = known if isinstance(known, Mapping) else {}
+    near = next((name for name, part in parts.items()
+                 if word.lower() in part.get('synonyms', [])), nearest(word, known))
     return f'did you mean {near!r}?' if near else f'known are {", ".join(known)}'
 
 
@@ -215,7 +217,9 @@ def _step_schema(kind: type[Step]) -> Schema:
         'additionalProperties': False,
         'properties': {name: _field_schema(part) for name, part in parts.items()}}
     # Without Python's docstrings (-OO), editors have no description to show.
-    head = {'description': (inspect.getdoc(kind) or '').partition('\n')[0]}
+    head: Schema = {'description': (inspect.getdoc(kind) or '').partition('\n')[0]}
+    if kind.synonyms:
+        head['synonyms'] = list(kind.synonyms)
     if kind.form:
         return {**head, 'expected': kind.form, 'type': 'object', **mapping, 'examples': [example]}
     short = _field_schema(first)

@@ -110,12 +110,14 @@ class Step(ABC):
     :cvar keyword: its word in files and in the paths of errors: the class name in lower case
     :cvar form: how it is written in a file, for errors; '' if the value of its first field may
         stand for it, as in ``wait: 2 s``
+    :cvar synonyms: other words for it, for the advice where somebody writes one of them
     :ivar speed: the largest velocity along its path, in the unit of that field; None: as fast as
         the limits allow
     """
 
     keyword: ClassVar[str]
     form: ClassVar[str] = ''
+    synonyms: ClassVar[tuple[str, ...]] = ()
     speed: float | None = None
 
     def __init_subclass__(cls) -> None:

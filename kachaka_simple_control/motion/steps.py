@@ -69,6 +69,7 @@ class Move(Step):
     """
 
     form = 'linear_x, angular_z and duration, in braces or further in'
+    synonyms = ('move_robot', 'velocity', 'cmd_vel', 'twist')
     linear_x: float = field(metadata=in_file(
         LINEAR_VELOCITY, 'Forward velocity, in m/s, cm/s or mm/s.  Negative is backwards.',
         '0.1 m/s'))
@@ -111,8 +112,9 @@ class Forward(Step):
     :param speed: drive no faster than this [m/s], positive; None: as fast as the robot may
     """
 
+    synonyms = ('drive', 'go', 'straight', 'back', 'backward', 'backwards')
     distance: float = field(metadata=in_file(
-        LENGTH, 'How far, in m, cm or mm; a bare number is in metres.  Negative is backwards.',
+        LENGTH, 'How far, in m, cm or mm.  Negative is backwards.',
         '0.5 m', '-20 cm'))
     speed: float | None = field(default=None, metadata=in_file(
         POSITIVE_LINEAR_VELOCITY,
@@ -142,9 +144,10 @@ class Turn(Step):
     :param speed: turn no faster than this [rad/s], positive; None: as fast as the robot may
     """
 
+    synonyms = ('rotate', 'spin', 'rotation')
     angle: float = field(metadata=in_file(
-        ANGLE, 'How far to turn, in rad or deg; a bare number is in radians.  Positive is to the '
-        'left; more than 360 deg is more than one turn.', '90 deg', '-90 deg'))
+        ANGLE, 'How far to turn, in rad or deg.  Positive is to the left; '
+        'more than 360 deg is more than one turn.', '90 deg', '-90 deg'))
     speed: float | None = field(default=None, metadata=in_file(
         POSITIVE_ANGULAR_VELOCITY,
         'Turn no faster than this.  Left out: as fast as the limits allow.', '45 deg/s'))
@@ -176,6 +179,7 @@ class Arc(Step):
     """
 
     form = 'radius and angle, as in {radius: 0.3 m, angle: 90 deg}'
+    synonyms = ('curve', 'circle')
     radius: float = field(metadata=in_file(
         LENGTH, 'How far away the centre is.  Positive: on the left; negative: on the right; '
         'never 0.', '0.3 m', '-0.3 m'))
@@ -223,6 +227,7 @@ class Wait(Step):
     :param duration: how long [s], not negative
     """
 
+    synonyms = ('pause', 'sleep', 'stop', 'stand', 'delay')
     duration: float = field(metadata=in_file(
         TIME, 'How long, in s, ms or min; a bare number is in seconds.', '2 s'))
 
@@ -250,6 +255,7 @@ class Repeat(Step):
     """
 
     form = 'times and, below it, steps'
+    synonyms = ('loop', 'for')
     times: int = field(metadata=in_file(TIMES, 'How often; a whole number.', 4))
     steps: tuple[Step, ...] = field(metadata=in_file(
         StepList(), 'What to do, in order.', [{'forward': '0.5 m'}, {'turn': '90 deg'}]))

@@ -17,12 +17,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, Field, fields
-from importlib import metadata
 import os
 import platform
 import time
 from typing import Any
 
+import kachaka_simple_control
 from kachaka_simple_control.control.plan_runner import min_rate
 from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
@@ -114,13 +114,8 @@ def session_started(
 
 
 def _versions() -> dict[str, str]:
-    package = 'kachaka_simple_control'
-    try:
-        own = metadata.version(package)
-    except metadata.PackageNotFoundError:
-        own = 'unknown'
     return {
-        package: own,
+        'kachaka_simple_control': kachaka_simple_control.__version__,
         'ROS': os.environ.get('ROS_DISTRO', 'unknown'),
         'RMW': get_rmw_implementation_identifier(),
         'Python': platform.python_version(),

@@ -36,6 +36,9 @@ SEVERAL = "in one step; begin each step with '- ', and indent what belongs to it
     ('trun: 90 deg', "trun: there is no such step; did you mean 'turn'?"),
     ('Forward: 1 m', "Forward: there is no such step; did you mean 'forward'?"),
     ('WAIT: 1', "WAIT: there is no such step; did you mean 'wait'?"),
+    ('rotate: 90 deg', "rotate: there is no such step; did you mean 'turn'?"),
+    ('Pause: 1 s', "Pause: there is no such step; did you mean 'wait'?"),
+    ('move_robot: {}', "move_robot: there is no such step; did you mean 'move'?"),
     ('fly: 1', 'fly: there is no such step; known are move, forward, turn, arc, wait, repeat'),
     ('stop', "'stop'; it must be a step, as in - forward: 0.5 m"),
     ('{}', 'nothing; it must be a step, as in - forward: 0.5 m'),
@@ -193,8 +196,8 @@ def test_each_missing_key_is_named_once():
 
 def test_a_file_full_of_errors_does_not_fill_the_screen():
     lines = refusal('steps:\n' + '- wiat: 1\n' * 150)
-    assert len(lines) == 101
-    assert lines[-1] == 'bad.yaml: and 50 more'
+    assert len(lines) == 21
+    assert lines[-1] == 'bad.yaml: and 130 more'
     assert refusal('steps:\n' + '- wiat: 1\n' * 20_000)[-1] == 'bad.yaml: and many more'
 
 

@@ -145,6 +145,25 @@ def test_a_path_names_a_file_and_a_name_a_library_motion(tmp_path, monkeypatch):
         assert find(path).source == str(path)
 
 
+def test_a_file_beside_is_offered_for_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path('patrol.yaml').write_text('steps: []')
+    with pytest.raises(MotionFileError, match=r"did you mean './patrol\.yaml'\?"):
+        find('patrol')
+
+
+@pytest.mark.parametrize('robot, seen_from_here', [
+    ('generic', 'generic'), ('./truck.yaml', 'motions/truck.yaml'),
+    ('../robots/truck.yaml', 'motions/../robots/truck.yaml'), ('/etc/truck.yaml', None)])
+def test_the_profile_that_a_file_names_is_seen_from_the_file(
+        robot, seen_from_here, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path('motions').mkdir()
+    Path('motions/patrol.yaml').write_text(f'robot: {robot}\nsteps: []')
+    assert find('motions/patrol.yaml').robot == (seen_from_here or robot)
+    assert loads('robot: ./truck\nsteps: []').robot == './truck'
+
+
 @pytest.mark.parametrize('name, words', [
     ('squar', "squar: there is no motion of this name; did you mean 'square'?  Known are circle"),
     ('dance', 'dance: there is no motion of this name; known are circle, figure_eight, lesson, '),
