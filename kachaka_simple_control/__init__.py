@@ -69,11 +69,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name == '__version__':
-        from importlib import metadata
-        try:
-            return metadata.version(__name__)
-        except metadata.PackageNotFoundError:
-            return 'unknown'
+        from kachaka_simple_control.version import installed_version
+        return installed_version()
     if name != 'KachakaSimpleControl':
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl

@@ -22,12 +22,17 @@ import shlex
 import sys
 import traceback
 
-import kachaka_simple_control
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
 from kachaka_simple_control.exit_codes import code_of, DONE, HELP, OneLineParser, SIGNALLED
 from kachaka_simple_control.kachaka.grpc_client.address import address_argument
+from kachaka_simple_control.kachaka.program import (
+    add_simulation_options,
+    SIMULATION_NAMES,
+    simulation_parameters,
+    simulation_words,
+)
 
 NAME = 'kachaka_simple_control'
 PRECEDENCE = """
@@ -53,6 +58,7 @@ class Options:
     :param report: the folder for a report; None for no report
     :param quiet: whether to print only the node's log lines while the robot drives
     :param address: the real robot to start a bridge for; None for no bridge
+    :param simulation: options of the simulated robot, as they are written
     :param command: the whole command line, for reports
     """
 
@@ -68,6 +74,7 @@ class Options:
     address: str | None = None
     report: str | None = None
     quiet: bool = False
+    simulation: tuple[str, ...] = ()
     command: str = field(default=NAME, compare=False)
 
     @property
@@ -93,12 +100,19 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     parser = _parser()
     values = vars(parser.parse_args(own))
     values.pop('ros_args', None)
+    simulation = simulation_words(values)
+    if simulation and not values['sim']:
+        parser.error(f'{simulation[0].partition("=")[0]} is about the simulated robot of --sim')
+    simulation_parameters(parser, argparse.Namespace(**values))
+    for name in SIMULATION_NAMES:
+        values.pop(name)
     if values.pop('version'):
-        print(f'{NAME} {kachaka_simple_control.__version__}')
+        from kachaka_simple_control.version import installed_version
+        print(f'{NAME} {installed_version()}')
         raise SystemExit(DONE)
     options = Options(
         motions=tuple(values.pop('motions')), ros_arguments=tuple(ros),
-        command=shlex.join([NAME, *arguments]), **values)
+        command=shlex.join([NAME, *arguments]), simulation=simulation, **values)
     if len(options.motions) > 1 and not options.is_preview:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
     if options.is_preview:
@@ -148,6 +162,9 @@ def _parser() -> OneLineParser:
     parser.add_argument(
         '--rate', type=float, metavar='HZ',
         help='how often a velocity is sent (default: what the motion says, or 10)')
+    add_simulation_options(
+        parser.add_argument_group('errors of the simulated robot, with --sim'),
+        'the simulated robot')
     parser.add_argument('--version', action='store_true', help='print the version')
     parser.add_argument(
         '--ros-args', action='store_true', default=argparse.SUPPRESS,

@@ -113,7 +113,7 @@ def _bridge(
     """Return a context manager that starts the bridge of a robot in a child process."""
     from kachaka_simple_control.kachaka.bridge_process import real_bridge, simulated_bridge
     if options.address is None:
-        return simulated_bridge(namespace)
+        return simulated_bridge(namespace, options.simulation)
     return real_bridge(options.address, namespace)
 
 

@@ -38,6 +38,7 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.own_simulation import OwnSimulation, start_on_this_machine
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.ros.dds_transport import use_udp_transport
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
@@ -90,21 +91,31 @@ class KachakaSimpleControl(Node):
     """
 
     def __init__(
-            self, parameter_defaults: Mapping[str, Any] | None = None,
+            self, parameter_defaults: Mapping[str, Any] | None = None, *, sim: bool = False,
             **node_options: Any) -> None:
         """
         Make the node; nothing is sent before the first movement.
 
         :param parameter_defaults: values of parameters, for those that nothing else sets
+        :param sim: whether to bring a simulated robot along, on this machine alone; at the end a
+            table is printed.  Calls ``rclpy.init()`` if that is not done
         :param node_options: options of ``rclpy.node.Node``, such as ``namespace``
         :raises UsageError: if the value of a parameter, or a name, cannot work
         """
+        if sim:
+            start_on_this_machine(self)
+            parameter_defaults = {'summary': True, **(parameter_defaults or {})}
+        self._simulation: OwnSimulation | None = None
         use_udp_transport()
         make_log_nonblocking()
         with one_line_errors(NAME):
             super().__init__(NAME, **node_options)
         try:
             self._set_up(parameter_defaults or {})
+            if sim:
+                self._simulation = OwnSimulation(
+                    self.profile, self.node_parameters.robot_namespace)
+                self.session.require_robot(self._simulation.require_participant)
         except BaseException:
             # A publisher that is left over would be taken for another program that drives.
             super().destroy_node()
@@ -212,10 +223,10 @@ class KachakaSimpleControl(Node):
 
     def destroy_node(self) -> None:
         """Stop the robot, give it back, and destroy the node."""
-        self.session.close()
+        self._close()
         self._introspection.close()
         signal_dispatcher.unregister(self._signal_handler)
-        atexit.unregister(self.session.close)
+        atexit.unregister(self._close)
         super().destroy_node()
 
     def _drive(self, motion: Motion, limits: Limits | None, request: DriveRequest) -> Plan:
@@ -279,7 +290,13 @@ class KachakaSimpleControl(Node):
         # Called in reverse order: the robot is given back first.
         atexit.unregister(_discard_if_stopped)
         atexit.register(_discard_if_stopped)
-        atexit.register(self.session.close)
+        atexit.register(self._close)
+
+    def _close(self) -> None:
+        """Stop the robot and give it back; end the simulated one."""
+        self.session.close()
+        if self._simulation is not None:
+            self._simulation.end(self.drive_log, self.stop_confirmed_after)
 
 
 class _SignalHandler:

@@ -74,6 +74,6 @@ def step_refusal(step: str) -> str:
     """Return the one-line error of a motion of one step, without its location."""
     lines = refusal(f'steps:\n  - {step}\n')
     assert len(lines) == 1, lines
-    start = 'bad.yaml:2: steps[0]'
+    start = 'bad.yaml:2: step 1: '
     assert lines[0].startswith(start), lines
-    return lines[0].removeprefix(start).removeprefix('.').removeprefix(': ')
+    return lines[0].removeprefix(start)

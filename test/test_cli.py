@@ -62,6 +62,24 @@ def test_bad_usage_is_one_sentence_and_exit_code_2(arguments, capsys):
     assert line.startswith('kachaka_simple_control: ')
 
 
+def test_the_errors_of_the_simulated_robot_are_passed_on():
+    options = parse(['--sim', '--linear-gain', '0.95', '--docked', '--seed', '3'])
+    assert options.simulation == ('--docked', '--seed=3', '--linear-gain=0.95')
+    assert parse(['--sim']).simulation == ()
+
+
+@pytest.mark.parametrize('arguments, text', [
+    (['--lag', '0.1'], '--lag is about the simulated robot of --sim'),
+    (['--address', 'robot', '--docked'], '--docked is about the simulated robot of --sim'),
+    (['--sim', '--lag', '-1'], 'lag is -1.0'),
+])
+def test_errors_without_a_simulated_robot_or_impossible_ones_are_refused(arguments, text, capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse(arguments)
+    assert caught.value.code == 2
+    assert text in capsys.readouterr().err
+
+
 @pytest.mark.parametrize('option, near', [
     ('--simm', '; did you mean --sim?'), ('--raet=3', '; did you mean --rate?'),
     ('--reprot', '; did you mean --report?'), ('--xyzzy', '')])

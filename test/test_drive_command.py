@@ -75,7 +75,7 @@ def test_a_motion_that_the_robot_cannot_do_is_refused_before_anything_starts(lis
     with program([*COMMAND, str(file)], tmp_path) as started:
         assert started.end() == 2
     (line,) = started.text.splitlines()
-    assert f"{file}:3: steps[1].turn.speed: 2.0 rad/s is above kachaka's limit of 1.57" in line
+    assert f"{file}:3: step 2: turn.speed: 2.0 rad/s is above kachaka's limit of 1.57" in line
     assert listener.heard == []
     assert listener.answered == []
 

@@ -22,7 +22,7 @@ from benchmarks.stop_matrix.expectation import Expectation, Zero
 from benchmarks.stop_matrix.trial_setup import Row, TrialContext
 
 NODE, GUARDIAN, NOTHING = 'the node', 'the guardian', 'nothing to stop: it runs on'
-COMMAND_TIMEOUT = "nobody: only the robot's own hold helps"
+COMMAND_TIMEOUT = 'the robot: its command timeout'
 #: Time limits [s]: of a signal, SIGKILL and SIGSTOP (docs/design.md: "Speed"); of lost odometry
 #: and a lost subscriber (docs/safety.md).
 SIGNAL, KILLED, FROZEN = 0.02, 0.05, 0.15

@@ -38,6 +38,7 @@ INSTALL = (
 #: The path of a value in a file: keys of mappings and indices of lists.
 KeyPath = Sequence[str | int]
 _PLAIN_KEY = re.compile(r'[\w-]{1,40}')
+_STEP = re.compile(r'[.]?\bsteps\[([0-9]+)\](?:[.]|$)')
 _PART = re.compile(r'\[([0-9]+)\]|([^.\[\]]+)')
 
 
@@ -56,8 +57,10 @@ class Problem:
     path: str = ''
 
     def __str__(self) -> str:
-        """Return the problem without its line."""
-        return f'{self.path}: {self.text}' if self.path else self.text
+        """Return the problem without its line; steps are counted from 1."""
+        place = _STEP.sub(
+            lambda found: f'{": " * (found[0][0] == ".")}step {int(found[1]) + 1}: ', self.path)
+        return f'{place.removesuffix(": ")}: {self.text}' if place else self.text
 
 
 class UnreadableFileError(Exception):
@@ -93,7 +96,7 @@ def sort_problems(problems: Iterable[Problem]) -> tuple[Problem, ...]:
 
 def format_problems(source: str, problems: Sequence[Problem]) -> str:
     """
-    Return an error message, with a line for each problem: ``square.yaml:7: steps[2].turn: ...``.
+    Return an error message, with a line for each problem: ``square.yaml:7: step 3: turn: ...``.
 
     :param source: the file
     :param problems: what is wrong with it, in order

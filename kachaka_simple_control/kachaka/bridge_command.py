@@ -35,6 +35,7 @@ from kachaka_simple_control.kachaka.grpc_client.address import (
     UnreachableError,
 )
 from kachaka_simple_control.kachaka.program import (
+    add_parent_option,
     add_simulation_options,
     ExitError,
     run_until_shutdown,
@@ -120,7 +121,7 @@ def _simulated_bridge(
         fault: _Fault) -> Callable[[], BridgeNode]:
     """Return the factory of the node of a simulated robot."""
     from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
-    robot = SimulatedKachaka(time.monotonic(), parameters, options.docked, options.seed)
+    robot = SimulatedKachaka(time.monotonic(), parameters, bool(options.docked), options.seed or 0)
     return partial(SimulatedBridge, robot, namespace, options.frame_prefix, fault.on_conflict)
 
 
@@ -162,6 +163,7 @@ def _parser() -> OneLineParser:
     add('--give-up', action='store_true',
         help='end with code 1 when a real robot refuses to move, or is lost while it moves')
     add_simulation_options(parser, 'the simulated robot')
+    add_parent_option(parser)
     return parser
 
 

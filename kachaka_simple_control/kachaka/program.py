@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import sys
 
 from kachaka_simple_control.control.signals import ShutdownEvent
@@ -41,23 +41,41 @@ PARAMETER_OPTIONS = (
     ('undock_distance', 'M', 'how far the robot drives off its dock'),
     ('undock_velocity', 'M/S', 'how fast it does that'),
 )
+#: The names of all options of a simulated robot.
+SIMULATION_NAMES = ('docked', 'seed', *(name for name, _, _ in PARAMETER_OPTIONS))
 
 
-def add_simulation_options(parser: argparse.ArgumentParser, robot: str) -> None:
+def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> None:
     """
-    Add the options of a simulated robot, and ``--with-parent``.
+    Add the options of a simulated robot; those that are not given are None.
 
-    :param parser: the parser
+    :param parser: the parser, or a group of its options
     :param robot: what the help calls the robot
     """
     add = parser.add_argument
-    add('--docked', action='store_true', help=f'{robot} starts on its charging dock')
-    add('--seed', type=int, default=0, help='of all noise (default: %(default)s)')
+    add('--docked', action='store_true', default=None,
+        help=f'{robot} starts on its charging dock')
+    add('--seed', type=int, help='of all noise (default: 0)')
     for name, unit, text in PARAMETER_OPTIONS:
-        add(f"--{name.replace('_', '-')}", type=float,
-            default=getattr(SimulationParameters, name), metavar=unit,
-            help=f'{text} (default: %(default)s)')
-    add('--with-parent', action='store_true', help='end when standard input does')
+        add(f"--{name.replace('_', '-')}", type=float, metavar=unit,
+            help=f'{text} (default: {getattr(SimulationParameters, name)})')
+
+
+def add_parent_option(parser: argparse.ArgumentParser) -> None:
+    """Add ``--with-parent``."""
+    parser.add_argument(
+        '--with-parent', action='store_true', help='end when standard input does')
+
+
+def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
+    """
+    Return the options of a simulated robot that were given, as they are written.
+
+    :param options: the values of the parsed options by name
+    """
+    return tuple(
+        f"--{name.replace('_', '-')}" + ('' if options[name] is True else f'={options[name]}')
+        for name in SIMULATION_NAMES if options[name] is not None)
 
 
 def simulation_parameters(
@@ -70,7 +88,8 @@ def simulation_parameters(
     """
     try:
         return SimulationParameters(
-            **{name: getattr(options, name) for name, _, _ in PARAMETER_OPTIONS})
+            **{name: value for name, _, _ in PARAMETER_OPTIONS
+               if (value := getattr(options, name)) is not None})
     except ValueError as error:
         parser.error(str(error))
 

@@ -28,6 +28,7 @@ from kachaka_simple_control.control.signals import ShutdownEvent
 from kachaka_simple_control.escaping import escaped, quoted
 from kachaka_simple_control.exit_codes import BAD_USAGE, FAULTED, OneLineParser
 from kachaka_simple_control.kachaka.program import (
+    add_parent_option,
     add_simulation_options,
     ExitError,
     run_until_shutdown,
@@ -89,7 +90,7 @@ def _run(args: Sequence[str], shutdown: ShutdownEvent) -> None:
         from kachaka_simple_control.kachaka.simulator.grpc_server import serving
     except (ImportError, RuntimeError) as error:
         raise ExitError(FAULTED, SDK_MISSING.format(error=error)) from None
-    robot = SimulatedKachaka(time.monotonic(), parameters, options.docked, options.seed)
+    robot = SimulatedKachaka(time.monotonic(), parameters, bool(options.docked), options.seed or 0)
     try:
         with serving(robot, options.grpc_port, options.host) as server, power_button(
                 lambda: server.call(SimulatedKachaka.press_power_button)):
@@ -119,6 +120,7 @@ def _parser() -> OneLineParser:
     add('--host', default='127.0.0.1',
         help='the address to listen at; 0.0.0.0: all of this machine (default: %(default)s)')
     add_simulation_options(parser, 'the robot')
+    add_parent_option(parser)
     return parser
 
 

@@ -85,6 +85,17 @@ def is_localhost_requested() -> bool:
     return os.environ.get(RANGE) == 'LOCALHOST'
 
 
+def is_range_chosen() -> bool:
+    """Tell whether the environment says how far discovery goes, or our profile does."""
+    return RANGE in os.environ or LOCALHOST_ONLY in os.environ or is_localhost_only()
+
+
+def can_still_be_localhost_only() -> bool:
+    """Tell whether a process that has initialised ROS can still be kept on this machine."""
+    is_profile_read = _fast_dds() not in (None, HUMBLE)
+    return is_profile_read and not _is_transport_chosen() and not os.environ.get(PEERS)
+
+
 def is_localhost_only() -> bool:
     """Tell whether ROS's variables or our profile keep discovery on this machine."""
     if is_localhost_requested() or os.environ.get(LOCALHOST_ONLY) == '1':

@@ -22,7 +22,6 @@ import platform
 import time
 from typing import Any
 
-import kachaka_simple_control
 from kachaka_simple_control.control.plan_runner import min_rate
 from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
@@ -31,6 +30,7 @@ from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.node_parameters import NodeParameters
 from kachaka_simple_control.telemetry.events import SessionStarted
+from kachaka_simple_control.version import installed_version
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
@@ -115,7 +115,7 @@ def session_started(
 
 def _versions() -> dict[str, str]:
     return {
-        'kachaka_simple_control': kachaka_simple_control.__version__,
+        'kachaka_simple_control': installed_version(),
         'ROS': os.environ.get('ROS_DISTRO', 'unknown'),
         'RMW': get_rmw_implementation_identifier(),
         'Python': platform.python_version(),

@@ -133,11 +133,11 @@ def test_an_error_of_planning_has_its_line_and_the_robots_name():
     with pytest.raises(MotionFileError) as caught:
         loads(TOO_FAST, 'fast.yaml').check(KACHAKA, 'kachaka')
     assert str(caught.value).splitlines() == [
-        ('fast.yaml:8: steps[1].repeat.steps[0].turn.speed: 2.0 rad/s is above '
+        ('fast.yaml:8: step 2: repeat: step 1: turn.speed: 2.0 rad/s is above '
          "kachaka's limit of 1.57 rad/s"),
-        ("fast.yaml:9: steps[2].move.linear_x: -0.4 m/s, outside kachaka's limits of "
+        ("fast.yaml:9: step 3: move.linear_x: -0.4 m/s, outside kachaka's limits of "
          '-0.3 to 0.3 m/s'),
-        ("fast.yaml:9: steps[2].move.angular_z: 2.0 rad/s, outside kachaka's limits of "
+        ("fast.yaml:9: step 3: move.angular_z: 2.0 rad/s, outside kachaka's limits of "
          '-1.57 to 1.57 rad/s'),
     ]
     assert [problem.line for problem in caught.value.problems] == [8, 9, 9]
@@ -146,7 +146,7 @@ def test_an_error_of_planning_has_its_line_and_the_robots_name():
 def test_errors_of_planning_can_be_given_their_lines():
     file = loads(TOO_FAST, 'fast.yaml')
     error = file.located(find_errors(file.motion, KACHAKA))
-    assert str(error).startswith('fast.yaml:8: steps[1].repeat.steps[0].turn.speed: 2.0 rad/s is '
+    assert str(error).startswith('fast.yaml:8: step 2: repeat: step 1: turn.speed: 2.0 rad/s is '
                                  "above the robot's limit of 1.57 rad/s")
     assert isinstance(error, InvalidMotionError)
 
@@ -157,7 +157,7 @@ def test_the_files_own_limits_hold_too():
     with pytest.raises(MotionFileError) as caught:
         file.check(KACHAKA, 'kachaka')
     assert str(caught.value) == (
-        'slow.yaml:2: steps[0].forward.speed: 0.2 m/s is above the limit of 0.1 m/s')
+        'slow.yaml:2: step 1: forward.speed: 0.2 m/s is above the limit of 0.1 m/s')
 
 
 def test_what_can_be_done_is_planned_with_the_tighter_limits():

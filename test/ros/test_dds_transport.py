@@ -229,15 +229,34 @@ def cable():
             other.stdin.close()
 
 
-def test_a_simulated_drive_sends_no_packet_off_this_machine(cable, tmp_path):
+#: Scripts that bring a simulated robot along, before and after ROS is initialised.
+SCRIPTS = {
+    'script': """
+from kachaka_simple_control import KachakaSimpleControl
+KachakaSimpleControl(sim=True).move_robot(0.1, 0.0, 0.5)
+""",
+    'script after rclpy.init': """
+import rclpy
+rclpy.init()
+from kachaka_simple_control import KachakaSimpleControl
+KachakaSimpleControl(sim=True).move_robot(0.1, 0.0, 0.5)
+"""}
+
+
+@pytest.mark.parametrize('kind', ['command', *SCRIPTS])
+def test_a_simulated_drive_sends_no_packet_off_this_machine(cable, tmp_path, kind):
     """Counted at the other end of a cable; without the isolation some arrive there."""
     motion = tmp_path / 'short.yaml'
     motion.write_text('name: short\nsteps:\n  - forward: 5 cm\n')
+    script = tmp_path / 'script.py'
+    script.write_text(SCRIPTS.get(kind, ''))
+    command = ([*COMMAND, str(motion), '--sim'] if kind == 'command' else
+               [sys.executable, str(script)])
 
     def arrived(**chosen):
         cable.lose(0)
         subprocess.run(
-            cable.command(network.NODE, [*COMMAND, str(motion), '--sim']),
+            cable.command(network.NODE, command),
             env=environment(**chosen), timeout=60, check=True, capture_output=True)
         return cable.counts()[1]
 

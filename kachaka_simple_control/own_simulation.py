@@ -1,0 +1,86 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A simulated robot that a node brings along: for a script of one's own, in one terminal."""
+
+from __future__ import annotations
+
+import gc
+
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
+from kachaka_simple_control.kachaka.bridge_process import BridgeProcess
+from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.report.text_tables import drive_table
+from kachaka_simple_control.ros.dds_transport import (
+    can_still_be_localhost_only,
+    is_range_chosen,
+    use_localhost_only,
+)
+import rclpy
+from rclpy.node import Node
+
+
+def start_on_this_machine(own: Node) -> None:
+    """
+    Keep ROS on this machine, and initialise it if that is not done.
+
+    A simulated robot has the names of a real one: seen from other machines, it would end the
+    drives of theirs.
+
+    :param own: the node that is being made
+    :raises UsageError: if it is too late for that
+    """
+    if rclpy.ok() and not is_range_chosen():
+        # Of ROS's variables nothing is read any more; a profile is, by the first node.
+        others = (found for found in gc.get_objects()
+                  if issubclass(type(found), Node) and found is not own)
+        if not can_still_be_localhost_only() or next(others, None) is not None:
+            raise UsageError(
+                'sim=True comes too late to keep the simulated robot on this machine: make this '
+                'node first, before rclpy.init(), which it then calls itself; or set '
+                'ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST (on Humble ROS_LOCALHOST_ONLY=1)')
+    use_localhost_only()
+    if not rclpy.ok():
+        rclpy.init()
+
+
+class OwnSimulation:
+    """
+    The bridge of a simulated robot as a child process, and the table at its end.
+
+    :param profile: the robot that the node drives
+    :param namespace: the ROS namespace of the robot
+    :raises UsageError: if the node does not drive a Kachaka
+    """
+
+    def __init__(self, profile: RobotProfile, namespace: str) -> None:
+        if profile.velocity_topic != KACHAKA.velocity_topic:
+            raise UsageError(f'sim=True brings a kachaka along, not a {profile.name}')
+        self._bridge: BridgeProcess | None = BridgeProcess(['--sim', '--namespace', namespace])
+        #: returns its DDS participant, for ``Session.require_robot``
+        self.require_participant = self._bridge.require_participant
+
+    def end(self, drive_log: DriveLog, still_after: float | None) -> None:
+        """
+        End the robot, and print what was requested, sent and driven; once.
+
+        :param drive_log: the log of the drive
+        :param still_after: how long after the stop odometry saw the robot stand still [s]
+        """
+        bridge, self._bridge = self._bridge, None
+        if bridge is None:
+            return
+        bridge.end()
+        if drive_log.steps:
+            print(drive_table(drive_log, still_after), flush=True)

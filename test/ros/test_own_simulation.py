@@ -1,0 +1,114 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A script that brings a simulated robot along."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+
+from kachaka_simple_control.ros import dds_transport
+import pytest
+from test_dds_transport import environment
+
+pytestmark = pytest.mark.ros
+
+BEGIN = """
+import rclpy
+from kachaka_simple_control import KachakaSimpleControl
+"""
+DRIVE = """
+robot = KachakaSimpleControl(sim=True)
+robot.move_robot(0.1, 0.0, 1.0)
+"""
+
+
+def run(code, tmp_path, **chosen):
+    """Return exit code, standard output and standard error of a script."""
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    script = tmp_path / 'script.py'
+    script.write_text(BEGIN + code)
+    done = subprocess.run(
+        [sys.executable, str(script)], env=environment(**chosen), timeout=60,
+        capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize('end', ['', 'robot.destroy_node()', 'rclpy.shutdown()'])
+def test_one_script_drives_and_prints_the_table(end, tmp_path):
+    pytest.importorskip('nav_msgs', reason='needs odometry')
+    code, out, err = run(DRIVE + end, tmp_path)
+    assert code == 0, err
+    assert 'Movement completed: Forward=0.1' in err
+    assert out.count('forward 0.1 m/s') == 1
+    distance = re.search(r'x (\S+) m, y', out)[1]
+    assert float(distance) == pytest.approx(0.1, abs=0.02)
+    # The robot went with the script.
+    assert 'Traceback' not in err
+
+
+def test_a_script_that_ends_by_an_error_ends_the_robot_too(tmp_path):
+    code, out, err = run(DRIVE + 'robot.move_robot(9.0, 0.0, 1.0)', tmp_path)
+    assert code == 2
+    assert out.count('Where') == 1 or 'x ' in out
+    assert err.splitlines()[-1].endswith('limits of -0.3 to 0.3 m/s')
+
+
+@pytest.mark.parametrize('before, chosen', [
+    ('rclpy.init(); other = rclpy.create_node("other")\n', {}),
+    ('rclpy.init()\n', {dds_transport.TRANSPORTS: 'UDPv4'}),
+])
+def test_too_late_is_refused_before_a_robot_is_started(before, chosen, tmp_path):
+    code, out, err = run(before + DRIVE, tmp_path, **chosen)
+    assert code == 2
+    (line,) = err.splitlines()
+    assert 'sim=True comes too late to keep the simulated robot on this machine' in line
+    assert out == ''
+
+
+@pytest.mark.parametrize('before, chosen', [
+    ('rclpy.init(); other = rclpy.create_node("other")\n', {dds_transport.RANGE: 'LOCALHOST'}),
+    ('rclpy.init(); other = rclpy.create_node("other")\n', {dds_transport.LOCALHOST_ONLY: '1'}),
+])
+def test_where_the_user_chose_the_range_it_is_never_too_late(before, chosen, tmp_path):
+    code, _, err = run(before + DRIVE, tmp_path, **chosen)
+    assert code == 0, err
+
+
+def test_it_brings_a_kachaka_along(tmp_path):
+    code, out, err = run(
+        'KachakaSimpleControl({"robot": "turtlebot3"}, sim=True).move_robot(0.1, 0.0, 1.0)',
+        tmp_path)
+    assert code == 2
+    assert err.splitlines()[-1].endswith('sim=True brings a kachaka along, not a turtlebot3')
+    assert out == ''
+
+
+def test_ctrl_c_stops_and_prints_the_table(tmp_path):
+    script = tmp_path / 'script.py'
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    script.write_text(f'{BEGIN}{DRIVE}robot.move_robot(0.1, 0.0, 30.0)')
+    with subprocess.Popen(
+            [sys.executable, str(script)], env=environment(), stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True) as started:
+        for line in started.stderr:
+            if 'Movement completed' in line:
+                break
+        started.send_signal(signal.SIGINT)
+        out, err = started.communicate(timeout=30)
+    assert started.returncode in (130, -signal.SIGINT)
+    assert 'Traceback' not in err
+    assert 'x ' in out
