@@ -44,7 +44,7 @@ STEP = MOTION['definitions']['step']
 #: Keywords that say nothing of what may be in a file, or only with others.
 SILENT = {
     '$schema', 'title', 'description', 'examples', 'definitions', 'properties', 'items', '$ref',
-    'expected', 'entry', 'quantity'}
+    'expected', 'entry', 'quantity', 'synonyms'}
 
 
 def parts(node: dict[str, Any]) -> Iterator[dict[str, Any]]:
