@@ -29,7 +29,7 @@ PREFIX = 'kachaka_lossy'
 NODE, ROBOT = 'node', 'robot'
 #: Addresses reserved for network benchmarks (RFC 2544).
 ADDRESSES = {NODE: '198.18.0.1', ROBOT: '198.18.0.2'}
-INTERFACE = 'link'
+INTERFACE = 'veth0'
 #: The required commands, and their packages.
 TOOLS = {'ip': 'iproute2', 'nft': 'nftables'}
 NAMESPACES = Path('/run/netns')

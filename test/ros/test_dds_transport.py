@@ -254,11 +254,11 @@ def test_a_simulated_drive_sends_no_packet_off_this_machine(cable, tmp_path, kin
                [sys.executable, str(script)])
 
     def arrived(**chosen):
-        cable.lose(0)
+        cable.set_loss(0)
         subprocess.run(
             cable.command(network.NODE, command),
             env=environment(**chosen), timeout=60, check=True, capture_output=True)
-        return cable.counts()[1]
+        return cable.packet_counts()[1]
 
     assert arrived() == 0
     assert arrived(**{dds_transport.RANGE: 'SUBNET'}) > 0
