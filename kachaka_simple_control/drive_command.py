@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from kachaka_simple_control.cli import Options
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
 from kachaka_simple_control.display.terminal import DisplayProcess, should_display
-from kachaka_simple_control.errors import ControlError, UsageError
+from kachaka_simple_control.errors import ControlError, RunFaultError, UsageError
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.report.report_directory import missing_libraries, prepare_report_dir
@@ -33,7 +33,11 @@ from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.parameters import session_started
 from kachaka_simple_control.ros.startup import start_ros
 from kachaka_simple_control.settings import choose_settings, describe_overrides, NAMES
-from kachaka_simple_control.telemetry.subscriber_process import REPORTER, SubscriberProcesses
+from kachaka_simple_control.telemetry.subscriber_process import (
+    REPORTER,
+    SubscriberProcess,
+    SubscriberProcesses,
+)
 import rclpy
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -69,7 +73,8 @@ def drive(options: Options) -> None:
                 Parameter(name, value=value) for name, value in _parameters(options).items()])
         subscribers = stack.enter_context(SubscriberProcesses(robot_control.event_bus))
         try:
-            _start_subscribers(subscribers, options, is_lesson=motion_file is None)
+            reporter = _start_subscribers(
+                subscribers, options, is_lesson=motion_file is None)
             for line in describe_overrides(
                     options, motion_file, robot_control.node_parameters.robot,
                     robot_control.node_parameters.rate):
@@ -96,16 +101,21 @@ def drive(options: Options) -> None:
                 rclpy.try_shutdown()
     if options.starts_bridge and robot_control.drive_log.steps:
         print(drive_table(robot_control.drive_log, still_after))
+    if reporter is not None and reporter.exit_code:
+        raise RunFaultError(f'the report in {options.report} is not whole')
 
 
 def _start_subscribers(
-        subscribers: SubscriberProcesses, options: Options, is_lesson: bool) -> None:
+        subscribers: SubscriberProcesses, options: Options, is_lesson: bool,
+) -> SubscriberProcess | None:
+    """Start display and reporter; return the reporter, if there is one."""
     if not options.quiet and should_display(is_lesson):
         subscribers.add(DisplayProcess())
     if options.report is not None:
         for missing in missing_libraries():
             print(f'report: {missing}', file=sys.stderr)
-        subscribers.start(REPORTER, options.report)
+        return subscribers.start(REPORTER, options.report)
+    return None
 
 
 def _bridge(

@@ -51,6 +51,7 @@ from kachaka_simple_control.report.plot_style import (
     style_axes,
     time_unit,
 )
+from kachaka_simple_control.report.report_directory import write_whole
 from kachaka_simple_control.report.text_tables import one_line
 
 if TYPE_CHECKING:
@@ -262,7 +263,7 @@ def save_plot(file: str | os.PathLike[str], views: Sequence[PlanView]) -> None:
         warnings.filterwarnings('ignore', message='Glyph')
         figure.savefig(data, format=suffix[1:], metadata=METADATA[suffix])
     try:
-        path.write_bytes(data.getvalue())
+        write_whole(path.resolve(), data.getvalue())
     except OSError as error:
         raise UsageError(f'{path}: it cannot be written: {error.strerror}') from None
 

@@ -34,6 +34,11 @@ from kachaka_simple_control.report.drive_plots import draw_drive_plots, DrivePlo
 from kachaka_simple_control.report.html_page import render_page
 from kachaka_simple_control.report.json_export import run_json
 from kachaka_simple_control.report.mcap_recorder import McapRecorder
+from kachaka_simple_control.report.report_directory import (
+    NEEDS_JINJA2,
+    NEEDS_MCAP,
+    write_whole,
+)
 from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.telemetry.events import Event, EventBus
 from kachaka_simple_control.telemetry.subscriber_process import decode
@@ -61,14 +66,14 @@ def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
     """
     with _no_garbage_collection():
         summary = Summary(log)
-        _write(directory / FIGURES, run_json(summary, recording).encode())
+        write_whole(directory / FIGURES, run_json(summary, recording).encode())
         plots, reason = _plots(summary)
         if plots.png:
-            _write(directory / PLOT, plots.png)
+            write_whole(directory / PLOT, plots.png)
         else:
             (directory / PLOT).unlink(missing_ok=True)
         page = render_page(summary, plots.svg, reason, recording)
-        _write(directory / PAGE, page.encode(errors='replace'))
+        write_whole(directory / PAGE, page.encode(errors='replace'))
 
 
 @contextlib.contextmanager
@@ -92,13 +97,6 @@ def _plots(summary: Summary) -> tuple[DrivePlots, str | None]:
     except Exception as error:  # the figures are of use without the plots
         reason = f'There are no pictures: drawing them failed ({error!r}).'
     return DrivePlots({}, b''), reason
-
-
-def _write(path: Path, data: bytes) -> None:
-    # By renaming: a reader sees the old file or the new one, never a part of it.
-    new = path.with_name(f'.{path.name}.new')
-    new.write_bytes(data)
-    new.replace(path)
 
 
 def ignore_signals() -> None:
@@ -181,7 +179,8 @@ def main() -> int:
     """
     Record events from standard input until its end, and write the report.
 
-    :returns: the exit code: 0 if all was written, else 1
+    :returns: the exit code: 1 if something could not be written, else 0; what an optional library
+        is missing for is left out
     """
     make_nonblocking(STDERR)
     lower_priority()
@@ -197,4 +196,8 @@ def main() -> int:
         print_line(text)
     failure = try_write_report(log, directory, recording)
     print_line(failure or str(directory / PAGE))
-    return int(any((recording, failure, event_bus.failures)))
+    is_left_out = [text is not None and text.endswith(needs)
+                   for text, needs in ((recording, NEEDS_MCAP), (failure, NEEDS_JINJA2))]
+    return int(bool(
+        (recording and not is_left_out[0]) or (failure and not is_left_out[1])
+        or event_bus.failures))

@@ -122,6 +122,8 @@ class SubscriberProcess:
         self._plan_lock = threading.Lock()
         #: why nothing more is sent; None as long as all is
         self.failure: str | None = None
+        #: how it ended; None while it runs
+        self.exit_code: int | None = None
 
     def send(self, event: Event) -> None:
         """Send an event; return at once, but for what is sent before a robot moves."""
@@ -146,10 +148,9 @@ class SubscriberProcess:
         :returns: its exit code; None if it still runs
         """
         self._close()
-        try:
-            return self._process.wait(timeout)
-        except subprocess.TimeoutExpired:
-            return None
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.exit_code = self._process.wait(timeout)
+        return self.exit_code
 
     def _send_with_timeout(self, event: Event) -> None:
         # Chunks of two events must not be mixed; other events may come between them.
@@ -183,9 +184,11 @@ class SubscriberProcesses:
         #: how long after the stop began odometry saw the robot still [s]; None if it did not
         self.still_after: float | None = None
 
-    def start(self, module: str, *arguments: str) -> None:
+    def start(self, module: str, *arguments: str) -> SubscriberProcess:
         """Start a module's ``main`` in a process of its own and subscribe it."""
-        self.add(SubscriberProcess([*processes.python_command(module), *arguments]))
+        subscriber = SubscriberProcess([*processes.python_command(module), *arguments])
+        self.add(subscriber)
+        return subscriber
 
     def add(self, subscriber: SubscriberProcess) -> None:
         """Subscribe a process that was started; they are closed in the order of their adding."""
