@@ -18,12 +18,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-from kachaka_simple_control.motion.geometry import Footprint
+from kachaka_simple_control.motion.geometry import Footprint, outline
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, Segment
+from kachaka_simple_control.report.paths import sample_path
 
 #: A last tick shorter than this part of a period is rounding, as it is to the plan runner.
 TIME_TOLERANCE = 1e-6
+#: At how many poses of a plan the outline of the robot is looked at.
+MAX_FLOOR_POSES = 20_000
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,20 @@ class PlanView:
     def messages(self) -> int:
         """Return how many velocities are sent if none is late, without the stop."""
         return sum(ticks(segment, self.plan.period) for segment in self.plan.segments)
+
+    @property
+    def floor(self) -> tuple[float, float]:
+        """
+        Return how much floor it needs [m]: along x and y of the start, with the robot's outline.
+
+        On curves and turns the corners of the outline are looked at every few degrees, which is
+        off by less than a thousandth of the robot's size.
+        """
+        poses = sample_path(self.plan, most=MAX_FLOOR_POSES)
+        points = [(pose.x, pose.y) for pose in poses] if self.footprint is None else [
+            point for pose in poses for point in outline(self.footprint, pose)]
+        xs, ys = zip(*points)
+        return max(xs) - min(xs), max(ys) - min(ys)
 
 
 def ticks(segment: Segment, period: float) -> int:

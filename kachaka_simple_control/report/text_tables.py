@@ -212,7 +212,14 @@ def _sending(view: PlanView) -> list[str]:
     count = view.messages
     sent = (f'Sent: {pluralize(count, "velocity", "velocities")}, '
             f'{format_number(1000.0 * view.plan.period)} ms apart or less, then the stop')
-    return [sent, *_limits(view.limits)]
+    return [sent, _floor(view), *_limits(view.limits)]
+
+
+def _floor(view: PlanView) -> str:
+    # Rounded up to a centimetre, and not by a rounding error.
+    width, depth = (math.ceil(100.0 * size - 1e-6) / 100.0 for size in view.floor)
+    what = 'the robot included' if view.footprint else 'and the robot, whose outline is not known'
+    return f'Floor: {width:.2f} m x {depth:.2f} m, {what}'
 
 
 def _limits(limits: Limits) -> list[str]:

@@ -173,14 +173,14 @@ def test_it_is_read_from_a_file_and_written_to_one():
 
 @pytest.mark.parametrize('step, line', [
     ('lanechagne: {offset: 1 m, length: 1 m}',
-     "steps[0].lanechagne: there is no such step; did you mean 'lanechange'?"),
+     "step 1: lanechagne: there is no such step; did you mean 'lanechange'?"),
     ('lanechange: {offset: 1 m}',
-     ("steps[0].lanechange: 'length' is missing: a length, as in 0.5 m (in m, cm or mm)")),
+     ("step 1: lanechange: 'length' is missing: a length, as in 0.5 m (in m, cm or mm)")),
     ('lanechange: 1 m',
-     ("steps[0].lanechange: '1 m'; it must be offset and length, as in "
+     ("step 1: lanechange: '1 m'; it must be offset and length, as in "
       '{offset: 0.3 m, length: 1 m}')),
     ('lanechange: {offset: 1 s, length: 1 m}',
-     "steps[0].lanechange.offset: '1 s'; it must be a length, as in 0.5 m (in m, cm or mm)"),
+     "step 1: lanechange.offset: '1 s'; it must be a length, as in 0.5 m (in m, cm or mm)"),
 ])
 def test_errors_of_a_file_name_its_fields(step, line):
     pytest.importorskip('yaml', reason='needs PyYAML')

@@ -18,12 +18,13 @@ import re
 
 from hypothesis import given
 from kachaka_simple_control.control.plan_runner import TickScheduler
+from kachaka_simple_control.motion.geometry import Disc
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.text_tables import plan_table
-from plans import ABRUPT, EIGHT, EMPTY, GENTLE, HOUR, LESSON, preview, SPIN, SQUARE, SQUARE_CW
+from plans import ABRUPT, BOX, EIGHT, EMPTY, GENTLE, HOUR, LESSON, preview, SPIN, SQUARE, SQUARE_CW
 import pytest
 from strategies import LIMITS, MOTIONS, RATES
 
@@ -73,6 +74,23 @@ def test_messages_and_limits_are_below_the_table():
     assert lines[-1].startswith('Poses: at the end')
 
 
+@pytest.mark.parametrize('motion, footprint, width, depth', [
+    # BOX is 0.4 m long, 0.2 m wide, and 0.25 m of it are ahead of the axle.
+    (EMPTY, BOX, 0.4, 0.2),
+    (Motion('ahead', [Forward(1.0)]), BOX, 1.4, 0.2),
+    (Motion('ahead', [Forward(1.0)]), None, 1.0, 0.0),
+    (SPIN, BOX, 2 * math.hypot(0.25, 0.1), 2 * math.hypot(0.25, 0.1)),
+    (SPIN, Disc(0.2), 0.4, 0.4),
+    (Motion('half', [Arc(0.5, math.pi)]), None, 0.5, 1.0),
+])
+def test_the_floor_is_what_path_and_outline_need(motion, footprint, width, depth):
+    view = preview(motion, footprint=footprint)
+    assert view.floor == pytest.approx((width, depth), abs=0.002)
+    (line,) = (line for line in lines_of(view) if line.startswith('Floor: '))
+    assert float(line.split()[1]) == pytest.approx(width + 0.005, abs=0.0051)
+    assert ('not known' in line) == (footprint is None)
+
+
 def test_without_limits_none_are_shown():
     motion = Motion('any', [Forward(1.0, 0.2)])
     lines = lines_of(preview(motion, Limits(math.inf, math.inf)))
@@ -81,7 +99,7 @@ def test_without_limits_none_are_shown():
 
 def test_an_empty_motion_has_a_table_too():
     lines = lines_of(preview(EMPTY))
-    assert cells(lines[-6]) == [
+    assert cells(lines[-7]) == [
         '0', 'steps', '0.000', '0.000', '0.000', '0.000', '0.0', '0.000', '0.000']
     assert any(line.startswith('Sent: 0 velocities') for line in lines)
 
