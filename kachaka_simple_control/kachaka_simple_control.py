@@ -40,6 +40,7 @@ from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.own_simulation import OwnSimulation, start_on_this_machine
 from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.report.plan_view import pluralize
 from kachaka_simple_control.ros.dds_transport import use_udp_transport
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
@@ -193,7 +194,7 @@ class KachakaSimpleControl(Node):
         driven = self._drive(motion, limits, request or self.session.request())
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
-            f'Motion completed: {motion.name}, {len(driven.steps)} steps, '
+            f'Motion completed: {motion.name}, {pluralize(len(driven.steps), "step")}, '
             f'{driven.duration:.3f} seconds')
 
     def stop_robot(self) -> None:

@@ -292,7 +292,8 @@ def drive_table(log: DriveLog, still_after: float | None) -> str:
 
 def _drive_row(step: StepLog, seen: Displacement | None) -> Row:
     return (
-        step.step.describe_fully(), _amount(step.step.displacement),
+        step.step.describe_fully() + ('' if step.is_complete else '; cut short'),
+        _amount(step.step.displacement),
         _amount(sent(step.sent)), 'none' if seen is None else _amount(seen))
 
 

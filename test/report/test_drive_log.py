@@ -25,6 +25,8 @@ from kachaka_simple_control.telemetry.events import (
     SessionEnded,
     VelocitySent,
 )
+from outcome_logs import done
+from outcome_logs import stopped as stopped_square
 import pytest
 
 MOTION = Motion('two', (Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 1.0)))
@@ -81,3 +83,9 @@ def test_the_end_of_the_program_is_noted():
     record.on_event(SessionEnded(103.0, 0.2, 2))
     assert record.session_ended == SessionEnded(103.0, 0.2, 2)
     assert len(record.sent) == len(record.motions[0].sent)
+
+
+def test_the_step_that_was_cut_short_is_marked_in_the_table():
+    rows = drive_table(stopped_square(), 0.1).splitlines()[2:-2]
+    assert [row.count('; cut short') for row in rows] == [0] * (len(rows) - 1) + [1]
+    assert 'cut short' not in drive_table(done(), 0.1)
