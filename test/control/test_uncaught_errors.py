@@ -42,7 +42,7 @@ def run(code, tmp_path, **environment):
     ('UsageError', 2), ('InvalidMotionError', 2), ('RobotNotFoundError', 3),
     ('RobotTakenError', 3), ('RunFaultError', 1), ('MotionRefusedError', 1)])
 def test_an_error_of_ours_is_one_line_and_its_exit_code(error, code, tmp_path):
-    assert run(f'raise errors.{error}("it\\x1bcannot be")', tmp_path) == (
+    assert run(f'raise getattr(errors, {error!r})("it\\x1bcannot be")', tmp_path) == (
         code, 'script.py:5: it\\x1bcannot be\n')
 
 

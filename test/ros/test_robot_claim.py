@@ -94,8 +94,7 @@ def test_of_two_that_start_in_the_same_moment_one_drives(listener, tmp_path):
         ends = sorted((first.end(), second.end()))
     assert len(speeds(listener)) == 1
     assert [move.count for move in listener.moves()] == [20]
-    # A script without the command ends by the error as Python has it: with 1.
-    assert ends == [0, 1]
+    assert ends == [0, 3]
 
 
 def test_a_program_that_is_frozen_keeps_the_robot(listener, tmp_path):
@@ -162,7 +161,7 @@ def test_from_another_machine_a_newcomer_yields(listener, tmp_path):
     with script(ELSEWHERE + DRIVE.format(speed=0.1, duration=6.0), one) as first:
         listener.wait_for(lambda heard: heard.moves)
         with script(ELSEWHERE + DRIVE.format(speed=0.2, duration=1.0), two) as second:
-            assert second.end() == 1
+            assert second.end() == 3
         assert first.end() == 0
     assert f'(process {first.process.pid} on {os.uname().nodename}, since ' in second.text
     assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 60)]
@@ -174,7 +173,7 @@ def test_of_two_newcomers_on_two_machines_one_drives(listener, tmp_path):
             script(ELSEWHERE + DRIVE.format(speed=0.2, duration=2.0), two) as second:
         ends = sorted((first.end(), second.end()))
     assert len(speeds(listener)) == 1
-    assert ends == [0, 1]
+    assert ends == [0, 3]
 
 
 def test_a_driver_on_another_machine_that_was_killed_keeps_nothing(listener, tmp_path):

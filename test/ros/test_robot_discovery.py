@@ -118,7 +118,7 @@ def test_zeros_are_sent_for_the_prime_time_first(tmp_path):
 
 
 @pytest.mark.parametrize('parameter, text', [
-    ('rate:=4', 'parameter rate is 4; it must be from 5 to 1000'),
+    ('rate:=4', 'rate is 4 Hz; for kachaka it must be from 5 to 1000 Hz'),
     ('rate:=fast', "parameter rate is 'fast'; it must be a number"),
     ('manual_control:=7', 'manual_control'),
     ('rte:=20', 'there is no parameter rte; did you mean rate?'),
