@@ -20,6 +20,7 @@ import random
 import signal
 
 from kachaka_simple_control.ros.dds_transport import use_localhost_only
+from optional_libraries import lack
 import pytest
 
 # Before anything loads rclpy: no robot and no other test run may receive what is sent here.
@@ -77,11 +78,17 @@ def make():
 
 def pytest_collection_modifyitems(items):
     """
-    Give real-time tests a second try, which the summary shows.
+    Skip tests whose libraries are not there, and give real-time tests a second try.
 
-    They use other processes over DDS on a machine that may be loaded.  What is broken fails twice;
-    without the plug-in, the mark has no effect.
+    A skip that a module raises while it is imported could end the collection of all others, with
+    plug-ins that import modules in their own way; so a module only says what its tests need.
+
+    Real-time tests use other processes over DDS on a machine that may be loaded.  What is broken
+    fails twice, and the summary shows second tries; without the plug-in, the mark has no effect.
     """
     for item in items:
+        needed = [name for mark in item.iter_markers('needs') for name in mark.args]
+        if (reason := next(filter(None, map(lack, needed)), None)) is not None:
+            item.add_marker(pytest.mark.skip(reason=reason))
         if item.get_closest_marker('ros'):
             item.add_marker(pytest.mark.flaky(reruns=1, reruns_delay=1))

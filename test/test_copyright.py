@@ -15,11 +15,10 @@
 
 import pytest
 
-linter = pytest.importorskip(
-    'ament_copyright.main', reason='ament_copyright is not installed: it comes with ROS')
-
 
 @pytest.mark.copyright
 @pytest.mark.linter
+@pytest.mark.needs('ament_copyright.main')
 def test_copyright():
-    assert linter.main(argv=['.']) == 0, 'files without copyright or licence: see above'
+    from ament_copyright.main import main
+    assert main(argv=['.']) == 0, 'files without copyright or licence: see above'

@@ -22,10 +22,7 @@ from kachaka_simple_control.motion.plan import plan
 from program import COMMAND, program, script
 import pytest
 
-pytestmark = pytest.mark.ros
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('nav_msgs', reason='needs nav_msgs')
-pytest.importorskip('jsonschema', reason='needs jsonschema')
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'jsonschema')]
 
 SHORT = """
 name: short

@@ -22,8 +22,7 @@ from program import ROOT
 from program import script as user_script
 import pytest
 
-pytestmark = pytest.mark.ros
-pytest.importorskip('rclpy', reason='needs ROS 2')
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
 needs_source = pytest.mark.skipif(
     not (ROOT / '.ci').is_dir(), reason='the whole source is not here')

@@ -15,12 +15,11 @@
 
 import pytest
 
-linter = pytest.importorskip(
-    'ament_flake8.main', reason='ament_flake8 is not installed: it comes with ROS')
-
 
 @pytest.mark.flake8
 @pytest.mark.linter
+@pytest.mark.needs('ament_flake8.main')
 def test_flake8():
-    code, errors = linter.main_with_errors(argv=[])
+    from ament_flake8.main import main_with_errors
+    code, errors = main_with_errors(argv=[])
     assert code == 0, '\n'.join(errors)

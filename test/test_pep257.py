@@ -15,11 +15,10 @@
 
 import pytest
 
-linter = pytest.importorskip(
-    'ament_pep257.main', reason='ament_pep257 is not installed: it comes with ROS')
-
 
 @pytest.mark.pep257
 @pytest.mark.linter
+@pytest.mark.needs('ament_pep257.main')
 def test_pep257():
-    assert linter.main(argv=['.']) == 0, 'docstrings off the convention: see above'
+    from ament_pep257.main import main
+    assert main(argv=['.']) == 0, 'docstrings off the convention: see above'

@@ -24,21 +24,22 @@ from kachaka_simple_control.ros.node_parameters import require_parameters_only
 from kachaka_simple_control.settings import choose_settings, describe_overrides
 import pytest
 
-pytest.importorskip('jsonschema', reason='needs jsonschema')
-pytest.importorskip('yaml', reason='needs PyYAML')
+pytestmark = pytest.mark.needs('jsonschema', 'yaml')
 
-FAST = loads('rate: 50 Hz\nrobot: generic\nsteps: [wait: 1 s]', 'fast.yaml')
-PLAIN = loads('steps: [wait: 1 s]', 'plain.yaml')
+#: Files of motions: what stands in them, and their names.
+FAST = ('rate: 50 Hz\nrobot: generic\nsteps: [wait: 1 s]', 'fast.yaml')
+PLAIN = ('steps: [wait: 1 s]', 'plain.yaml')
 
 
-def settings(words, motion_file):
+def settings(words, file):
     """Return the settings of a command line, and what they override."""
     options = parse(words.split())
+    motion_file = file and loads(*file)
     chosen = choose_settings(options, motion_file)
     return chosen, describe_overrides(options, motion_file, chosen.robot, chosen.rate)
 
 
-@pytest.mark.parametrize('words, motion_file, robot, rate, overridden', [
+@pytest.mark.parametrize('words, file, robot, rate, overridden', [
     ('', None, 'kachaka', 10.0, []),
     ('', PLAIN, 'kachaka', 10.0, []),
     ('', FAST, 'generic', 50.0, []),
@@ -59,8 +60,8 @@ def settings(words, motion_file):
     ('--ros-args -r rate:=20', PLAIN, 'kachaka', 10.0, []),
 ])
 def test_an_option_wins_over_the_file_and_that_over_the_default(
-        words, motion_file, robot, rate, overridden):
-    chosen, lines = settings(words, motion_file)
+        words, file, robot, rate, overridden):
+    chosen, lines = settings(words, file)
     assert (chosen.robot, chosen.rate, chosen.profile.name) == (robot, rate, robot)
     assert lines == overridden
 

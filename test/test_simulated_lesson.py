@@ -20,9 +20,7 @@ import time
 from program import COMMAND, program
 import pytest
 
-pytestmark = pytest.mark.ros
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
 
 
 def test_it_ends_where_the_lesson_says(tmp_path):

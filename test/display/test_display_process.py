@@ -42,7 +42,7 @@ from program import COMMAND, program
 import pytest
 from terminals import at_terminal, Screen
 
-pytest.importorskip('rich', reason='needs rich')
+pytestmark = pytest.mark.needs('rich')
 
 #: Publishes a drive in real time, and writes log lines meanwhile, each of them in two halves.
 PUBLISHER = """

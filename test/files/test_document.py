@@ -22,8 +22,7 @@ from kachaka_simple_control.motion.steps import MAX_NESTING
 from motion_texts import refusal, step_refusal
 import pytest
 
-pytest.importorskip('yaml', reason='needs PyYAML')
-pytest.importorskip('jsonschema', reason='needs jsonschema')
+pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
 TIME = 'it must be a time, as in 2 s (in s, ms or min)'
 LENGTH = 'it must be a length, as in 0.5 m (in m, cm or mm)'

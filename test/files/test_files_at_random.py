@@ -27,8 +27,7 @@ from kachaka_simple_control.motion.limits import Limits
 from motion_texts import EVERYTHING
 import pytest
 
-pytest.importorskip('yaml', reason='needs PyYAML')
-pytest.importorskip('jsonschema', reason='needs jsonschema')
+pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
 ROBOT = """\
 name: robot

@@ -27,8 +27,7 @@ from motion_texts import refusal
 from program import environment
 import pytest
 
-pytest.importorskip('yaml', reason='needs PyYAML')
-pytest.importorskip('jsonschema', reason='needs jsonschema')
+pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
 MEGABYTE = 1_000_000
 LAUGHS = 'a: &a [x]\n' + ''.join(

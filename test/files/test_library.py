@@ -28,8 +28,7 @@ from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Move, Repeat, Step, Turn, Wait
 import pytest
 
-pytest.importorskip('yaml', reason='needs PyYAML')
-pytest.importorskip('jsonschema', reason='needs jsonschema')
+pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
 NAMES = ['circle', 'figure_eight', 'lesson', 'spin', 'square', 'square_cw', 'straight',
          'umbmark_ccw', 'umbmark_cw']

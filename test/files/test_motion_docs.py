@@ -28,11 +28,10 @@ from kachaka_simple_control.motion.step_base import KINDS
 from kachaka_simple_control.motion.units import QUANTITIES
 import pytest
 
-pytest.importorskip('yaml', reason='needs PyYAML')
-pytest.importorskip('jsonschema', reason='needs jsonschema')
-
 PAGE = Path(__file__).parents[2] / 'docs' / 'motions.md'
-pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason='the source is not here')
+pytestmark = [
+    pytest.mark.skipif(not PAGE.is_file(), reason='the source is not here'),
+    pytest.mark.needs('yaml', 'jsonschema')]
 
 
 @pytest.fixture(scope='module')

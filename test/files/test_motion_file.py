@@ -29,8 +29,7 @@ from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repe
 from motion_texts import EVERYTHING, MOTIONS
 import pytest
 
-pytest.importorskip('yaml', reason='needs PyYAML')
-pytest.importorskip('jsonschema', reason='needs jsonschema')
+pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
 KACHAKA = Limits(0.3, 1.57)
 

@@ -31,8 +31,7 @@ from kachaka_simple_control.motion.geometry import Box, Disc
 from kachaka_simple_control.motion.limits import Limits
 import pytest
 
-pytest.importorskip('yaml', reason='needs PyYAML')
-pytest.importorskip('jsonschema', reason='needs jsonschema')
+pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
 ROBOTS = files('kachaka_simple_control') / 'robots'
 LEAST = """\

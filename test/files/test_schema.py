@@ -27,10 +27,14 @@ from kachaka_simple_control.motion.step_base import KINDS
 from kachaka_simple_control.motion.steps import MAX_TIMES
 from kachaka_simple_control.motion.units import QUANTITIES, SignRule
 from motion_texts import EVERYTHING
+from optional_libraries import optional_imports
 import pytest
 
-jsonschema = pytest.importorskip('jsonschema', reason='needs jsonschema')
-yaml = pytest.importorskip('yaml', reason='needs PyYAML')
+with optional_imports():
+    import jsonschema
+    import yaml
+
+pytestmark = pytest.mark.needs('jsonschema', 'yaml')
 
 
 def schema(path: str) -> dict[str, Any]:

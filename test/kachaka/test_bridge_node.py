@@ -23,9 +23,7 @@ import time
 import pytest
 from ros_support import bridge, BridgeProcess, Probe, wait_until
 
-pytestmark = pytest.mark.ros
-pytest.importorskip('rclpy')
-pytest.importorskip('nav_msgs')
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
 #: The distance driven in a command timeout of 0.3 s at 0.1 m/s [m].
 TIMEOUT_DISTANCE = 0.03
 VELOCITY = '/kachaka/manual_control/cmd_vel'

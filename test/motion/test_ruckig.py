@@ -18,10 +18,14 @@ import math
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
+from optional_libraries import optional_imports
 import pytest
 from strategies import or_infinite, spread
 
-ruckig = pytest.importorskip('ruckig', reason='needs ruckig')
+with optional_imports():
+    import ruckig
+
+pytestmark = pytest.mark.needs('ruckig')
 
 DISTANCES = spread(1e-6, 1e4)
 FINITE = spread(1e-3, 1e3)

@@ -25,9 +25,7 @@ from program import COMMAND, program
 import pytest
 from recordings import read_with_mcap, read_with_rosbags, READERS
 
-pytestmark = pytest.mark.ros
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('mcap', reason='needs what writes recordings')
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'mcap')]
 
 TOPIC = '/kachaka/manual_control/cmd_vel'
 ODOMETRY = '/kachaka/odometry/odometry'

@@ -29,7 +29,7 @@ from recorded_drive import LIMITS, PLANNED, RecordedDrive, STAMPED, TWIST
 from recordings import header_stamp, read_with_rosbags, READERS, stamp_of, velocities
 from strategies import UNHURRIED
 
-pytest.importorskip('mcap', reason='needs what writes recordings')
+pytestmark = pytest.mark.needs('mcap')
 
 PATH = '/kachaka_simple_control/planned_path'
 TYPES = ['geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped', 'nav_msgs/msg/Odometry',

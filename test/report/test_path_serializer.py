@@ -21,13 +21,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.report.cdr import PathSerializer
+from optional_libraries import optional_imports
 import pytest
 
-pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+with optional_imports():
+    from geometry_msgs.msg import PoseStamped
+    from nav_msgs.msg import Path
+    from rclpy.serialization import deserialize_message, serialize_message
 
-from geometry_msgs.msg import PoseStamped  # noqa: I100
-from nav_msgs.msg import Path  # noqa: I100
-from rclpy.serialization import deserialize_message, serialize_message  # noqa: I100
+pytestmark = pytest.mark.needs('nav_msgs')
 
 SECOND = 1_000_000_000
 TIMES = st.integers(0, 2 ** 31 * SECOND - 1)

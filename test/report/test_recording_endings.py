@@ -27,7 +27,7 @@ import pytest
 from recorded_drive import RecordedDrive, TWIST
 from recordings import read_with_mcap, read_with_rosbags, READERS, velocities
 
-pytest.importorskip('mcap', reason='needs what writes recordings')
+pytestmark = pytest.mark.needs('mcap')
 
 
 @pytest.mark.parametrize('read', READERS)

@@ -47,7 +47,7 @@ from kachaka_simple_control.telemetry.subscriber_process import (
 import pytest
 from recordings import READERS, sent_velocities, stamp_of, velocities
 
-pytest.importorskip('mcap', reason='needs what writes recordings')
+pytestmark = pytest.mark.needs('mcap')
 
 LIMITS = Limits(0.3, 1.5)
 OPENED = SessionStarted('test', 'kachaka', LIMITS, 0.3, 1.7e9, '/cmd_vel', '/odom')

@@ -21,15 +21,16 @@ import time
 
 from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion
+from optional_libraries import MISSING, optional_imports
 import pytest
 from ros_support import wait_until
 
-pytestmark = pytest.mark.ros
-rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('nav_msgs', reason='needs nav_msgs')
-pytest.importorskip('diagnostic_msgs', reason='needs diagnostic_msgs')
+SHOWN = MISSING
+with optional_imports():
+    import rclpy
+    from topic_observer import figures, ODOMETRY, positions, SHOWN, VELOCITY
 
-from topic_observer import figures, ODOMETRY, positions, SHOWN, VELOCITY  # noqa: E402, I100
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs')]
 
 
 def drive(node, *arguments):

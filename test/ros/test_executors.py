@@ -19,19 +19,19 @@ from concurrent.futures import ThreadPoolExecutor
 import threading
 import time
 
+from optional_libraries import optional_imports
 import pytest
 from ros_support import wait_until
 
-pytestmark = pytest.mark.ros
-rclpy = pytest.importorskip('rclpy')
-geometry_msgs = pytest.importorskip('geometry_msgs.msg')
+with optional_imports():
+    from geometry_msgs.msg import Twist
+    from kachaka_simple_control.kachaka.bridge_command import _spinning
+    from kachaka_simple_control.ros.executors import NodeExecutor, SubscriptionExecutor
+    import rclpy
+    from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+    from rclpy.qos import qos_profile_sensor_data
 
-from kachaka_simple_control.kachaka.bridge_command import _spinning  # noqa: E402, I100
-from kachaka_simple_control.ros.executors import NodeExecutor, SubscriptionExecutor  # noqa: E402
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup  # noqa: E402
-from rclpy.qos import qos_profile_sensor_data  # noqa: E402
-
-Twist = geometry_msgs.Twist
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'geometry_msgs.msg')]
 TOPIC = 'velocity'
 #: How long what should be at once may take on a busy machine [s].
 AT_ONCE = 5.0

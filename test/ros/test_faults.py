@@ -17,17 +17,18 @@ import math
 import signal
 import time
 
+from optional_libraries import MISSING, optional_imports
 from program import COMMAND, program, script
 import pytest
 
-pytestmark = pytest.mark.ros
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+qos_profile_sensor_data = MISSING
+with optional_imports():
+    from geometry_msgs.msg import Twist
+    from listener import Listener
+    from nav_msgs.msg import Odometry
+    from rclpy.qos import qos_profile_sensor_data
 
-from geometry_msgs.msg import Twist  # noqa: E402, I100
-from listener import Listener  # noqa: E402, I100
-from nav_msgs.msg import Odometry  # noqa: E402
-from rclpy.qos import qos_profile_sensor_data  # noqa: E402
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
 
 BEGIN = """
 import time

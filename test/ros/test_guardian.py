@@ -26,8 +26,7 @@ from program import children_of, COMMAND, is_running, program, script
 import pytest
 from ros_support import wait_until
 
-pytestmark = pytest.mark.ros
-pytest.importorskip('rclpy', reason='needs ROS 2')
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
 BEGIN = """
 import os, signal, sys, time

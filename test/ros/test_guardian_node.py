@@ -15,12 +15,14 @@
 
 import time
 
+from optional_libraries import optional_imports
 import pytest
 
-pytestmark = pytest.mark.ros
-rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
+with optional_imports():
+    from kachaka_simple_control.ros.guardian_process import create_matched_node, GuardianNode
+    import rclpy
 
-from kachaka_simple_control.ros.guardian_process import create_matched_node, GuardianNode  # noqa: E402, I100
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
 TOPIC = '/kachaka/manual_control/cmd_vel'
 

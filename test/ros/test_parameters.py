@@ -19,20 +19,21 @@ from dataclasses import fields
 import threading
 
 from kachaka_simple_control.errors import UsageError
+from optional_libraries import MISSING, optional_imports
 import pytest
 from ros_support import wait_until
 
-pytestmark = pytest.mark.ros
-rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('nav_msgs', reason='needs nav_msgs')
-pytest.importorskip('diagnostic_msgs', reason='needs diagnostic_msgs')
+SHOWN = VELOCITY = MISSING
+with optional_imports():
+    from rcl_interfaces.msg import Parameter as ParameterMessage
+    from rcl_interfaces.msg import ParameterValue
+    from rcl_interfaces.srv import DescribeParameters, SetParameters
+    import rclpy
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+    from std_srvs.srv import Trigger
+    from topic_observer import ODOMETRY, SHOWN, VELOCITY
 
-from rcl_interfaces.msg import Parameter as ParameterMessage  # noqa: E402, I100
-from rcl_interfaces.msg import ParameterValue  # noqa: E402, I100
-from rcl_interfaces.srv import DescribeParameters, SetParameters  # noqa: E402, I100
-from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402, I100
-from std_srvs.srv import Trigger  # noqa: E402, I100
-from topic_observer import ODOMETRY, SHOWN, VELOCITY  # noqa: E402, I100
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs')]
 
 
 @pytest.mark.parametrize('topic', SHOWN)

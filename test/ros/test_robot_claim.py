@@ -21,9 +21,7 @@ from program import COMMAND, is_running, program, script
 import pytest
 from ros_support import bridge, BridgeProcess, wait_until
 
-pytestmark = pytest.mark.ros
-pytest.importorskip('rclpy', reason='needs ROS 2')
-pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
 
 #: A movement whose speed tells which program sent it.
 DRIVE = """

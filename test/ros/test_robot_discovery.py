@@ -15,15 +15,17 @@
 
 import time
 
+from optional_libraries import MISSING, optional_imports
 from program import COMMAND, program
 import pytest
 
-pytestmark = pytest.mark.ros
-pytest.importorskip('rclpy', reason='needs ROS 2')
+Duration = DurabilityPolicy = LivelinessPolicy = MISSING
+with optional_imports():
+    from listener import Listener
+    from rclpy.duration import Duration
+    from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 
-from listener import Listener  # noqa: E402, I100
-from rclpy.duration import Duration  # noqa: E402, I100
-from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile  # noqa: E402, I100
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
 VELOCITY = '/kachaka/manual_control/cmd_vel'
 ODOMETRY = '/kachaka/odometry/odometry'

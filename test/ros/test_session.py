@@ -20,12 +20,14 @@ from kachaka_simple_control.control import manual_control_lease
 from kachaka_simple_control.errors import InvalidMotionError, MotionRefusedError, RunFaultError
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.drive_log import DriveLog
+from optional_libraries import optional_imports
 import pytest
 
-pytestmark = pytest.mark.ros
-rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
+with optional_imports():
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
 
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402, I100
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
 
 @pytest.fixture

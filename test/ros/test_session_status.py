@@ -30,12 +30,15 @@ from kachaka_simple_control.telemetry.events import (
     MotionStarted,
     VelocitySent,
 )
+from optional_libraries import MISSING, optional_imports
+from plans import ABRUPT
 import pytest
 
-pytest.importorskip('rclpy', reason='needs ROS 2')
+SessionStatus = MISSING
+with optional_imports():
+    from kachaka_simple_control.ros.session_status import diagnose, SessionStatus, TickStatistics
 
-from kachaka_simple_control.ros.session_status import diagnose, SessionStatus, TickStatistics
-from plans import ABRUPT  # noqa: I100
+pytestmark = pytest.mark.needs('rclpy')
 
 LIMITS = Limits(0.3, 1.5)
 MOTION = Motion('three', (Move(0.1, 0.0, 0.35), Move(0.0, 0.5, 0.3), Move(0.1, 0.0, 0.1)))

@@ -18,15 +18,15 @@ from __future__ import annotations
 import contextlib
 import sys
 
+from optional_libraries import optional_imports
+from program import program
 import pytest
 from ros_support import bridge
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-pytest.importorskip('nav_msgs', reason='needs nav_msgs')
-pytest.importorskip('diagnostic_msgs', reason='needs diagnostic_msgs')
+with optional_imports():
+    from topic_observer import positions, TopicObserver
 
-from program import program  # noqa: E402, I100
-from topic_observer import positions, TopicObserver  # noqa: E402, I100
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.needs('nav_msgs', 'diagnostic_msgs')]
 
 #: With time before and after, for discovery may find the observer late.
 MOTION = """

@@ -19,8 +19,7 @@ import time
 from program import COMMAND, program, script
 import pytest
 
-pytestmark = pytest.mark.ros
-pytest.importorskip('rclpy', reason='needs ROS 2')
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
 #: Time from a signal to the first zero [s]: far below the robot's command timeout.
 SOON = 0.2

@@ -19,12 +19,14 @@ from pathlib import Path
 import sys
 
 from link_fault_cases import DOES, HEAD, line, Result, row, SCENARIOS, SPEED
+from optional_libraries import optional_imports
 from program import ROOT
 import pytest
 
 sys.path.append(str(ROOT))  # the benchmarks are not installed
 
-from benchmarks import bridge_latency  # noqa: I100
+with optional_imports():
+    from benchmarks import bridge_latency
 
 PAGE = Path(ROOT, 'docs', 'kachaka.md')
 pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason='the documentation is not here')
@@ -61,6 +63,7 @@ def test_no_fault_in_the_table_exceeds_the_command_timeout_or_moves_after_a_stop
         assert after == '0'
 
 
+@pytest.mark.needs('rclpy')
 def test_latencies_are_within_the_bar():
     shown = lines()
     begin = shown.index(line(*bridge_latency.HEAD)) + 2
@@ -76,6 +79,7 @@ def entries(delay):
             {'who': 'bridge', 'rate': 10, 'latency': [delay] * 2, 'sent': 3, 'cpu': 0.0007}]
 
 
+@pytest.mark.needs('rclpy')
 def test_latency_table_holds_the_bridge_against_the_bare_call():
     shown = bridge_latency.table(entries(0.0008))
     assert shown.head == bridge_latency.HEAD

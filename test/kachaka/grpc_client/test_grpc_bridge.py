@@ -23,17 +23,14 @@ import subprocess
 import sys
 import time
 
+from grpc_client_support import commander, faulty_robot, real_bridge
 from program import environment
 import pytest
 from ros_support import BridgeProcess, Probe, wait_until
 
-pytestmark = pytest.mark.ros
-pytest.importorskip('rclpy')
-pytest.importorskip('nav_msgs')
-pytest.importorskip('diagnostic_msgs')
-pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
-
-from grpc_client_support import commander, faulty_robot, real_bridge  # noqa: E402, I100
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs', 'kachaka_api.generated')]
 
 
 @pytest.fixture(scope='module')

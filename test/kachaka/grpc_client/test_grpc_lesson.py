@@ -22,17 +22,14 @@ import subprocess
 import sys
 import time
 
+from grpc_client_support import faulty_robot, real_bridge
 from program import COMMAND, environment, program
 import pytest
 from ros_support import wait_until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-pytest.importorskip('rclpy')
-pytest.importorskip('nav_msgs')
-pytest.importorskip('diagnostic_msgs')
-pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
-
-from grpc_client_support import faulty_robot, real_bridge  # noqa: E402, I100
+pytestmark = [
+    pytest.mark.ros, pytest.mark.slow,
+    pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs', 'kachaka_api.generated')]
 
 
 @contextlib.contextmanager

@@ -15,16 +15,13 @@
 
 from __future__ import annotations
 
+from link_fault_cases import run_scenario, SCENARIOS, SPEED
 import pytest
 from ros_support import Probe
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-pytest.importorskip('rclpy')
-pytest.importorskip('nav_msgs')
-pytest.importorskip('diagnostic_msgs')
-pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
-
-from link_fault_cases import run_scenario, SCENARIOS, SPEED  # noqa: E402, I100
+pytestmark = [
+    pytest.mark.ros, pytest.mark.slow,
+    pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs', 'kachaka_api.generated')]
 
 NAMES = list(SCENARIOS)
 #: Distance of one command timeout, and of a velocity and a zero under way on a busy machine [m].

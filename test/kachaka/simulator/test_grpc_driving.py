@@ -17,17 +17,18 @@ from __future__ import annotations
 
 import math
 
-import pytest
-
-pytest.importorskip('grpc', reason='needs the extra "kachaka"')
-pytest.importorskip('kachaka_api', reason='needs the SDK of the robot')
-
-from grpc_support import bench, StillClock
 from kachaka_simple_control.kachaka.error_codes import (
     ERROR_NO_MANUAL_CONTROL,
     ERROR_NOT_A_VELOCITY,
     ERROR_PAUSED,
 )
+from optional_libraries import optional_imports
+import pytest
+
+with optional_imports():
+    from grpc_support import bench, StillClock
+
+pytestmark = pytest.mark.needs('grpc', 'kachaka_api')
 
 
 @pytest.fixture

@@ -17,14 +17,17 @@ from __future__ import annotations
 
 import math
 
+from optional_libraries import MISSING, optional_imports
 import pytest
 
-grpc = pytest.importorskip('grpc', reason='needs the extra "kachaka"')
-pytest.importorskip('kachaka_api', reason='needs the SDK of the robot')
+CALLS = UNIMPLEMENTED = MISSING
+with optional_imports():
+    import grpc
+    from grpc_support import bench, DEADLINE, NOTHING
+    from kachaka_api.generated import kachaka_api_pb2 as pb2
+    from kachaka_simple_control.kachaka.simulator.grpc_server import CALLS, UNIMPLEMENTED
 
-from grpc_support import bench, DEADLINE, NOTHING  # noqa: E402
-from kachaka_api.generated import kachaka_api_pb2 as pb2  # noqa: E402
-from kachaka_simple_control.kachaka.simulator.grpc_server import CALLS, UNIMPLEMENTED  # noqa: E402
+pytestmark = pytest.mark.needs('grpc', 'kachaka_api')
 
 #: All that is read with a cursor.
 READINGS = [name for name in CALLS if name.startswith('Get') and name not in UNIMPLEMENTED

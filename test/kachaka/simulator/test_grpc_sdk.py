@@ -21,24 +21,25 @@ import inspect
 from pathlib import Path
 import re
 
-import pytest
-
-grpc = pytest.importorskip('grpc', reason='needs the extra "kachaka"')
-kachaka_api = pytest.importorskip('kachaka_api', reason='needs the SDK of the robot')
-
-from grpc_support import bench, FastClock, StillClock  # noqa: E402
-from kachaka_api.generated import kachaka_api_pb2 as pb2  # noqa: E402
-from kachaka_simple_control.kachaka.error_codes import (  # noqa: E402
+from kachaka_simple_control.kachaka.error_codes import (
     ERROR_NO_FURNITURE,
     ERROR_NOTHING_TO_DO,
     ERROR_PAUSED,
     ERROR_UNKNOWN_NAME,
 )
-from kachaka_simple_control.kachaka.simulator.grpc_server import (  # noqa: E402
-    GrpcServer,
-    UNIMPLEMENTED,
-)
-from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka  # noqa: E402
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+from optional_libraries import MISSING, optional_imports
+import pytest
+
+kachaka_api = pb2 = MISSING
+with optional_imports():
+    import grpc
+    from grpc_support import bench, FastClock, StillClock
+    import kachaka_api
+    from kachaka_api.generated import kachaka_api_pb2 as pb2
+    from kachaka_simple_control.kachaka.simulator.grpc_server import GrpcServer, UNIMPLEMENTED
+
+pytestmark = pytest.mark.needs('grpc', 'kachaka_api')
 
 DOCUMENT = Path(__file__).resolve().parents[3] / 'docs' / 'simulation.md'
 PLACE = {'x': 1.0, 'y': 0.0, 'theta': 0.5}

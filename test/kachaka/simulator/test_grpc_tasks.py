@@ -17,13 +17,6 @@ from __future__ import annotations
 
 import math
 
-import pytest
-
-pytest.importorskip('grpc', reason='needs the extra "kachaka"')
-pytest.importorskip('kachaka_api', reason='needs the SDK of the robot')
-
-from grpc_support import bench
-from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_simple_control.kachaka.error_codes import (
     ERROR_CANCELLED,
     ERROR_NO_FURNITURE,
@@ -35,6 +28,15 @@ from kachaka_simple_control.kachaka.error_codes import (
     ERROR_UNKNOWN_NAME,
     SUCCESS,
 )
+from optional_libraries import MISSING, optional_imports
+import pytest
+
+pb2 = MISSING
+with optional_imports():
+    from grpc_support import bench
+    from kachaka_api.generated import kachaka_api_pb2 as pb2
+
+pytestmark = pytest.mark.needs('grpc', 'kachaka_api')
 
 FORWARD = pb2.Command(
     move_forward_command=pb2.MoveForwardCommand(distance_meter=0.5, speed=0.1))

@@ -19,12 +19,14 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
+from kachaka_simple_control.motion.geometry import ORIGIN, Pose
+from optional_libraries import optional_imports
 import pytest
 
-pytest.importorskip('kachaka_api', reason='needs the SDK of the robot')
+with optional_imports():
+    from kachaka_simple_control.kachaka.simulator.grpc_messages import MapToOdom
 
-from kachaka_simple_control.kachaka.simulator.grpc_messages import MapToOdom
-from kachaka_simple_control.motion.geometry import ORIGIN, Pose
+pytestmark = pytest.mark.needs('kachaka_api')
 
 POSES = st.builds(
     Pose, st.floats(-10.0, 10.0), st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
