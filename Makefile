@@ -17,7 +17,7 @@ SET_UP := @$(PYTHON) tools/set_up.py $(addprefix --distro=,$(DISTRO))
 AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-all check bench stop-matrix lossy-link colcon docs setup browser lock \
+.PHONY: help run test test-all test-lowest check bench stop-matrix lossy-link colcon docs setup browser lock \
     clean
 
 help:  ## print this list
@@ -30,11 +30,15 @@ run: setup  ## set up, then drive a simulated robot
 test: setup  ## set up, then run the tests
 	$(VENV)/bin/python -m pytest -n $(WORKERS) --dist loadfile test
 
-test-all:  ## test with every distro on PyPI, under every Python there is from 3.10 to 3.13
+test-all: test-lowest  ## test so, and with each distro on PyPI under each Python from 3.10 to 3.13
 	@for distro in jazzy kilted; do for python in python3.10 python3.11 python3.12 python3.13; do \
 	    $$python -c '' 2>/dev/null || { echo "no $$python here: skipped"; continue; }; \
 	    $(MAKE) test DISTRO=$$distro PYTHON=$$python VENV=.venv-$$distro-$$python || exit 1; \
 	done; done
+
+test-lowest:  ## test what needs no ROS with the oldest releases, under Python 3.10
+	@python3.10 tools/set_up.py --for=lowest .venv-lowest
+	.venv-lowest/bin/python -m pytest -m 'not ros' test
 
 check: setup  ## set up, then check style, types and who imports whom
 	$(VENV)/bin/ruff check

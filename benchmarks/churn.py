@@ -32,6 +32,9 @@ import subprocess
 import sys
 import time
 
+from benchmarks.machine import describe
+from benchmarks.process import ROOT
+from benchmarks.progress import show
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.kachaka.bridge_process import simulated_bridge
@@ -43,10 +46,6 @@ from kachaka_simple_control.ros.dds_transport import (
 )
 import rclpy
 from rclpy.node import Node
-
-from benchmarks.machine import describe
-from benchmarks.process import ROOT
-from benchmarks.progress import show
 
 #: The other nodes are in so many processes, each node with a context and participant of its own.
 PROCESSES = 4

@@ -17,10 +17,9 @@ from __future__ import annotations
 
 import subprocess
 
+from benchmarks.process import ROOT
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.motion.geometry import Pose
-
-from benchmarks.process import ROOT
 
 #: Each of the two may take so long to end [s].
 EXIT_TIMEOUT = 3.0

@@ -27,10 +27,9 @@ import sys
 import threading
 import time
 
-import rclpy
-
 from benchmarks.loops import GIVEN_UP, Loop, LOOPS, Ours  # noqa: I100
 from benchmarks.resource_usage import ResourceMeter
+import rclpy
 
 VELOCITY = 0.1
 #: Duration of a movement that is to be interrupted [s].

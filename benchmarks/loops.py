@@ -26,6 +26,7 @@ import threading
 import time
 from typing import Protocol
 
+from benchmarks.nanosleep import BILLION, sleep_until  # noqa: I100
 from geometry_msgs.msg import Twist
 from kachaka_simple_control import ControlError, KachakaSimpleControl
 import rclpy
@@ -36,8 +37,6 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rclpy.task import Future
 from rclpy.time import Time
-
-from benchmarks.nanosleep import BILLION, sleep_until  # noqa: I100
 
 TOPIC = 'manual_control/cmd_vel'
 SERVICE = 'manual_control/set_enabled'

@@ -22,12 +22,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+from benchmarks.figures import Figure, figures, find, signal_groups, where, zeros  # noqa: I100
+from benchmarks.tables import NAMES
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Picture
-
-from benchmarks.figures import Figure, figures, find, signal_groups, where, zeros  # noqa: I100
-from benchmarks.tables import NAMES
 
 mpl.use('agg')
 

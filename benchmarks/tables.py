@@ -20,10 +20,9 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from kachaka_simple_control.report.metrics import median
-
 from benchmarks.figures import Figure, figures, find, signal_groups, where, zeros
 from benchmarks.thresholds import judge, Verdict
+from kachaka_simple_control.report.metrics import median
 
 NAMES = {
     'ours': 'ours', 'lesson': "the lesson's loop", 'timer': 'rclpy timer', 'rate': 'rclpy Rate',

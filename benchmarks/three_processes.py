@@ -32,6 +32,10 @@ import subprocess
 import sys
 import time
 
+from benchmarks.grpc_robot import GrpcRobot
+from benchmarks.process import ROOT
+from benchmarks.progress import show
+from benchmarks.tables import number, Table
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA
@@ -40,11 +44,6 @@ from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.report.metrics import median
 from kachaka_simple_control.ros.dds_transport import use_localhost_only
 from kachaka_simple_control.ros.node_parameters import NodeParameters
-
-from benchmarks.grpc_robot import GrpcRobot
-from benchmarks.process import ROOT
-from benchmarks.progress import show
-from benchmarks.tables import number, Table
 
 MOTIONS, RUNS = ('lesson', 'square'), 10
 #: Thresholds of the median: position [m] and heading [rad].

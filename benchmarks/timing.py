@@ -21,8 +21,6 @@ from dataclasses import asdict
 import time
 from typing import Any
 
-from kachaka_simple_control.report.metrics import quantile
-
 from benchmarks.figures import where
 from benchmarks.load import busy
 from benchmarks.loops import LOOPS
@@ -31,6 +29,7 @@ from benchmarks.progress import show
 from benchmarks.robot import Robot
 from benchmarks.scale import Scale
 from benchmarks.wire import jitters, movements, relative_error, Row, ticks
+from kachaka_simple_control.report.metrics import quantile
 
 DURATION = 1.0
 #: Between two turns [s]: our stop takes 0.4 s, in which no loop is measured.

@@ -66,7 +66,7 @@ class Options:
     sim: bool = False
     robot: str | None = None
     rate: float | None = None
-    list: bool = False
+    list: bool = False  # noqa: A003
     plan: bool = False
     plot: str | None = None
     wait: bool = False

@@ -16,13 +16,17 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 import random
 import signal
+import sys
 
 from kachaka_simple_control.ros.dds_transport import use_localhost_only
 from optional_libraries import lack
 import pytest
 
+# The benchmarks are not installed.
+sys.path.append(str(Path(__file__).resolve().parent.parent))
 # Before anything loads rclpy: no robot and no other test run may receive what is sent here.
 os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
 if (worker := os.environ.get('PYTEST_XDIST_WORKER')) is not None:

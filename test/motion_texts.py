@@ -57,7 +57,7 @@ STEPS = st.recursive(
     SIMPLE, lambda steps: st.builds(Repeat, st.integers(0, 9), st.lists(steps, max_size=3)),
     max_leaves=8)
 #: A file cannot have lone surrogates.
-TEXTS = st.text(st.characters(exclude_categories=['Cs']), max_size=20)
+TEXTS = st.text(st.characters(blacklist_categories=['Cs']), max_size=20)
 MOTIONS = st.builds(Motion, TEXTS, st.lists(STEPS, max_size=6), TEXTS)
 
 

@@ -77,8 +77,8 @@ def never_began():
 def hour():
     """Return an hour of squares at 50 Hz, with odometry at 20 Hz."""
     simulated = SimulatedDrive(
-        50.0, parameters=SimulationParameters(linear_gain=0.9995, angular_gain=1.0002,
-        odometry_noise=0.001),
+        50.0, parameters=SimulationParameters(
+            linear_gain=0.9995, angular_gain=1.0002, odometry_noise=0.001),
         odometry_period=0.05, title='hour')
     simulated.drive(Motion('hour', [Repeat(205, SQUARE.steps)]))
     return simulated.close()

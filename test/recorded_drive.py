@@ -52,7 +52,7 @@ class RecordedDrive:
     def send(self, first, count, velocity=0.1):
         """Publish velocities, one every 0.1 s."""
         self.publish(*(VelocitySent(first + number / 10.0, Velocity(velocity, 0.0))
-                    for number in range(count)))
+                       for number in range(count)))
 
     def expected(self, until=math.inf):
         """Return the velocities that the file must have."""

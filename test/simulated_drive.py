@@ -161,5 +161,3 @@ def jitter(scale: float = 0.0002, seed: int = 7) -> Callable[[int], float]:
     """Return the lateness of messages by number [s]: mostly small, and reproducible."""
     generator = random.Random(seed)
     return lambda number: min(0.009, generator.expovariate(1.0 / scale))
-
-

@@ -100,8 +100,7 @@ def test_the_pure_core_imports_only_the_standard_library():
             names = [node.module or ''] if isinstance(node, ast.ImportFrom) else [
                 alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             for name in names:
-                own = name.startswith(
-                    (
+                own = name.startswith((
                     'kachaka_simple_control.motion', 'kachaka_simple_control.errors',
                     'kachaka_simple_control.escaping'))
                 assert own or name.partition('.')[0] in sys.stdlib_module_names, (file, name)

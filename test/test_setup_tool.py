@@ -19,13 +19,15 @@ import ast
 from dataclasses import replace
 import os
 from pathlib import Path
+import re
 import shutil
 import subprocess
 import sys
 
 import pytest
 
-TOOLS = Path(__file__).resolve().parent.parent / 'tools'
+ROOT = Path(__file__).resolve().parent.parent
+TOOLS = ROOT / 'tools'
 sys.path.insert(0, str(TOOLS))
 
 import environment  # noqa: E402, I100
@@ -161,6 +163,27 @@ def test_the_name_of_a_distro_alone_is_no_ros(monkeypatch, tmp_path):
     assert (found.distro, found.sourced) == ('jazzy', False)
     assert [path.stem for path in found.locks()] == [
         'build', 'development', 'kachaka', 'recording', 'jazzy']
+
+
+def test_the_oldest_releases_need_python_3_10_and_no_ros(sourced, monkeypatch, tmp_path):
+    for name, value in sourced.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(environment.sys, 'version_info', (3, 10, 12))
+    found = environment.recipe(tmp_path, None, 'lowest')
+    assert [path.stem for path in found.locks()] == ['build', 'lowest']
+    assert 'without ROS' in str(found)
+    monkeypatch.setattr(environment.sys, 'version_info', (3, 11, 4))
+    with pytest.raises(environment.RefusalError, match='need Python 3.10'):
+        environment.recipe(tmp_path, None, 'lowest')
+
+
+def test_the_oldest_releases_are_those_that_the_package_names():
+    given = dict(re.findall(
+        r'^([\w-]+)==(.+)$', ROOT.joinpath('requirements', 'lowest.in').read_text(), re.MULTILINE))
+    named = dict(re.findall(r"'([\w-]+)>=([\d.]+)'", ROOT.joinpath('setup.py').read_text()))
+    others = {'grpcio', 'protobuf'}  # what speaks to the robot is installed by itself
+    for name, version in named.items():
+        assert name in others or f'{given[name.lower()]}.'.startswith(f'{version}.'), name
 
 
 @pytest.fixture

@@ -35,6 +35,8 @@ import time
 ROOT = Path(__file__).resolve().parent.parent
 DISTROS = ('jazzy', 'kilted')
 NEWEST_PYTHON = (3, 14)
+#: What Ubuntu 22.04 has, and newer ones do not take the oldest releases of some libraries.
+LOWEST_PYTHON = (3, 10)
 GLIBC = (2, 28)
 STAMP = 'set-up-of'
 LOG = 'set-up.log'
@@ -58,7 +60,8 @@ class Recipe:
     :param folder: where, below the project's root
     :param distro: the ROS 2 distro
     :param sourced: whether it is the one sourced here, so that none of it comes from PyPI
-    :param purpose: the lock of the tools that go in, ``development`` or ``colcon``
+    :param purpose: the lock of the tools that go in: ``development``, ``colcon``, or ``lowest``,
+        the oldest releases of everything and no ROS
     """
 
     folder: Path
@@ -73,7 +76,8 @@ class Recipe:
         :returns: their paths, in the order to install them in
         """
         distro = [] if self.sourced else [self.distro]
-        names = ['build', self.purpose, 'kachaka', 'recording', *distro]
+        names = ['build', 'lowest'] if self.purpose == 'lowest' else [
+            'build', self.purpose, 'kachaka', 'recording', *distro]
         return [ROOT / 'requirements' / f'{name}.txt' for name in names]
 
     def digest(self) -> str:
@@ -95,9 +99,11 @@ class Recipe:
 
         :returns: a part of a sentence
         """
+        python = f'{self.folder.name}: Python {platform.python_version()}'
+        if self.purpose == 'lowest':
+            return f'{python}, the oldest releases, without ROS'
         origin = 'as sourced here' if self.sourced else 'from PyPI'
-        return (f'{self.folder.name}: Python {platform.python_version()}, '
-                f'ROS 2 {self.distro} {origin}, {self.purpose} tools')
+        return f'{python}, ROS 2 {self.distro} {origin}, {self.purpose} tools'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -111,7 +117,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('folder', help="its name below the project's root, such as .venv")
     parser.add_argument('--distro', choices=DISTROS, help='the ROS 2 that it must have')
     parser.add_argument(
-        '--for', dest='purpose', choices=('development', 'colcon'), default='development')
+        '--for', dest='purpose', default='development',
+        choices=('development', 'colcon', 'lowest'))
     options = parser.parse_args(arguments)
     try:
         set_up(recipe(ROOT / options.folder, options.distro, options.purpose))
@@ -131,6 +138,12 @@ def recipe(folder: Path, distro: str | None, purpose: str) -> Recipe:
     :returns: what to make
     :raises RefusalError: if what is asked for cannot be had here
     """
+    if purpose == 'lowest':
+        if sys.version_info[:2] != LOWEST_PYTHON:
+            raise RefusalError(
+                'the oldest releases need Python 3.10, and this is '
+                f'{platform.python_version()}; install it, on Ubuntu: sudo apt install python3.10')
+        return Recipe(folder, '', False, purpose)
     sourced = sourced_distro()
     if sourced is None:
         require_wheels()
@@ -218,9 +231,10 @@ def make(wanted: Recipe) -> None:
     for lock in wanted.locks():
         # A lock names all that is wanted; more than that would be what it left out on purpose.
         pip(wanted, '--no-deps', '--require-hashes', f'--requirement={lock}')
-    if wanted.purpose == 'development':
+    if wanted.purpose != 'colcon':
         pip(wanted, '--no-deps', f'--editable={ROOT}')
-    run(wanted, [str(wanted.folder / 'bin' / 'python'), '-c', USE_ROS])
+    if wanted.purpose != 'lowest':
+        run(wanted, [str(wanted.folder / 'bin' / 'python'), '-c', USE_ROS])
 
 
 def pip(wanted: Recipe, *arguments: str) -> None:

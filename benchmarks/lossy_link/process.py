@@ -22,10 +22,9 @@ import subprocess
 import sys
 from typing import Any
 
-from kachaka_simple_control.ros.dds_transport import CHOICES
-
 from benchmarks.lossy_link.network import Network
 from benchmarks.process import JsonProcess, ROOT
+from kachaka_simple_control.ros.dds_transport import CHOICES
 
 #: A process may take so long to respond [s]: with loss, a service may take many tries.
 RESPONSE_TIMEOUT = 60.0

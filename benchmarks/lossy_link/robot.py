@@ -50,7 +50,7 @@ class ReportingKachaka(SimulatedKachaka):
         code = super().set_robot_velocity(linear, angular, now)
         limits = KACHAKA.limits
         report('velocity', now, linear * limits.max_linear_velocity,
-            angular * limits.max_angular_velocity, code == SUCCESS)
+               angular * limits.max_angular_velocity, code == SUCCESS)
         return code
 
     def set_manual_control(self, enabled: bool, now: float) -> int:

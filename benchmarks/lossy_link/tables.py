@@ -19,9 +19,8 @@ from collections.abc import Iterable, Sequence
 import math
 from typing import Any
 
-from kachaka_simple_control.report.metrics import median
-
 from benchmarks.tables import number, Table
+from kachaka_simple_control.report.metrics import median
 
 #: In a long run at 10 Hz manual control must be renewed within this time [s].
 RENEWAL_LIMIT = 0.2

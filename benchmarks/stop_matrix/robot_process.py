@@ -21,9 +21,8 @@ import subprocess
 import sys
 import tempfile
 
-from kachaka_simple_control.control import processes
-
 from benchmarks.process import ROOT
+from kachaka_simple_control.control import processes
 
 #: It may take so long to end [s].
 EXIT_TIMEOUT = 2.0

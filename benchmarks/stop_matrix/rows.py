@@ -119,7 +119,7 @@ ROWS = (
              background=others.restarting_nodes, options=('rate:=50.0',), duration=12.0,
              robot_reusable=False, batch_size=1, quick=0),
     Row(Expectation('a second program on another machine, found late: both stop', NODE, (1,),
-                limit=CLAIM),
+                    limit=CLAIM),
         # No zeros before the motion, so that the first zero is one of a stop.
         others.discover_second_program, scripts.OTHER_MACHINE, options=('prime_time:=0.0',),
         check=others.check_both_stopped, exclusive=False, measures_distance=False),

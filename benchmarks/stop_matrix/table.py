@@ -17,11 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from kachaka_simple_control.report.metrics import median
-
 from benchmarks.stop_matrix.expectation import Expectation, Zero
 from benchmarks.stop_matrix.trial import Trial
 from benchmarks.tables import number, Table
+from kachaka_simple_control.report.metrics import median
 
 HEAD = (
     'what happens', 'who stops it', 'times', 'to the first zero [ms], median / worst',

@@ -43,7 +43,7 @@ class Latch(SharedByte):
 class SharedFlag(SharedByte):
     """A flag that can be set and cleared."""
 
-    def set(self) -> None:
+    def set(self) -> None:  # noqa: A003
         """Set the flag."""
         self._memory[0] = 1
 

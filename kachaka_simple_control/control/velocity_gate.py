@@ -117,7 +117,7 @@ class VelocityGate:
         """Return the newest run that began, which may be over; None before the first."""
         return self._run
 
-    def open(self) -> None:
+    def open(self) -> None:  # noqa: A003
         """Let velocities out: the robot is taken.  Without effect once the gate was closed."""
         with self._lock:
             if self._state is GateState.NOT_OPENED:

@@ -19,16 +19,13 @@ from collections.abc import Callable
 import os
 import sys
 import threading
-from typing import Protocol, TYPE_CHECKING
+from typing import Protocol
 
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.drive_status import DriveState, DriveStatus, StepStatus
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.plan_view import pluralize
 from kachaka_simple_control.report.text_tables import one_line
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 #: Lines do not follow each other faster than this [s].
 MIN_LINE_PERIOD = 0.5
@@ -207,7 +204,7 @@ def renderer_for(descriptor: int) -> Renderer:
         write('To see more of the drive, install rich (`pip install rich`); steps are told in '
               'lines meanwhile.\n')
         return LineRenderer(write)
-    console: Console = Console(file=sys.stderr, highlight=False, markup=False)
+    console = Console(file=sys.stderr, highlight=False, markup=False)
     return PanelRenderer(
         write, lambda: os.get_terminal_size(descriptor),
         lambda columns, status, hint: panel.render_panel(console, columns, status, hint),

@@ -14,7 +14,7 @@
 """The motions that come with the package, found by their names; the lesson is one of them."""
 
 from __future__ import annotations
-import __future__
+import __future__  # noqa: I100
 
 import ast
 from importlib.resources import files

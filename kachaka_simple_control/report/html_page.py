@@ -52,7 +52,7 @@ SIGNS = {
 
 
 def render_page(summary: Summary, pictures: Mapping[str, str], no_pictures: str | None,
-         recording: str | None) -> str:
+                recording: str | None) -> str:
     """
     Return a report as an HTML page.
 

@@ -28,7 +28,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT))  # the benchmarks are not installed
 
-from benchmarks.compare import change, compare, differences, main  # noqa: E402
+from benchmarks.compare import change, compare, differences, main  # noqa: E402, I100
 from benchmarks.figures import figures, find  # noqa: E402
 from benchmarks.nanosleep import sleep_until  # noqa: E402
 from benchmarks.page import BEGIN, END, updated  # noqa: E402

@@ -14,8 +14,8 @@
 """No two modules of the benchmarks import each other, not even within a function."""
 
 import ast
-from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
+from graphlib import CycleError, TopologicalSorter  # noqa: I201
+from pathlib import Path  # noqa: I100, I201
 
 import pytest
 

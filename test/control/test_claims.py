@@ -79,9 +79,8 @@ def test_of_newcomers_that_receive_each_other_one_wins(order):
     for claims in programs.values():
         for participant in order:
             claims.on_claim(Claim(participant, WANTED, participant), 0.0)
-    assert [name for name,
-        claims in sorted(programs.items()) if claims.blocking_claim(0.1) is None] == [
-        'aa']
+    assert [name for name, claims in sorted(programs.items())
+            if claims.blocking_claim(0.1) is None] == ['aa']
 
 
 @given(

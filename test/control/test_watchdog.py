@@ -153,8 +153,8 @@ def test_a_healthy_node_is_never_stopped(movements):
     watchdog, now = Watchdog(), 0.0
     for beats, pause, zeros in movements:
         messages = [(0.0, GuardianMessage.BEAT), *((beat, GuardianMessage.BEAT) for beat in beats),
-            (0.0, GuardianMessage.REST),
-                 (pause, GuardianMessage.REST), *[(0.04, GuardianMessage.REST)] * zeros]
+                    (0.0, GuardianMessage.REST), (pause, GuardianMessage.REST),
+                    *[(0.04, GuardianMessage.REST)] * zeros]
         for silence, message in messages:
             assert wait(watchdog, now, silence) is None
             now += silence

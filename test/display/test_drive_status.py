@@ -122,8 +122,9 @@ def test_the_remaining_time_is_that_of_the_plan(motion, limits, part):
 
 
 def test_a_step_has_its_number_its_description_and_what_remains():
-    for elapsed, number, description in ((0.0, 1, 'forward 0.5 m'), (1.9, 1, 'forward 0.5 m'),
-                                   (2.1, 2, 'turn 57.296 deg'), (3.5, 3, 'wait 1 s')):
+    for elapsed, number, description in (
+            (0.0, 1, 'forward 0.5 m'), (1.9, 1, 'forward 0.5 m'),
+            (2.1, 2, 'turn 57.296 deg'), (3.5, 3, 'wait 1 s')):
         step = driven(elapsed).status_at(START + elapsed).step
         assert (step.number, step.count, step.description) == (number, 3, description)
     step = driven(0.8).status_at(START + 0.8).step
@@ -170,7 +171,7 @@ def test_states_follow_the_events():
 
 
 def test_a_stop_is_shown_from_its_first_zeros():
-    """MotionEnded comes 0.4 s later; until then no further step must be shown."""
+    """Its MotionEnded comes 0.4 s later; until then no further step must be shown."""
     tracker = driven(1.9)
     for number in range(10):
         tracker.on_event(VelocitySent(START + 1.95 + 0.0001 * number, ZERO))

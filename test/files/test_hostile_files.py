@@ -24,8 +24,13 @@ import time
 from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import load
 from motion_texts import refusal
+from optional_libraries import MISSING, optional_imports
 from program import environment
 import pytest
+
+yaml = MISSING
+with optional_imports():
+    import yaml
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
@@ -56,6 +61,9 @@ HOSTILE = {
 }
 
 
+@pytest.mark.skipif(
+    not getattr(yaml, '__with_libyaml__', False),
+    reason='without libyaml, which Ubuntu has, it takes longer')
 @pytest.mark.parametrize('what', HOSTILE)
 def test_a_hostile_text_is_refused_quickly(what):
     begin = time.process_time()

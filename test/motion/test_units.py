@@ -68,7 +68,7 @@ def test_a_quantity_is_converted_from_its_unit(quantity, text, value):
     (COMMAND_TIMEOUT, '0 s', "'0 s'; it must be above 0 s"),
     (POSITIVE_LINEAR_VELOCITY, '-0.1', "'-0.1'; it must not be negative"),
     (POSITIVE_LINEAR_VELOCITY, 'fast',
-    "'fast'; it must be a speed, as in 0.2 m/s (in m/s, cm/s or mm/s)"),
+     "'fast'; it must be a speed, as in 0.2 m/s (in m/s, cm/s or mm/s)"),
     (ANGLE, '90 º', "'90 º'; it must be an angle, as in 90 deg (in rad, deg or °)"),
     (ANGLE, '90', '90 has no unit; an angle needs one: write 90 deg or 90 rad'),
     (LENGTH, '-50.0', '-50.0 has no unit; a length needs one: write -50.0 cm or -50.0 m'),

@@ -173,7 +173,7 @@ def test_a_minute_at_50_hz_takes_little_space(tmp_path):
     for second, tick in itertools.product(range(60), range(50)):
         time = 10.0 + second + tick / 50.0
         drive.publish(VelocitySent(time, Velocity(0.1, 0.001 * tick)),
-            OdometryReceived(time, Pose(time, 0.0, 0.1)))
+                      OdometryReceived(time, Pose(time, 0.0, 0.1)))
         if tick == 0:
             drive.recorder.flush(time)
     assert drive.recorder.finish() is None

@@ -35,7 +35,7 @@ SECOND = 1_000_000_000
 TIMES = st.integers(0, 2 ** 31 * SECOND - 1)
 FRAMES = st.one_of(
     st.sampled_from(['', 'a', 'odom', 'robot_1/odom', 'été']),
-    st.text(st.characters(min_codepoint=1, exclude_categories=['Cs']), max_size=20))
+    st.text(st.characters(min_codepoint=1, blacklist_categories=['Cs']), max_size=20))
 NUMBERS = st.floats(-1e6, 1e6)
 POSES = st.builds(Pose, NUMBERS, NUMBERS, st.floats(-10.0, 10.0))
 

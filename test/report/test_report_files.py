@@ -275,11 +275,11 @@ VELOCITIES = st.builds(Velocity, st.floats(-0.3, 0.3), st.floats(-1.5, 1.5)) | s
 ODD = st.floats() | st.floats(-2.0, 2.0)
 EVENTS = st.one_of(
     st.builds(MotionPlanned, st.sampled_from([SECOND, LESSON, EMPTY]), st.just(LIMITS),
-    st.just(10.0)),
+              st.just(10.0)),
     st.builds(MotionStarted, TIMES),
     st.builds(VelocitySent, TIMES, VELOCITIES), st.builds(VelocitySent, TIMES, VELOCITIES),
     st.builds(OdometryReceived, TIMES, st.builds(Pose, ODD, ODD, ODD),
-    st.builds(Velocity, ODD, ODD)),
+              st.builds(Velocity, ODD, ODD)),
     st.builds(MotionEnded, TIMES, st.none() | st.text()),
     st.builds(SessionEnded, TIMES, st.none() | ODD, st.none() | st.integers(-1, 99),
               st.none() | st.text()))

@@ -21,14 +21,11 @@ import subprocess
 import sys
 import time
 
+from benchmarks.lossy_link import network
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.ros import dds_transport
-from program import COMMAND, ROOT
+from program import COMMAND
 import pytest
-
-sys.path.append(str(ROOT))  # the benchmarks are not installed
-
-from benchmarks.lossy_link import network  # noqa: I100
 
 pytestmark = pytest.mark.ros
 

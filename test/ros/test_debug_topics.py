@@ -229,5 +229,3 @@ def test_nothing_is_published_after_the_session_was_closed(listener, observer, m
         executor.spin_once(timeout_sec=0.1)
     executor.remove_node(node)
     assert [len(one) for one in seen] == counts
-
-

@@ -100,8 +100,8 @@ def is_reached(publish, received):
 def test_subscription_executor_delivers_all_the_oldest_first(node):
     received = []
     running = Running(
-        SubscriptionExecutor(node, subscription(node),
-        lambda twist: received.append(twist.linear.x)))
+        SubscriptionExecutor(
+            node, subscription(node), lambda twist: received.append(twist.linear.x)))
     publish = velocities(node)
     assert is_reached(publish, received)
     for number in range(1, 21):

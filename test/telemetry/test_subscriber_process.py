@@ -52,7 +52,7 @@ def subscriber_of(source):
 @given(st.lists(st.one_of(
     st.builds(MotionStarted, st.floats(0.0, 1e6)),
     st.builds(VelocitySent, st.floats(0.0, 1e6),
-    st.builds(Velocity, st.floats(-1, 1), st.floats(-2, 2))),
+              st.builds(Velocity, st.floats(-1, 1), st.floats(-2, 2))),
     st.just(LONG)), max_size=10))
 def test_what_is_written_is_what_is_read(events):
     packets = [packet for event in events for packet in encode(event)]

@@ -355,6 +355,6 @@ class CommandArbiter:
             self._must_enable = True
             self._latest.requeue(request.command)
         elif self._timeouts >= MAX_CONSECUTIVE_TIMEOUTS or (
-            result.got_response and not result.is_success):
+                result.got_response and not result.is_success):
             self._timeouts = 0
             self.block_motion()
