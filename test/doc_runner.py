@@ -113,7 +113,10 @@ class Reader:
         path = os.pathsep.join([str(tools), str(Path(sys.prefix) / 'bin'), os.environ['PATH']])
         self.environment = {
             **os.environ, 'HOME': str(self.home), 'SOURCE': str(self.source), 'PATH': path,
-            'PYTHONPATH': str(self.source), 'COLCON_HOME': str(scratch / 'colcon')}
+            # A sourced ROS is found there, too.
+            'PYTHONPATH': os.pathsep.join(
+                filter(None, [str(self.source), os.environ.get('PYTHONPATH')])),
+            'COLCON_HOME': str(scratch / 'colcon')}
 
     def _make_tools(self) -> Path:
         tools = self.scratch / 'bin'

@@ -142,6 +142,22 @@ def test_a_sourced_ros_is_used_whatever_the_machine(sourced, monkeypatch, tmp_pa
         'build', 'development', 'kachaka', 'recording']
 
 
+def test_a_sourced_ros_without_what_draws_reports_is_told(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(environment, 'run', lambda *command: None)
+    monkeypatch.setattr(environment, 'lacking', lambda python: ['matplotlib', 'rich'])
+    environment.make(environment.Recipe(tmp_path / '.venv', 'humble', True, 'development'))
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith('set-up: matplotlib, rich is not here')
+    assert line.endswith('sudo apt install python3-matplotlib python3-rich')
+    environment.make(environment.Recipe(tmp_path / '.venv', 'jazzy', False, 'development'))
+    assert capsys.readouterr().out == ''
+
+
+def test_what_an_environment_lacks_is_found(monkeypatch):
+    monkeypatch.setattr(environment, 'SHOWN_WITH', {'json': 'one', 'no_such_library': 'other'})
+    assert environment.lacking(Path(sys.executable)) == ['no_such_library']
+
+
 def test_another_distro_than_the_sourced_one_is_refused(tool, sourced):
     line = refusal(tool('.venv', '--distro=kilted', **sourced))
     assert 'humble is sourced here' in line

@@ -44,6 +44,10 @@ LOG = 'set-up.log'
 INPUTS = ('setup.py', 'setup.cfg', 'tools/environment.py')
 #: A folder without any code can be imported as rclpy, so ask for a module in it.
 USE_ROS = 'import rclpy.node'
+#: What the drive is shown and reported with, and the packages of Debian that have it: a sourced
+#: ROS may be without, and from PyPI matplotlib would want another numpy than that ROS.
+SHOWN_WITH = {
+    'jinja2': 'python3-jinja2', 'matplotlib': 'python3-matplotlib', 'rich': 'python3-rich'}
 #: What pip says when nobody answers; a refused or unknown release reads otherwise.
 UNREACHABLE = ('connection broken', 'Could not fetch URL', 'ReadTimeoutError')
 
@@ -233,8 +237,27 @@ def make(wanted: Recipe) -> None:
         pip(wanted, '--no-deps', '--require-hashes', f'--requirement={lock}')
     if wanted.purpose != 'colcon':
         pip(wanted, '--no-deps', f'--editable={ROOT}')
+    if wanted.sourced and (names := lacking(wanted.folder / 'bin' / 'python')):
+        print(f'set-up: {", ".join(names)} is not here, so reports and the live display are '
+              'simpler; on Debian and Ubuntu: '
+              f'sudo apt install {" ".join(SHOWN_WITH[name] for name in names)}', flush=True)
     if wanted.purpose != 'lowest':
         run(wanted, [str(wanted.folder / 'bin' / 'python'), '-c', USE_ROS])
+
+
+def lacking(python: Path) -> list[str]:
+    """
+    Return which libraries an environment does not have that show and report a drive.
+
+    :param python: the Python of the environment
+    :returns: their names
+    """
+    search = (
+        'import sys; from importlib.util import find_spec; '
+        'print(*[name for name in sys.argv[1:] if find_spec(name) is None])')
+    found = subprocess.run(
+        [str(python), '-c', search, *SHOWN_WITH], capture_output=True, text=True, check=True)
+    return found.stdout.split()
 
 
 def pip(wanted: Recipe, *arguments: str) -> None:
