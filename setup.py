@@ -37,10 +37,16 @@ setup(
         ('share/' + package_name + '/launch', [
             'launch/lesson.launch.py', 'launch/real.launch.py', 'launch/simulation.launch.py']),
     ],
-    install_requires=['setuptools'],
+    # Motions and robots are files, those of the package as well.
+    install_requires=['setuptools', 'PyYAML>=5.4', 'jsonschema>=3.2'],
     extras_require={
-        # Motions and robots in files; the lesson needs none.
-        'motions': ['PyYAML>=5.4', 'jsonschema>=3.2'],
+        # ROS 2 from PyPI where none is installed: on Linux with glibc on x86-64.
+        'jazzy': [
+            'ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-diagnostic-msgs', 'ros-jazzy-geometry-msgs',
+            'ros-jazzy-nav-msgs', 'ros-jazzy-std-srvs'],
+        'kilted': [
+            'ros-kilted-rclpy[fastrtps]', 'ros-kilted-diagnostic-msgs',
+            'ros-kilted-geometry-msgs', 'ros-kilted-nav-msgs', 'ros-kilted-std-srvs'],
         'plot': ['matplotlib>=3.5'],
         # The page of a report, with its pictures; without it, the figures and the recording.
         'report': ['Jinja2>=3.0', 'matplotlib>=3.5'],

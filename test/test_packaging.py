@@ -88,6 +88,18 @@ def test_pytest_is_named_or_colcon_runs_no_test():
     assert 'pytest' in ast.literal_eval(setup_arguments()['extras_require'])['test']
 
 
+@pytest.mark.parametrize('distro', ['jazzy', 'kilted'])
+def test_the_extra_of_a_distro_is_the_ros_that_the_tests_run_with(distro):
+    extra = ast.literal_eval(setup_arguments()['extras_require'])[distro]
+    wanted = ROOT.joinpath('requirements', f'{distro}.in').read_text()
+    assert extra == re.findall(r'^ros-\S+', wanted, re.MULTILINE)
+
+
+def test_what_reads_the_motions_of_the_package_is_required():
+    required = ast.literal_eval(setup_arguments()['install_requires'])
+    assert {'PyYAML', 'jsonschema'} <= {name.partition('>=')[0] for name in required}
+
+
 def test_every_python_file_carries_the_licence():
     assert HEADER.startswith('# Copyright 2026')
     assert HEADER.count('\n') == 13
