@@ -117,6 +117,13 @@ def test_a_missing_network_is_reported_in_one_line(tool, tmp_path):
     assert not tmp_path.joinpath('.venv', environment.STAMP).exists()
 
 
+def test_readme_says_what_a_machine_without_ros_needs():
+    readme = ' '.join(ROOT.joinpath('README.md').read_text().split())
+    libc = '.'.join(map(str, environment.GLIBC))
+    assert f'Linux on x86-64 with glibc {libc} or newer' in readme
+    assert f'Python 3.10 to 3.{environment.NEWEST_PYTHON[1]}: for others PyPI' in readme
+
+
 def test_unknown_distro_is_bad_usage(tool):
     result = tool('.venv', '--distro=hydro')
     assert result.returncode == 2

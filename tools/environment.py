@@ -190,7 +190,7 @@ def require_wheels() -> None:
         raise RefusalError(
             'PyPI has ROS 2 for Linux on x86-64 with glibc alone, and this is '
             f'{platform.system()} on {machine}{" with " + libc if libc else ""}; '
-            'install ROS 2, source its setup.bash, and try again')
+            'install ROS 2 (README.md says how), source its setup.bash, and try again')
     if tuple(int(part) for part in libc_version.split('.')[:2]) < GLIBC:
         raise RefusalError(
             f'PyPI has ROS 2 for glibc 2.28 and newer, and this is {libc_version}; '
