@@ -28,11 +28,14 @@ SITE = Path(kachaka_simple_control.__file__).parent.parent
 FILES = [file for folder in ('test', 'benchmarks') for file in (ROOT / folder).rglob('*.py')
          if file != Path(__file__)]
 
+#: What stands for the parts of a string that are put in when it is used.
+PLACEHOLDER = 'PLACEHOLDER'
+
 
 def code_of(text):
     """Return all code in the strings of a file as one script, if it imports from the package."""
     strings = [''.join(part.value if isinstance(getattr(part, 'value', None), str)
-                       else 'PLACEHOLDER' for part in getattr(node, 'values', [node]))
+                       else PLACEHOLDER for part in getattr(node, 'values', [node]))
                for node in ast.walk(ast.parse(text))
                if isinstance(node, ast.JoinedStr | ast.Constant)]
     body = []
@@ -81,7 +84,8 @@ def missing(script):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             owner = known.get(node.value.id)
             inherits = isinstance(owner, ast.ClassDef) and owner.bases
-            if owner is not None and not inherits and node.attr not in bound(owner):
+            if owner is not None and not inherits and node.attr not in {
+                    PLACEHOLDER, *bound(owner)}:
                 absent.append(f'{node.value.id}.{node.attr}')
     return absent
 
