@@ -35,6 +35,13 @@ from kachaka_simple_control.kachaka.program import (
 )
 
 NAME = 'kachaka_simple_control'
+EXAMPLES = """
+examples:
+  kachaka_simple_control --sim                   the lesson, on a simulated robot
+  kachaka_simple_control square --plan           what a motion will do
+  kachaka_simple_control ./mine.yaml --sim --report run1
+  kachaka_simple_control square --ros-args -p robot_timeout:=30
+"""
 PRECEDENCE = """
 what wins: an option or -p (they must not differ), then the motion's file, then the
 default of the parameter
@@ -124,7 +131,7 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
 
 def _parser() -> OneLineParser:
     parser = OneLineParser(
-        prog=NAME, epilog=f'{PRECEDENCE}{HELP}', allow_abbrev=False,
+        prog=NAME, epilog=f'{EXAMPLES}{PRECEDENCE}{HELP}', allow_abbrev=False,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Drive a motion, exactly timed; without a name, the seven movements of the '
                     'lesson.')

@@ -11,16 +11,30 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The version of the package; apart, because to look it up takes long."""
+"""Versions of the package and of ROS; apart, because to look them up takes long."""
 
 from __future__ import annotations
 
 from importlib import metadata
+import os
+
+#: The distributions of ROS 2 that the package runs on.
+DISTROS = ('humble', 'jazzy', 'kilted')
 
 
 def installed_version() -> str:
     """Return the version that is installed, as in ``0.1.0``; ``unknown`` if none is."""
+    return _version('kachaka_simple_control') or 'unknown'
+
+
+def ros_distro() -> str:
+    """Return the ROS distribution that is sourced or comes from PyPI; ``unknown`` if none does."""
+    from_pypi = (distro for distro in DISTROS if _version(f'ros-{distro}-rclpy'))
+    return os.environ.get('ROS_DISTRO') or next(from_pypi, 'unknown')
+
+
+def _version(distribution: str) -> str | None:
     try:
-        return metadata.version('kachaka_simple_control')
+        return metadata.version(distribution)
     except metadata.PackageNotFoundError:
-        return 'unknown'
+        return None

@@ -13,6 +13,7 @@
 # limitations under the License.
 """Arguments and exit codes, without ROS."""
 
+from importlib import metadata
 import os
 from pathlib import Path
 import re
@@ -29,6 +30,7 @@ from kachaka_simple_control.errors import (
     RunFaultError,
     UsageError,
 )
+from kachaka_simple_control.version import ros_distro
 from program import COMMAND
 import pytest
 
@@ -97,6 +99,25 @@ def test_the_version_is_that_of_the_package(capsys):
     said = f'kachaka_simple_control {kachaka_simple_control.__version__}\n'
     assert capsys.readouterr().out == said
     assert re.fullmatch(r'\d+\.\d+\.\d+', kachaka_simple_control.__version__)
+
+
+def test_the_distribution_of_ros_is_known_without_its_variable(monkeypatch):
+    monkeypatch.setenv('ROS_DISTRO', 'rolling')
+    assert ros_distro() == 'rolling'
+    monkeypatch.delenv('ROS_DISTRO')
+    monkeypatch.setattr(metadata, 'version', {'ros-kilted-rclpy': '9.1.2'}.__getitem__)
+    monkeypatch.setattr(metadata, 'PackageNotFoundError', KeyError)
+    assert ros_distro() == 'kilted'
+
+
+def test_the_examples_of_the_help_are_commands(capsys):
+    with pytest.raises(SystemExit):
+        parse(['--help'])
+    examples = re.findall(r'^  kachaka_simple_control (.*?)(?:   .*)?$', capsys.readouterr().out,
+                          re.MULTILINE)
+    assert len(examples) == 4
+    for example in examples:
+        parse(example.split())
 
 
 def test_help_names_the_exit_codes(capsys):

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 import math
 import os
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.document import (
+    Document,
     format_problems,
     Problem,
     sort_problems,
@@ -32,9 +32,6 @@ from kachaka_simple_control.files.document import (
 from kachaka_simple_control.motion.geometry import Box, Disc, Footprint
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE
-
-if TYPE_CHECKING:
-    from kachaka_simple_control.files.document import Document
 
 
 @dataclass(frozen=True)

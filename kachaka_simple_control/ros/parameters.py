@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, Field, fields
-import os
 import platform
 import time
 from typing import Any
@@ -30,7 +29,7 @@ from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.node_parameters import NodeParameters
 from kachaka_simple_control.telemetry.events import SessionStarted
-from kachaka_simple_control.version import installed_version
+from kachaka_simple_control.version import installed_version, ros_distro
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
@@ -116,7 +115,7 @@ def session_started(
 def _versions() -> dict[str, str]:
     return {
         'kachaka_simple_control': installed_version(),
-        'ROS': os.environ.get('ROS_DISTRO', 'unknown'),
+        'ROS': ros_distro(),
         'RMW': get_rmw_implementation_identifier(),
         'Python': platform.python_version(),
         'system': platform.platform(),
