@@ -21,7 +21,7 @@ import os
 import re
 from typing import Any
 
-from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.errors import ControlError, InvalidMotionError
 from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.motion.units import Quantity, UnitError
 
@@ -75,9 +75,9 @@ class UnreadableFileError(Exception):
         self.problems = problems
 
 
-class MotionFileError(InvalidMotionError):
+class FileError(ControlError):
     """
-    A motion could not be read from a file; the message has a line for each problem.
+    A file could not be read; the message has a line for each problem.
 
     :ivar source: the file
     :ivar problems: what is wrong with it, in the order of its lines
@@ -87,6 +87,10 @@ class MotionFileError(InvalidMotionError):
         self.source = source
         self.problems = sort_problems(problems)
         super().__init__(format_problems(source, self.problems))
+
+
+class MotionFileError(FileError, InvalidMotionError):
+    """A motion could not be read from a file."""
 
 
 def sort_problems(problems: Iterable[Problem]) -> tuple[Problem, ...]:

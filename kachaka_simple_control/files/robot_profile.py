@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 import math
 import os
@@ -24,9 +23,7 @@ from pathlib import PurePath
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.document import (
     Document,
-    format_problems,
-    Problem,
-    sort_problems,
+    FileError,
     UnreadableFileError,
 )
 from kachaka_simple_control.motion.geometry import Box, Disc, Footprint
@@ -90,18 +87,8 @@ KACHAKA = RobotProfile(
 SCHEMA = 'robots/robot.schema.json'
 
 
-class RobotFileError(UsageError):
-    """
-    A robot's profile could not be read from a file; the text has a line for each problem.
-
-    :ivar source: the file
-    :ivar problems: what is wrong with it, in the order of its lines
-    """
-
-    def __init__(self, source: str, problems: Iterable[Problem]) -> None:
-        self.source = source
-        self.problems = sort_problems(problems)
-        super().__init__(format_problems(source, self.problems))
+class RobotFileError(FileError, UsageError):
+    """A robot's profile could not be read from a file."""
 
 
 def robots() -> list[str]:
