@@ -174,16 +174,22 @@ class SignalDispatcher:
         # After Ctrl+C Python ends with the right status by itself, and a traceback does not help.
         if kind is KeyboardInterrupt and self.signum == signal.SIGINT:
             return
-        is_own = isinstance(error, ControlError) and self._excepthook is sys.__excepthook__
-        if not is_own or hasattr(sys, 'ps1') or os.environ.get(TRACEBACK_VARIABLE):
-            self._excepthook(kind, error, traceback)
-        if not is_own or hasattr(sys, 'ps1'):
-            return
-        if self.signum is not None:  # the error only says that the signal stopped the motion
-            raise SystemExit(SIGNALLED + self.signum)
-        if not os.environ.get(TRACEBACK_VARIABLE):
-            print(f'{_place(traceback)}{escaped_lines(error)}', file=sys.stderr)
-        raise SystemExit(code_of(error))
+        # A hook that was set after this one may call it: then Python's own is next.
+        hook, self._excepthook = self._excepthook, sys.__excepthook__
+        try:
+            if (not isinstance(error, ControlError) or hook is not sys.__excepthook__
+                    or hasattr(sys, 'ps1')):
+                hook(kind, error, traceback)
+                return
+            if self.signum is not None:  # the error only says that the signal stopped the motion
+                raise SystemExit(SIGNALLED + self.signum)
+            if os.environ.get(TRACEBACK_VARIABLE):
+                hook(kind, error, traceback)
+            else:
+                print(f'{_place(traceback)}{escaped_lines(error)}', file=sys.stderr)
+            raise SystemExit(code_of(error))
+        finally:
+            self._excepthook = hook
 
 
 def _place(traceback: TracebackType | None) -> str:

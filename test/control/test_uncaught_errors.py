@@ -73,6 +73,16 @@ def test_other_errors_and_other_hooks_are_left_alone(tmp_path):
     assert run(f'{hook}{again}raise errors.UsageError("no")', tmp_path) == (1, 'mine\n')
 
 
+def test_a_hook_that_calls_the_one_before_it_is_called_once(tmp_path):
+    hook = ('before = sys.excepthook\n'
+            'def hook(*what):\n    print("mine", file=sys.stderr)\n    before(*what)\n'
+            'sys.excepthook = hook\nsignal_dispatcher.handle_uncaught()\n')
+    assert run(f'{hook}raise errors.UsageError("no")', tmp_path) == (
+        2, 'mine\nscript.py:11: no\n')
+    code, text = run(f'{hook}raise ValueError("no")', tmp_path)
+    assert (code, text.count('mine'), text.count('Traceback')) == (1, 1, 1)
+
+
 def test_one_base_class_catches_all():
     assert issubclass(InvalidMotionError, ControlError)
     assert issubclass(InvalidMotionError, ValueError)
