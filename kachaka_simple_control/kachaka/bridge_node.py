@@ -172,8 +172,12 @@ class SimulatedBridge(BridgeNode):
 
     def set_manual_control(self, enabled: bool) -> str:
         """Switch manual control; return why the robot refuses, empty if it does not."""
-        code = self._robot.set_manual_control(enabled, time.monotonic())
-        self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
+        now = time.monotonic()
+        # A client may repeat its request, and renews it: only a change is news.
+        is_news = self._robot.manual_control(now) != enabled
+        code = self._robot.set_manual_control(enabled, now)
+        if is_news and code == SUCCESS:
+            self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
         return '' if code == SUCCESS else f'error {code}'
 
     def _on_timer(self) -> None:

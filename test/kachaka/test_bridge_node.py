@@ -19,6 +19,7 @@ import math
 import signal
 import subprocess
 import time
+from types import SimpleNamespace
 
 import pytest
 from ros_support import bridge, BridgeProcess, Probe, wait_until
@@ -73,6 +74,7 @@ def test_service_switches_manual_control(probe, namespace):
         probe.send(publisher, -0.1)
         assert settled_x(odometry) == pytest.approx(0.0, abs=1e-9)
         assert process.text.count('manual control enabled') == 2
+        assert process.text.count('manual control disabled') == 1
 
 
 def test_robot_clips_and_refuses_velocities(probe, namespace):
@@ -158,23 +160,36 @@ class CountingPublisher:
         self.published += 1
 
 
-def test_odometry_is_published_only_for_subscribers():
-    """Each of the two topics by itself."""
+@pytest.fixture
+def node(namespace):
+    """Yield the node of a bridge in this process."""
     from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
     from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
     import rclpy
     from rclpy.signals import SignalHandlerOptions
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = SimulatedBridge(SimulatedKachaka(time.monotonic()), '/alone')
-    try:
-        for counts in ((0, 0), (1, 0), (0, 2)):
-            node._odometry = [CountingPublisher(count) for count in counts]
-            node._on_timer()
-            assert [int(count > 0) for count in counts] == [
-                publisher.published for publisher in node._odometry]
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
+    node = SimulatedBridge(SimulatedKachaka(time.monotonic()), namespace)
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_odometry_is_published_only_for_subscribers(node):
+    """Each of the two topics by itself."""
+    for counts in ((0, 0), (1, 0), (0, 2)):
+        node._odometry = [CountingPublisher(count) for count in counts]
+        node._on_timer()
+        assert [int(count > 0) for count in counts] == [
+            publisher.published for publisher in node._odometry]
+
+
+def test_manual_control_that_is_renewed_is_logged_once(node, monkeypatch):
+    """A long drive renews it every 20 s, and a client may repeat its request."""
+    logged = []
+    monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(info=logged.append))
+    for enabled in (True, True, False, False):
+        assert node.set_manual_control(enabled) == ''
+    assert logged == ['manual control enabled', 'manual control disabled']
 
 
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.timing import SHUTDOWN_RPC_TIMEOUT
 from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
     CommandArbiter,
@@ -74,7 +75,7 @@ class RobotDriver:
         self._on_abort = on_abort
         self._changed = threading.Condition()
         self._is_over = False
-        self._has_control = False
+        self._has_control, self._control_until = False, 0.0
         self._workers = [
             threading.Thread(target=self._work, name=f'robot-{number}', daemon=True)
             for number in range(WORKERS)]
@@ -225,5 +226,9 @@ class RobotDriver:
         self._on_abort(reason)
 
     def _set_control(self, enabled: bool) -> None:
+        # Clients repeat and renew their request: only a change is news.
+        now = time.monotonic()
+        if enabled != (self._has_control and now < self._control_until):
+            self._log(Level.OK, f"manual control {'enabled' if enabled else 'disabled'}")
         self._has_control = enabled
-        self._log(Level.OK, f"manual control {'enabled' if enabled else 'disabled'}")
+        self._control_until = now + KACHAKA.manual_control_timeout

@@ -21,6 +21,7 @@ import threading
 import time
 
 from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
+from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import VelocityCommand
 from kachaka_simple_control.kachaka.grpc_client.connection_state import (
@@ -115,6 +116,18 @@ def test_close_stops_the_robot_and_switches_manual_control_off(robot, client):
     assert [client.next_call(), client.next_call()] == [True, (0.5, 0.0)]
     robot.close()
     assert [client.next_call() for _ in range(4)] == [(0.0, 0.0), (0.0, 0.0), False, 'closed']
+
+
+def test_manual_control_that_is_renewed_is_logged_once(robot, logged, monkeypatch):
+    for enabled in (True, True, False, False, True):
+        assert robot.set_manual_control(enabled).is_success
+    changes = ['manual control enabled', 'manual control disabled', 'manual control enabled']
+    assert logged == changes
+    # It ends by itself.
+    begun = time.monotonic()
+    monkeypatch.setattr(time, 'monotonic', lambda: begun + KACHAKA.manual_control_timeout + 1.0)
+    assert robot.set_manual_control(True).is_success
+    assert logged[len(changes):] == ['manual control enabled']
 
 
 def test_close_without_a_motion_sends_nothing(robot, client):
