@@ -54,6 +54,8 @@ setup(
         'live': ['rich>=11.2'],
         # The recording beside a report; without it, the report alone.
         'recording': ['mcap>=1.5'],
+        # Completion of the command in a shell.
+        'completion': ['argcomplete>=1.8'],
         'test': ['pytest', 'hypothesis'],
         # What the SDK of the robot needs; itself it is installed with --no-deps, for its pins name
         # one old grpcio that not every Python has, and a numpy that a sourced ROS may not have.

@@ -13,6 +13,8 @@
 # limitations under the License.
 """The ``kachaka_simple_control`` command."""
 
+# PYTHON_ARGCOMPLETE_OK: a shell that completes all commands may ask this one.
+
 from __future__ import annotations
 
 from collections.abc import Sequence

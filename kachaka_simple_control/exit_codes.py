@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from typing import NoReturn
 
@@ -47,6 +48,12 @@ def code_of(error: BaseException) -> int:
 
 class OneLineParser(argparse.ArgumentParser):
     """A parser whose error messages are one line, whatever was typed."""
+
+    def set_completers(self, completers: Mapping[str, Callable[..., list[str]]]) -> None:
+        """Set what a shell completes arguments by, for argcomplete, by their names."""
+        for action in self._actions:
+            if action.dest in completers:
+                action.completer = completers[action.dest]  # type: ignore[attr-defined]
 
     def error(self, message: str) -> NoReturn:
         """Print a message and exit with code 2; for an unknown option, with the nearest one."""

@@ -24,6 +24,7 @@ from unittest.mock import MagicMock
 
 #: What a skipped test says that it needs, where the name of the module is not enough.
 NEEDED = {
+    'argcomplete.shell_integration': 'argcomplete 3',
     'ament_copyright.main': 'ament_copyright, which comes with ROS',
     'ament_flake8.main': 'ament_flake8, which comes with ROS',
     'ament_pep257.main': 'ament_pep257, which comes with ROS',

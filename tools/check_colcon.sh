@@ -17,6 +17,9 @@ trap 'rm -rf "$workspace"' EXIT
 
 export PATH="$environment/bin:$PATH"
 export COLCON_HOME="$workspace/.colcon"  # nobody's own settings
+# Where the system has the very release that the environment wants, there is no command in the
+# environment, and the system's would test with the system's Python.
+colcon() { python -m colcon "$@"; }
 mkdir -p "$workspace/src/$name"
 tar -C "$root" --exclude='./.[!.]*' --exclude=__pycache__ --exclude='*.egg-info' \
     --exclude=./build --exclude=./install --exclude=./log -cf - . \
