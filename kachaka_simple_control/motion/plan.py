@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import NamedTuple
@@ -25,6 +26,7 @@ from kachaka_simple_control.motion.geometry import advance, integrate, ORIGIN, P
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.planner import MotionValidator, PlannedItem
 from kachaka_simple_control.motion.steps import Motion, Step
+from kachaka_simple_control.motion.trajectory import Trajectory
 from kachaka_simple_control.motion.units import require_finite, require_positive
 
 #: How many segments a plan may have: goals for a day at 50 Hz, in less than a gigabyte.
@@ -59,6 +61,7 @@ class PlannedStep:
     :param length: of its path, forwards and backwards [m]
     :param max_linear_velocity: the largest linear velocity sent, in either direction [m/s]
     :param max_angular_velocity: the largest angular velocity sent, in either direction [rad/s]
+    :param trajectories: how it is driven, in order
     """
 
     path: str
@@ -69,6 +72,7 @@ class PlannedStep:
     length: float
     max_linear_velocity: float
     max_angular_velocity: float
+    trajectories: Sequence[Trajectory] = ()
 
 
 @dataclass(frozen=True)
@@ -198,7 +202,8 @@ class _PlanBuilder:
         has_segments = len(self._segments) > first
         self._steps.append(PlannedStep(
             item.path, item.step, start, self._time, self._pose, length,
-            sent.max_linear if has_segments else 0.0, sent.max_angular if has_segments else 0.0))
+            sent.max_linear if has_segments else 0.0, sent.max_angular if has_segments else 0.0,
+            item.trajectories))
 
 
 def _sent(velocities: list[list[Velocity]]) -> _Sent:

@@ -24,10 +24,10 @@ from typing import Any, ClassVar, NamedTuple
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import Displacement
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.replanning import PathLimits
 from kachaka_simple_control.motion.trajectory import (
     ConstantVelocity,
     limits_along,
-    PathLimits,
     PathSegment,
     ProfiledPath,
     Trajectory,
@@ -163,7 +163,7 @@ class Step(ABC):
     @property
     def is_rest(self) -> bool:
         """Return whether the robot stands still throughout."""
-        return not any(segment.linear or segment.angular for segment in self.path())
+        return all(segment.is_rest for segment in self.path())
 
     @classmethod
     def file_fields(cls) -> dict[str, FileField]:
@@ -192,7 +192,7 @@ class Step(ABC):
         duration = sum(segment.distance / bounds.velocity for segment, bounds in path)
         if duration <= MAX_DURATION:
             driven: list[Trajectory] = [
-                ProfiledPath(segment, time_optimal_profile(segment.distance, *bounds))
+                ProfiledPath(segment, bounds, time_optimal_profile(segment.distance, *bounds))
                 for segment, bounds in path]
             duration = sum(trajectory.duration for trajectory in driven)
             if duration <= MAX_DURATION:
@@ -220,9 +220,10 @@ class Step(ABC):
         kind = self.file_fields()[name].kind
         return kind.unit if isinstance(kind, Quantity) else ''
 
-    def _held(self, refuse: Refuse) -> list[Trajectory]:
+    def _held(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
         """Return the trajectories of a path in seconds: each segment is one velocity."""
-        held: list[Trajectory] = [ConstantVelocity(segment) for segment in self.path()]
+        held: list[Trajectory] = [
+            ConstantVelocity(segment, limits_along(segment, limits)) for segment in self.path()]
         duration = sum(trajectory.duration for trajectory in held)
         if duration <= MAX_DURATION:
             return held

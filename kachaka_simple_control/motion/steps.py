@@ -100,7 +100,7 @@ class Move(Step):
         """Return one velocity; refuse each component that is beyond its limit."""
         _try(limits.check_linear, self.velocity.linear_x, partial(refuse, 'linear_x'))
         _try(limits.check_angular, self.velocity.angular_z, partial(refuse, 'angular_z'))
-        return self._held(refuse)
+        return self._held(limits, refuse)
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,8 @@ class Forward(Step):
     :param speed: drive no faster than this [m/s], positive; None: as fast as the robot may
     """
 
-    synonyms = ('drive', 'go', 'straight', 'back', 'backward', 'backwards')
+    # Not 'back': its advice would drive the other way.
+    synonyms = ('drive', 'go', 'straight')
     distance: float = field(metadata=in_file(
         LENGTH, 'How far, in m, cm or mm.  Negative is backwards.',
         '0.5 m', '-20 cm'))
@@ -239,10 +240,9 @@ class Wait(Step):
         """Return the time."""
         return f'wait {format_number(self.duration)} s'
 
-    def trajectories(
-            self, limits: Limits, refuse: Refuse) -> list[Trajectory]:  # noqa: ARG002
+    def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
         """Return the velocity zero."""
-        return self._held(refuse)
+        return self._held(limits, refuse)
 
 
 @dataclass(frozen=True)

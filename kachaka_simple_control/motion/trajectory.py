@@ -22,10 +22,19 @@ from typing import NamedTuple
 
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.replanning import (
+    PathLimits,
+    PathState,
+    replan_through,
+    replan_to_rest,
+    Replanned,
+)
 from kachaka_simple_control.motion.velocity_profile import VelocityProfile
 
 #: A last tick shorter than this part of a period is rounding, not a tick.
 TIME_TOLERANCE = 1e-9
+#: How often the time that belongs to a position is bisected: to a microsecond within a day.
+TIME_BISECTIONS = 40
 
 
 class PathSegment(NamedTuple):
@@ -45,6 +54,11 @@ class PathSegment(NamedTuple):
     angular: float
 
     @property
+    def is_rest(self) -> bool:
+        """Return whether the robot stands still throughout."""
+        return not (self.linear or self.angular)
+
+    @property
     def length(self) -> float:
         """Return how far it goes [m], negative backwards."""
         return self.linear * self.distance
@@ -55,28 +69,12 @@ class PathSegment(NamedTuple):
         return self.angular * self.distance
 
 
-class PathLimits(NamedTuple):
-    """
-    The limits along a path segment; each is positive or infinite.
-
-    :param velocity: largest velocity [u/s]
-    :param acceleration: largest acceleration [u/s^2]
-    :param deceleration: largest deceleration [u/s^2]
-    :param jerk: largest jerk [u/s^3]
-    """
-
-    velocity: float
-    acceleration: float
-    deceleration: float
-    jerk: float
-
-
 def limits_along(segment: PathSegment, limits: Limits) -> PathLimits:
     """
     Return the limits along a segment: the tighter of the linear and the angular ones.
 
-    :param segment: the segment, with one metre or one radian to the unit
-    :returns: the limits in the segment's unit, (13) in docs/theory.md
+    :param segment: the segment
+    :returns: the limits in the segment's unit, (13) and (17) in docs/theory.md; infinite at rest
     """
     forward = limits.backward_velocity if segment.linear < 0.0 else limits.max_linear_velocity
     return PathLimits(
@@ -87,14 +85,15 @@ def limits_along(segment: PathSegment, limits: Limits) -> PathLimits:
 
 
 def _tighter(segment: PathSegment, linear: float, angular: float) -> float:
-    if not segment.linear:
-        return angular
-    if not segment.angular:
-        return linear
-    bend = abs(segment.angular)
-    limit = angular / bend
+    return min(_along(linear, abs(segment.linear)), _along(angular, abs(segment.angular)))
+
+
+def _along(limit: float, rate: float) -> float:
+    if not rate:
+        return math.inf
+    along = limit / rate
     # A velocity that rounding took beyond the limit would be refused in mid-motion.
-    return min(linear, limit if limit * bend <= angular else math.nextafter(limit, 0.0))
+    return along if along * rate <= limit else math.nextafter(along, 0.0)
 
 
 @dataclass(frozen=True)
@@ -103,9 +102,11 @@ class Trajectory(ABC):
     A path segment and the time it takes.
 
     :param segment: the segment
+    :param limits: along the segment
     """
 
     segment: PathSegment
+    limits: PathLimits
 
     @property
     @abstractmethod
@@ -129,6 +130,56 @@ class Trajectory(ABC):
         :param rate: how often a velocity is sent [Hz]
         """
 
+    @abstractmethod
+    def state_at(self, time: float) -> PathState:
+        """
+        Return the state as planned.
+
+        :param time: since it began [s]
+        """
+
+    @abstractmethod
+    def time_at(self, position: float) -> float:
+        """
+        Return when it is planned to be somewhere [s]: the inverse of ``state_at``.
+
+        :param position: the distance from the start of the segment [u]
+        """
+
+    @abstractmethod
+    def first_state(self, factor: float, velocity: float) -> PathState:
+        """
+        Return the state in which it begins under a speed factor.
+
+        :param factor: the speed factor, from 0 to 1
+        :param velocity: of the trajectory before at its end, in its own unit [u/s]; 0 at rest
+        """
+
+    @abstractmethod
+    def replanned(self, state: PathState, factor: float) -> Replanned:
+        """
+        Return how the rest is driven under another speed factor.
+
+        :param state: the state now
+        :param factor: the speed factor, from 0 to 1; 0: come to rest, or pass the end on the way
+        """
+
+    @property
+    @abstractmethod
+    def max_rate(self) -> float:
+        """Return the largest velocity along the segment [u/s]."""
+
+    def mean_velocity(self, distance: float, duration: float) -> Velocity:
+        """
+        Return the velocity that takes a distance along the segment in a time.
+
+        :param distance: the distance [u]
+        :param duration: the time [s]
+        """
+        # Rounding must not carry it beyond the limit, or backwards.
+        rate = min(max(0.0, distance / duration), self.max_rate)
+        return Velocity(self.segment.linear * rate, self.segment.angular * rate)
+
 
 class ConstantVelocity(Trajectory):
     """A segment in seconds: one velocity, which a plan runner repeats at the rate."""
@@ -145,6 +196,31 @@ class ConstantVelocity(Trajectory):
     def velocities(self, rate: float) -> list[Velocity]:
         """Return the velocity, once."""
         return [Velocity(self.segment.linear, self.segment.angular)] * self.ticks(rate)
+
+    def state_at(self, time: float) -> PathState:
+        """Return the time itself, which passes at one second a second."""
+        return PathState(time, 1.0)
+
+    def time_at(self, position: float) -> float:
+        """Return the position, which is a time."""
+        return position
+
+    def first_state(self, factor: float, velocity: float) -> PathState:
+        """Return the rate of the movement before; from rest the factor, as the plan jumps too."""
+        return PathState(0.0, velocity or self._rate(factor))
+
+    def replanned(self, state: PathState, factor: float) -> Replanned:
+        """Return how time passes: at the factor, with a ramp to it."""
+        return replan_through(state, self.duration, self._rate(factor), self.limits)
+
+    @property
+    def max_rate(self) -> float:
+        """Return one second a second."""
+        return 1.0
+
+    def _rate(self, factor: float) -> float:
+        """Return the rate of the clock: a rest knows no half speed."""
+        return math.ceil(factor) if self.segment.is_rest else factor
 
 
 @dataclass(frozen=True)
@@ -179,3 +255,34 @@ class ProfiledPath(Trajectory):
         return [
             cruising if mean == top else Velocity(linear * mean, angular * mean)
             for mean in self.profile.means(count)]
+
+    def state_at(self, time: float) -> PathState:
+        """Return the state of the profile."""
+        return PathState(
+            self.profile.position_at(time), self.profile.velocity_at(time),
+            self.profile.acceleration_at(time))
+
+    def time_at(self, position: float) -> float:
+        """Return the time, by bisection: the profile never goes back."""
+        low, high = 0.0, self.duration
+        for _ in range(TIME_BISECTIONS):
+            middle = (low + high) / 2.0
+            if self.profile.position_at(middle) < position:
+                low = middle
+            else:
+                high = middle
+        return high
+
+    def first_state(self, factor: float, velocity: float) -> PathState:  # noqa: ARG002
+        """Return rest at its start."""
+        return PathState(0.0)
+
+    def replanned(self, state: PathState, factor: float) -> Replanned:
+        """Return how the rest is driven: the factor caps the velocity, accelerations stay."""
+        return replan_to_rest(
+            state, self.segment.distance, factor * self.profile.velocity, self.limits)
+
+    @property
+    def max_rate(self) -> float:
+        """Return the largest velocity of the profile [u/s]."""
+        return self.profile.velocity
