@@ -17,15 +17,30 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+import contextlib
 from dataclasses import dataclass, field
+from glob import escape, glob
+import os
+from pathlib import Path
+import re
 import shlex
 import sys
 import traceback
+from typing import NoReturn
 
 from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
-from kachaka_simple_control.exit_codes import code_of, DONE, HELP, OneLineParser, SIGNALLED
+from kachaka_simple_control.exit_codes import (
+    code_of,
+    DONE,
+    FAULTED,
+    HELP,
+    OneLineParser,
+    SIGNALLED,
+)
+from kachaka_simple_control.files.document import FileError
 from kachaka_simple_control.kachaka.grpc_client.address import address_argument
 from kachaka_simple_control.kachaka.program import (
     add_simulation_options,
@@ -42,6 +57,8 @@ examples:
   kachaka_simple_control ./mine.yaml --sim --report run1
   kachaka_simple_control square --ros-args -p robot_timeout:=30
 """
+#: What somebody may take ``--wait`` to need.
+TIME = re.compile(r'\d+(\.\d*)?(s|min)?|inf|forever')
 PRECEDENCE = """
 what wins: an option or -p (they must not differ), then the motion's file, then the
 default of the parameter
@@ -57,6 +74,7 @@ class Options:
     :param sim: whether to start the bridge of a simulated robot
     :param robot: name or file of the robot's profile; None if not given
     :param rate: how often a velocity is sent [Hz]; None if not given
+    :param speed: the speed factor to start with, from 0 to 1; None if not given
     :param list: whether to list the motions that come with the package
     :param plan: whether to print what a motion will do
     :param plot: the file to plot what a motion will do to; None for none
@@ -73,6 +91,7 @@ class Options:
     sim: bool = False
     robot: str | None = None
     rate: float | None = None
+    speed: float | None = None
     list: bool = False  # noqa: A003
     plan: bool = False
     plot: str | None = None
@@ -105,6 +124,8 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     arguments = sys.argv[1:] if arguments is None else arguments
     own, ros = split_ros_arguments(arguments)
     parser = _parser()
+    if '_ARGCOMPLETE' in os.environ:
+        _complete(parser)
     values = vars(parser.parse_args(own))
     values.pop('ros_args', None)
     simulation = simulation_words(values)
@@ -120,10 +141,13 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     options = Options(
         motions=tuple(values.pop('motions')), ros_arguments=tuple(ros),
         command=shlex.join([NAME, *arguments]), simulation=simulation, **values)
+    if options.wait and any(map(TIME.fullmatch, options.motions)):
+        parser.error('--wait stands by, and takes no time; how long a robot is waited for says '
+                     '-p robot_timeout:=30, after --ros-args')
     if len(options.motions) > 1 and not options.is_preview:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
     if options.is_preview:
-        for name in ('report', 'sim', 'address', 'wait', 'quiet'):
+        for name in ('report', 'sim', 'address', 'wait', 'quiet', 'speed'):
             if getattr(options, name):
                 parser.error(f'--{name} is about a drive; --list, --plan and --plot drive nothing')
     return options
@@ -155,7 +179,7 @@ def _parser() -> OneLineParser:
         help='do the same with the real Kachaka at this address, HOST or HOST:PORT')
     parser.add_argument(
         '--wait', action='store_true',
-        help='stand by: ~/run starts the motion, ~/stop ends it (std_srvs/Trigger)')
+        help='stand by: Enter, or the service ~/run, starts the motion; ~/stop ends it')
     parser.add_argument(
         '--report', metavar='DIR',
         help='leave a report and a recording of the drive in this new folder')
@@ -169,6 +193,10 @@ def _parser() -> OneLineParser:
     parser.add_argument(
         '--rate', type=float, metavar='HZ',
         help='how often a velocity is sent (default: what the motion says, or 10)')
+    parser.add_argument(
+        '--speed', type=_speed, metavar='PERCENT',
+        help='drive slower than planned, as in --speed 50%%, on the same way; for a careful '
+             'first drive')
     add_simulation_options(
         parser.add_argument_group('errors of the simulated robot, with --sim'),
         'the simulated robot')
@@ -177,6 +205,42 @@ def _parser() -> OneLineParser:
         '--ros-args', action='store_true', default=argparse.SUPPRESS,
         help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')
     return parser
+
+
+def _speed(text: str) -> float:
+    number = text.strip().removesuffix('%')
+    with contextlib.suppress(ValueError):
+        factor = float(number) / (100.0 if number != text.strip() else 1.0)
+        if MIN_SPEED_FACTOR <= factor <= 1.0:
+            return factor
+    raise argparse.ArgumentTypeError(
+        f'{escaped(text, 60)!r} is not from 1% to 100%, as in 50% or 0.5; to stop, pause')
+
+
+def _complete(parser: OneLineParser) -> NoReturn:
+    """Tell a shell what the word at its cursor may become; nothing is driven, whatever it is."""
+    try:
+        from argcomplete import autocomplete
+    except ModuleNotFoundError:
+        parser.exit(FAULTED, (
+            f'{NAME}: completion needs argcomplete in the environment of this command: '
+            '`pip install argcomplete` or `apt install python3-argcomplete`\n'))
+    from kachaka_simple_control.files.library import library
+    from kachaka_simple_control.files.robot_profile import robots
+    parser.set_completers({
+        'motions': lambda prefix, **_: [*library(), *_paths(prefix, '.yaml', '.yml')],
+        'robot': lambda prefix, **_: [*robots(), *_paths(prefix, '.yaml', '.yml')],
+        'plot': lambda prefix, **_: _paths(prefix, '.png', '.svg', '.pdf'),
+        'report': lambda prefix, **_: _paths(prefix)})
+    autocomplete(parser, always_complete_options=False)
+    parser.exit()
+
+
+def _paths(prefix: str, *suffixes: str) -> list[str]:
+    """Return the files with one of some suffixes, and the folders, whose path begins so."""
+    found = glob(f'{escape(prefix)}*')  # noqa: PTH207 (a path keeps its ./)
+    return [f'{path}/' if Path(path).is_dir() else path
+            for path in found if path.endswith(suffixes) or Path(path).is_dir()]
 
 
 def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -210,7 +274,7 @@ def exit_code(body: Callable[[], None]) -> int:
         code = code_of(error)
         # After a signal an expected error only says that it stopped the motion.
         if signal_dispatcher.signum is None or not _is_expected(error):
-            print(f'{NAME}: {_message(error)}', file=sys.stderr)
+            print(_message(error), file=sys.stderr)
     return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
 
 
@@ -219,9 +283,12 @@ def _is_expected(error: Exception) -> bool:
 
 
 def _message(error: Exception) -> str:
-    if _is_expected(error):
+    if isinstance(error, FileError) and error.problems[0].line is not None:
+        # File and line come first: there editors look for a link.
         return escaped_lines(error)
+    if _is_expected(error):
+        return f'{NAME}: {escaped(error, MAX_LINE_LENGTH)}'
     frame = traceback.extract_tb(error.__traceback__)[-1]
     text = escaped(error, MAX_LINE_LENGTH)
-    return (f'unexpected {type(error).__name__}: {text} ({frame.filename}:{frame.lineno}); the '
-            'robot was stopped')
+    return (f'{NAME}: unexpected {type(error).__name__}: {text} '
+            f'({frame.filename}:{frame.lineno}); the robot was stopped')

@@ -15,24 +15,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import contextlib
+from functools import partial
+import os
+import signal
 import sys
 import threading
+import time
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.cli import Options
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
-from kachaka_simple_control.display.terminal import DisplayProcess, should_display
+from kachaka_simple_control.control.speed_factor import OVERRIDE
+from kachaka_simple_control.display.keyboard import is_keyboard, Keyboard
+from kachaka_simple_control.display.terminal import (
+    DisplayProcess,
+    is_terminal,
+    should_display,
+)
 from kachaka_simple_control.errors import ControlError, RunFaultError, UsageError
+from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.report.report_directory import missing_libraries, prepare_report_dir
-from kachaka_simple_control.report.text_tables import drive_table
+from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.parameters import session_started
 from kachaka_simple_control.ros.startup import start_ros
-from kachaka_simple_control.settings import choose_settings, describe_overrides, NAMES
+from kachaka_simple_control.settings import (
+    choose_settings,
+    chosen_speed,
+    describe_overrides,
+    NAMES,
+)
+from kachaka_simple_control.telemetry.events import SpeedFactorChanged
 from kachaka_simple_control.telemetry.subscriber_process import (
     REPORTER,
     SubscriberProcess,
@@ -48,6 +66,9 @@ if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.bridge_process import BridgeProcess
     from kachaka_simple_control.motion.limits import Limits
     from kachaka_simple_control.motion.steps import Motion
+
+#: By how much a key changes the speed factor.
+KEY_STEP = 0.1
 
 
 def drive(options: Options) -> None:
@@ -75,6 +96,7 @@ def drive(options: Options) -> None:
         try:
             reporter = _start_subscribers(
                 subscribers, options, is_lesson=motion_file is None)
+            keys = {} if options.quiet or not is_terminal(STDERR) else _keys(robot_control)
             for line in describe_overrides(
                     options, motion_file, robot_control.node_parameters.robot,
                     robot_control.node_parameters.rate):
@@ -83,13 +105,18 @@ def drive(options: Options) -> None:
                 robot_control, 'lesson' if motion_file is None else motion_file.motion.name,
                 robot_control.profile, robot_control.robot_names, robot_control.node_parameters,
                 command=options.command,
+                has_keys=bool(keys) and is_keyboard(),
+                movement_count=_count_movements() if motion_file is None else None,
                 motion_source='' if motion_file is None else motion_file.source,
                 motion_text=None if motion_file is None else motion_file.text))
+            if factors := robot_control.session.speed_factor.factors:
+                robot_control.event_bus.publish(
+                    SpeedFactorChanged(time.monotonic(), dict(factors)))
             if options.starts_bridge:
                 bridge = stack.enter_context(
                     _bridge(options, robot_control.node_parameters.robot_namespace))
                 robot_control.session.require_robot(bridge.require_participant)
-            _run(robot_control, motion_file, options.wait)
+            _run(robot_control, motion_file, options.wait, keys)
         except KeyboardInterrupt:
             robot_control.get_logger().info('Program was interrupted')
         finally:
@@ -100,9 +127,9 @@ def drive(options: Options) -> None:
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
     if options.starts_bridge and robot_control.drive_log.steps:
-        print(drive_table(robot_control.drive_log, still_after))
+        print(drive_table(robot_control.drive_log, still_after, terminal_columns()))
     if reporter is not None and reporter.exit_code:
-        raise RunFaultError(f'the report in {options.report} is not whole')
+        raise RunFaultError(f'the report in {options.report} is incomplete')
 
 
 def _start_subscribers(
@@ -131,7 +158,6 @@ def _motion_file(options: Options) -> MotionFile | None:
     """Return the motion, None for the lesson; check it before anything is started."""
     motion_file = None
     if options.motions or options.wait:
-        from kachaka_simple_control.files.library import find
         motion_file = find(options.motions[0] if options.motions else 'lesson')
     profile = choose_settings(options, motion_file).profile
     if options.starts_bridge and profile.velocity_topic != KACHAKA.velocity_topic:
@@ -143,30 +169,43 @@ def _motion_file(options: Options) -> MotionFile | None:
     return motion_file
 
 
+def _count_movements() -> int | None:
+    """Return how many movements the lesson has; None if only driving it can tell."""
+    try:
+        return len(lesson_motion().steps)
+    except Exception:  # an edited lesson may do what only the node can
+        return None
+
+
 def _parameters(options: Options) -> dict[str, object]:
     # Table and report need the odometry that ``summary`` records.
     summary = options.starts_bridge or options.report is not None or None
-    values = {'robot': options.robot, 'rate': options.rate, 'summary': summary}
+    values = {'robot': options.robot, 'rate': options.rate, 'summary': summary,
+              'speed_factor': chosen_speed(options)}
     return {name: value for name, value in values.items() if value is not None}
 
 
 def _run(
-        robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool) -> None:
+        robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool,
+        keys: dict[str, Callable[[], None]]) -> None:
     if motion_file is None:
-        play_lesson(robot_control)
+        with _keyboard(robot_control, keys):
+            play_lesson(robot_control)
         return
     profile = robot_control.profile
     limits = motion_file.check(profile.limits, profile.name)
     if wait:
-        RunService(robot_control, motion_file.motion, limits)
-        robot_control.session.serve_until_stopped()
+        service = RunService(robot_control, motion_file.motion, limits)
+        with _keyboard(robot_control, {**keys, '\n': service.start}):
+            robot_control.session.serve_until_stopped()
     else:
-        robot_control.run(motion_file.motion, limits)
+        with _keyboard(robot_control, keys):
+            robot_control.run(motion_file.motion, limits)
 
 
 class RunService:
     """
-    The service ``~/run``: starts a drive in a thread of its own, and responds at once.
+    The service ``~/run``, and Enter at a terminal: start a drive in a thread of its own.
 
     :param node: the node that drives
     :param motion: the motion to drive
@@ -179,24 +218,62 @@ class RunService:
         self._limits = limits
         service = node.create_service(
             Trigger, '~/run', self._on_request, qos_profile=SERVICE_QOS)
-        node.get_logger().info(f'Standing by: call {service.srv_name} to start, ~/stop to stop')
+        how = (f'`ros2 service call {node.resolve_service_name(service.srv_name)} '
+               'std_srvs/srv/Trigger` starts the motion')
+        if is_keyboard():
+            how = f'Enter starts the motion, Ctrl+C ends this program; {how}, too'
+        node.get_logger().info(f'Standing by: {how}')
 
     def _on_request(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request
         try:
-            # Requested here: a stop ends the drive from the response on.
-            drive = self._node.session.request(elsewhere=True)
+            self.start()
+            response.success, response.message = True, 'started'
         except ControlError as error:
             response.message = str(error)
-            return response
+        return response
+
+    def start(self) -> None:
+        """
+        Start a drive.
+
+        :raises ControlError: if that is refused now
+        """
+        # Requested here: a stop ends the drive from the return on.
+        drive = self._node.session.request(elsewhere=True)
         # A drive in a callback would wait for callbacks that wait for it.
         threading.Thread(target=self._run, args=(drive,), name='drive', daemon=True).start()
-        response.success, response.message = True, 'started'
-        return response
 
     def _run(self, request: DriveRequest) -> None:
         try:
             self._node.run(self._motion, self._limits, request)
         except ControlError as error:
             self._node.get_logger().error(str(error))
+
+
+def _keys(robot_control: KachakaSimpleControl) -> dict[str, Callable[[], None]]:
+    """Return what each key does while the robot drives."""
+    def change_speed(step: float) -> None:
+        factor = robot_control.session.speed_factor.factors.get(OVERRIDE, 1.0)
+        robot_control.speed_factor = min(1.0, max(KEY_STEP, round(factor + step, 2)))
+
+    slower, faster = partial(change_speed, -KEY_STEP), partial(change_speed, KEY_STEP)
+    return {
+        ' ': robot_control.pause, 'r': robot_control.speed_control.resume_when_confirmed,
+        '-': slower, '+': faster, '=': faster,
+        # As Ctrl+C does.
+        'q': lambda: os.kill(os.getpid(), signal.SIGINT),
+    }
+
+
+def _keyboard(
+        robot_control: KachakaSimpleControl, keys: dict[str, Callable[[], None]]) -> Keyboard:
+    """Return a keyboard whose keys log the error that refuses what they do."""
+    def press(function: Callable[[], None]) -> None:
+        try:
+            function()
+        except ControlError as error:
+            robot_control.get_logger().warning(str(error))
+
+    return Keyboard({key: partial(press, function) for key, function in keys.items()})

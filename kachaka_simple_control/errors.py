@@ -36,8 +36,16 @@ class MotionRefusedError(ControlError):
     """No motion is allowed now: a stop, another motion, or a call in a callback forbids it."""
 
 
+class RobotMovedError(MotionRefusedError):
+    """A pause is not ended: somebody moved the robot meanwhile."""
+
+
 class RunFaultError(ControlError):
     """A run could not go on as planned; the robot was stopped."""
+
+
+class PauseTimeoutError(RunFaultError):
+    """A run was paused for too long; the robot was given back."""
 
 
 class InvalidMotionError(ControlError, ValueError):

@@ -33,7 +33,9 @@ from kachaka_simple_control import cli
 from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.control.timing import MAX_LATENESS
 from kachaka_simple_control.errors import MotionRefusedError
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, plan
@@ -49,6 +51,7 @@ from kachaka_simple_control.ros.names import names_of
 from kachaka_simple_control.ros.odometry import subscribe_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters
 from kachaka_simple_control.ros.session import Session
+from kachaka_simple_control.ros.speed_control import SpeedControl
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.telemetry.events import (
@@ -57,6 +60,7 @@ from kachaka_simple_control.telemetry.events import (
     MotionPlanned,
     MotionStarted,
     OdometryReceived,
+    SpeedFactorChanged,
     VelocitySent,
 )
 import rclpy
@@ -68,11 +72,12 @@ from std_srvs.srv import Trigger
 
 NAME = 'kachaka_simple_control'
 #: The node's own topics and services, besides those that every node has.
-TOPICS = ('~/planned_path', '~/driven_path', '~/commanded_velocity', '/diagnostics')
-SERVICES = ('~/stop', '~/run')
+TOPICS = (
+    '~/planned_path', '~/driven_path', '~/commanded_velocity', '~/speed_factor', '/diagnostics')
+SERVICES = ('~/stop', '~/run', '~/pause', '~/resume')
 
 
-# In a script of one's own: also for errors before there is a node.
+# Here, and not with the first node: a script may fail before it has one.
 signal_dispatcher.handle_uncaught()
 
 
@@ -88,6 +93,7 @@ class KachakaSimpleControl(Node):
     :ivar event_bus: publishes the events of each drive
     :ivar drive_log: keeps the events, if the parameter ``summary`` is true
     :ivar session: the connection with the robot, for the command; a user needs the methods only
+    :ivar speed_control: what services and keys call, for the command
     :ivar publisher: can be looked at; refuses to publish
     """
 
@@ -112,18 +118,14 @@ class KachakaSimpleControl(Node):
         with one_line_errors(NAME):
             super().__init__(NAME, **node_options)
         try:
-            self._set_up(parameter_defaults or {})
-            if sim:
-                self._simulation = OwnSimulation(
-                    self.profile, self.node_parameters.robot_namespace)
-                self.session.require_robot(self._simulation.require_participant)
+            self._set_up(parameter_defaults or {}, sim)
         except BaseException:
             # A publisher that is left over would be taken for another program that drives.
             super().destroy_node()
             raise
         self.get_logger().info('Robot control node has started')
 
-    def _set_up(self, defaults: Mapping[str, Any]) -> None:
+    def _set_up(self, defaults: Mapping[str, Any], sim: bool) -> None:
         self.profile, self.node_parameters = declare_parameters(self, defaults)
         self.robot_names = names_of(
             self.profile, self.node_parameters.robot_namespace,
@@ -137,13 +139,22 @@ class KachakaSimpleControl(Node):
                 self, self.robot_names, self._on_odometry, self._introspection.in_frame)
         self.session = Session(
             self, self.publisher, self.profile, self.robot_names, self.node_parameters)
+        if sim:
+            self._simulation = OwnSimulation(
+                self.profile, self.node_parameters.robot_namespace)
+            self.session.require_robot(self._simulation.require_participant)
         self.event_bus = EventBus()
         self.drive_log = DriveLog()
         if self.node_parameters.summary:
             self.event_bus.subscribe(self.drive_log.on_event)
         self._introspection.attach(self.event_bus, self.session.status_reader)
+        #: whether stop_robot() has logged its line since the newest movement began
+        self._is_stop_logged = False
         self.session.gate.on_sent = self._on_sent
         self.session.gate.on_began = self._on_began
+        self.session.speed_factor.on_change = self._on_speed_factor
+        self.speed_control = SpeedControl(
+            self, self.session, self.node_parameters.speed_factor)
         # In a callback group of its own: the callback waits for the stop, and others go on.
         self.create_service(
             Trigger, '~/stop', self._on_stop, qos_profile=SERVICE_QOS,
@@ -192,10 +203,9 @@ class KachakaSimpleControl(Node):
         :raises ControlError: if the run could not go on; the robot was stopped
         """
         driven = self._drive(motion, limits, request or self.session.request())
-        self.get_logger().info('Robot has stopped')
         self.get_logger().info(
-            f'Motion completed: {motion.name}, {pluralize(len(driven.steps), "step")}, '
-            f'{driven.duration:.3f} seconds')
+            f'Motion completed: {escaped(motion.name)}, {pluralize(len(driven.steps), "step")}, '
+            f'{driven.duration:.3f} seconds{self._delay(driven)}')
 
     def stop_robot(self) -> None:
         """
@@ -205,8 +215,42 @@ class KachakaSimpleControl(Node):
 
         :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
         """
-        if self.session.stop(MotionRefusedError('the movement was ended by stop_robot()')):
+        reason = MotionRefusedError('the movement was ended by stop_robot()')
+        if self.session.stop(reason) and not self._is_stop_logged:
+            self._is_stop_logged = True
             self.get_logger().info('Robot has stopped')
+
+    def pause(self) -> None:
+        """
+        Bring the robot to rest within its limits, and hold the motion there; from any thread.
+
+        A pause is a courtesy: it brakes gently and goes on when asked.  To stop, stop.  Without a
+        motion the next one is held at its start.
+        """
+        self.speed_control.pause()
+
+    def resume(self, even_if_moved: bool = False) -> None:
+        """
+        Go on with a motion that is paused; from any thread.
+
+        :param even_if_moved: whether to go on from where somebody moved the robot to
+        :raises ControlError: if a motion could not start now either, or the robot was moved by
+            more than 2 cm or 2 degrees; it stays paused
+        """
+        self.speed_control.resume(even_if_moved)
+
+    @property
+    def speed_factor(self) -> float:
+        """
+        By how much less than planned the robot drives, from 0 to 1: the product of all factors.
+
+        Set it, above 0 and up to 1, to drive slower; from any thread.  The way stays the same.
+        """
+        return self.session.speed_factor.value
+
+    @speed_factor.setter
+    def speed_factor(self, factor: float) -> None:
+        self.speed_control.set_override(factor)
 
     @property
     def is_heard(self) -> bool:
@@ -235,7 +279,8 @@ class KachakaSimpleControl(Node):
         with self.session.exclusive(request):
             planned = plan(motion, limits, self.node_parameters.rate)
             self._introspection.on_plan(planned)
-            self.event_bus.publish(MotionPlanned(motion, limits, self.node_parameters.rate))
+            self.event_bus.publish(MotionPlanned(
+                motion, limits, self.node_parameters.rate, time.monotonic()))
             try:
                 self.session.drive(planned, request)
             except BaseException as error:
@@ -245,11 +290,22 @@ class KachakaSimpleControl(Node):
             self.event_bus.publish(MotionEnded(time.monotonic()))
         return planned
 
-    def _on_sent(self, now: float, velocity: Velocity) -> None:
+    def _delay(self, driven: Plan) -> str:
+        """Return how long the newest run took, if it was slower than its plan."""
+        assert self.session.gate.run is not None
+        took = time.monotonic() - self.session.gate.run.began
+        is_delayed = took > driven.duration + driven.period + MAX_LATENESS
+        return f' planned, driven in {took:.3f}' if is_delayed else ''
+
+    def _on_sent(self, now: float, velocity: Velocity, plan_time: float | None) -> None:
         if self.event_bus:
-            self.event_bus.publish(VelocitySent(now, velocity))
+            self.event_bus.publish(VelocitySent(now, velocity, plan_time))
+
+    def _on_speed_factor(self, now: float, factors: Mapping[str, float]) -> None:
+        self.event_bus.publish(SpeedFactorChanged(now, dict(factors)))
 
     def _on_began(self, now: float) -> None:
+        self._is_stop_logged = False
         self.event_bus.publish(MotionStarted(now))
 
     async def _on_stop(
@@ -275,7 +331,7 @@ class KachakaSimpleControl(Node):
         return response
 
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
-        self.session.odometry.on_odometry(now, velocity)
+        self.session.on_odometry(now, pose, velocity)
         if self.event_bus:
             self.event_bus.publish(OdometryReceived(now, pose, velocity))
 

@@ -21,7 +21,7 @@ from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
 from kachaka_simple_control.kachaka.bridge_process import BridgeProcess
 from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.text_tables import drive_table
+from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
 from kachaka_simple_control.ros.dds_transport import (
     can_still_be_localhost_only,
     is_range_chosen,
@@ -83,4 +83,4 @@ class OwnSimulation:
             return
         bridge.end()
         if drive_log.steps:
-            print(drive_table(drive_log, still_after), flush=True)
+            print(drive_table(drive_log, still_after, terminal_columns()), flush=True)

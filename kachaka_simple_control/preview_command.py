@@ -24,7 +24,7 @@ from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.plan_plot import check_plot_file, save_plot
 from kachaka_simple_control.report.plan_view import PlanView
-from kachaka_simple_control.report.text_tables import plan_table
+from kachaka_simple_control.report.text_tables import plan_table, terminal_columns
 from kachaka_simple_control.ros.node_parameters import require_parameters_only
 from kachaka_simple_control.settings import choose_settings, describe_overrides
 
@@ -46,7 +46,7 @@ def preview(options: Options) -> None:
     if options.plan or options.plot is not None:
         previews = [_preview(name, options) for name in options.motions or ['lesson']]
         if options.plan:
-            _print(plan_table(previews))
+            _print(plan_table(previews, terminal_columns()))
         if options.plot is not None:
             save_plot(options.plot, previews)
 

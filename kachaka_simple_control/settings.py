@@ -115,7 +115,7 @@ def _given(options: Options) -> dict[str, object]:
         option, parameter = getattr(options, name), None
         if name in parameters:
             text = parameters[name].strip().strip('\'"')
-            parameter = text if name == 'robot' else _rate(text)
+            parameter = text if name == 'robot' else _number(name, text)
         if option is not None and parameter is not None and option != parameter:
             raise UsageError(
                 f'--{name} {_text(option)} and -p {name}:={_text(parameter)} differ: give one')
@@ -125,11 +125,25 @@ def _given(options: Options) -> dict[str, object]:
     return values
 
 
-def _rate(text: str) -> float:
+def chosen_speed(options: Options) -> float | None:
+    """
+    Return the speed factor of the option ``--speed``; None if it is not given.
+
+    :raises UsageError: if the parameter ``speed_factor`` says something else
+    """
+    text = parameter_arguments(options.ros_arguments).get('speed_factor')
+    if options.speed is not None and text is not None and _number('speed_factor', text) != (
+            options.speed):
+        raise UsageError(
+            f'--speed {options.speed:g} and -p speed_factor:={escaped(text)} differ: give one')
+    return options.speed
+
+
+def _number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise UsageError(f'parameter rate is {quoted(text, 60)}; it must be a number') from None
+        raise UsageError(f'parameter {name} is {quoted(text, 60)}; it must be a number') from None
 
 
 def _text(value: object) -> str:

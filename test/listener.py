@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import threading
 import time
+from typing import Any
 
 from geometry_msgs.msg import Twist
 from rclpy.context import Context
@@ -27,9 +28,6 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from std_srvs.srv import SetBool, Trigger
-
-#: Humble gives callbacks no source timestamp; there, the time of arrival is used.
-KNOWS_SOURCE_TIME = hasattr(Subscription, 'CallbackType')
 
 #: Best effort, as the bridge, but deeper than its 5: a loaded machine must lose nothing here.
 QUALITY = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -59,6 +57,20 @@ class HeldVelocity:
     count: int
 
 
+class InfoExecutor(SingleThreadedExecutor):
+    """Gives callbacks of subscriptions the message's info, too, which Humble's own keeps back."""
+
+    if not hasattr(Subscription, 'CallbackType'):
+        def _take_subscription(self, sub: Subscription) -> tuple[Any, dict[str, int]] | None:
+            with sub.handle:
+                return sub.handle.take_message(sub.msg_type, sub.raw)
+
+        async def _execute_subscription(
+                self, sub: Subscription, taken: tuple[Any, dict[str, int]] | None) -> None:
+            if taken is not None:
+                sub.callback(*taken)
+
+
 class Listener:
     """Subscribes as the official bridge does, and serves ``set_enabled``."""
 
@@ -85,11 +97,10 @@ class Listener:
             'listener', namespace=namespace, context=self._context,
             start_parameter_services=False)
         self._subscription = self._node.create_subscription(
-            Twist, 'manual_control/cmd_vel',
-            self._on_velocity_with_info if KNOWS_SOURCE_TIME else self._on_velocity, quality)
+            Twist, 'manual_control/cmd_vel', self._on_velocity, quality)
         if serves:
             self._node.create_service(SetBool, 'manual_control/set_enabled', self._answer)
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = InfoExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._spin, daemon=True)
 
@@ -161,10 +172,7 @@ class Listener:
         """When manual control was released [s, system clock]."""
         return [at for at, enabled in self.answered if not enabled]
 
-    def _on_velocity(self, message: Twist) -> None:
-        self.heard.append(SentVelocity(time.time(), message.linear.x, message.angular.z))
-
-    def _on_velocity_with_info(self, message: Twist, info: dict[str, int]) -> None:
+    def _on_velocity(self, message: Twist, info: dict[str, int]) -> None:
         self.heard.append(SentVelocity(
             info['source_timestamp'] / 1e9, message.linear.x, message.angular.z))
 

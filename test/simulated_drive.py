@@ -15,11 +15,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping, Sequence
 import math
 import random
 
-from kachaka_simple_control.control.plan_runner import TickScheduler
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
@@ -35,6 +35,7 @@ from kachaka_simple_control.telemetry.events import (
     OdometryReceived,
     SessionEnded,
     SessionStarted,
+    SpeedFactorChanged,
     VelocitySent,
 )
 
@@ -83,7 +84,8 @@ class SimulatedDrive:
         self.drive_log.on_event(event)
 
     def drive(self, motion: Motion, until: float = math.inf, reason: str | None = None,
-              is_fault: bool = True, lost: tuple[float, float] | None = None) -> None:
+              is_fault: bool = True, lost: tuple[float, float] | None = None,
+              factors: Sequence[tuple[float, Mapping[str, float]]] = ()) -> None:
         """
         Drive a motion.
 
@@ -91,6 +93,7 @@ class SimulatedDrive:
         :param reason: why; None for no event of its end
         :param is_fault: whether that is a fault
         :param lost: from when to when nothing is sent [s after t = 0]
+        :param factors: when the speed factor is set [s after t = 0], and its parts by name
         """
         planned = plan(motion, self.limits, self._rate)
         self.publish(MotionPlanned(motion, self.limits, self._rate))
@@ -98,21 +101,36 @@ class SimulatedDrive:
             self._send(self.now + 0.05, ZERO)
         start = self.now + 0.0005
         began = False
-        for due, velocity in self._ticks(planned, until):
-            if lost is not None and lost[0] <= due < lost[1]:
-                continue
-            late = 0.0 if not began else self._late(self._count)
-            if not began:
-                self._pass(start)
-                self.publish(MotionStarted(start))
-                began = True
-            self._send(start + due + late, velocity)
-        if until <= planned.duration and reason is None:
+        scheduler, due, factor, plan_time = TickScheduler(planned), 0.0, 1.0, None
+        is_delayed = False
+        changes = list(factors)
+        while due < until:
+            while changes and changes[0][0] <= due:
+                change = SpeedFactorChanged(start + changes[0][0], changes.pop(0)[1])
+                self._pass(change.time)
+                self.publish(change)
+                factor = change.product
+            tick = scheduler.due(due, factor)
+            if tick is None:
+                break
+            if lost is None or not lost[0] <= due < lost[1]:
+                late = 0.0 if not began else self._late(self._count)
+                if not began:
+                    self._pass(start)
+                    self.publish(MotionStarted(start))
+                    began = True
+                is_delayed = is_delayed or tick.plan_time != tick.start
+                plan_time = tick.plan_time if is_delayed else None
+                self._send(start + due + late, tick.velocity, plan_time)
+            due = tick.deadline
+        is_cut = due >= until
+        if is_cut and reason is None:
             return
-        if until <= planned.duration:
+        if is_cut:
             self.stop(start + until)
         else:
-            self._send(start + planned.duration + self._late(self._count), ZERO)
+            self._send(start + due + self._late(self._count), ZERO,
+                       None if plan_time is None else planned.duration)
             self._is_stopped = False
         self.publish(MotionEnded(self.now, reason, is_fault))
 
@@ -131,14 +149,7 @@ class SimulatedDrive:
         self.publish(SessionEnded(self.now, still_after, signal, error))
         return self.drive_log
 
-    @staticmethod
-    def _ticks(planned: object, until: float) -> Iterator[tuple[float, Velocity]]:
-        scheduler, time = TickScheduler(planned), 0.0
-        while time < until and (tick := scheduler.due(time)) is not None:
-            yield time, tick.velocity
-            time = tick.deadline
-
-    def _send(self, time: float, velocity: Velocity) -> None:
+    def _send(self, time: float, velocity: Velocity, plan_time: float | None = None) -> None:
         self._pass(time)
         self._count += 1
         limits = KACHAKA.limits
@@ -146,7 +157,7 @@ class SimulatedDrive:
         self._robot.set_robot_velocity(
             velocity.linear_x / limits.max_linear_velocity,
             velocity.angular_z / limits.max_angular_velocity, self.now)
-        self.publish(VelocitySent(self.now, velocity))
+        self.publish(VelocitySent(self.now, velocity, plan_time))
 
     def _pass(self, time: float) -> None:
         while self._odometry <= time:

@@ -115,7 +115,7 @@ class TerminalProgram:
 
     def __init__(self, command: list[str], columns: int, rows: int) -> None:
         """Start it with the terminal as its controlling one, so that Ctrl+C reaches it."""
-        self._leader, follower = pty.openpty()
+        self.leader, follower = pty.openpty()
         self.screen = Screen(columns, rows)
         self._rest = b''
         self.resize(columns, rows)
@@ -131,17 +131,17 @@ class TerminalProgram:
     def resize(self, columns: int, rows: int) -> None:
         """Set the size of the terminal."""
         size = struct.pack('HHHH', rows, columns, 0, 0)
-        fcntl.ioctl(self._leader, termios.TIOCSWINSZ, size)
+        fcntl.ioctl(self.leader, termios.TIOCSWINSZ, size)
 
     def press(self, keys: bytes) -> None:
         """Press keys."""
-        os.write(self._leader, keys)
+        os.write(self.leader, keys)
 
     def read_for(self, seconds: float) -> None:
         """Read what it writes for a while."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
-            if not select.select([self._leader], [], [], left)[0] or not self._read():
+            if not select.select([self.leader], [], [], left)[0] or not self._read():
                 return
 
     def wait_for_text(self, text: str, timeout: float = 20.0) -> None:
@@ -149,7 +149,7 @@ class TerminalProgram:
         end = time.monotonic() + timeout
         while not any(text in line for line in (*self.screen.history, *self.screen.lines)):
             assert time.monotonic() < end, f'{text!r} never came:\n{self}'
-            if select.select([self._leader], [], [], 0.1)[0] and not self._read():
+            if select.select([self.leader], [], [], 0.1)[0] and not self._read():
                 raise AssertionError(f'{text!r} never came, and it is over:\n{self}')
 
     def end(self, timeout: float = 30.0) -> int:
@@ -176,7 +176,7 @@ class TerminalProgram:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(child, signal.SIGKILL)
         self.process.wait()
-        os.close(self._leader)
+        os.close(self.leader)
 
     def __str__(self) -> str:
         """Return the text of the terminal."""
@@ -184,7 +184,7 @@ class TerminalProgram:
 
     def _read(self) -> bool:
         try:
-            data = self._rest + os.read(self._leader, 65536)
+            data = self._rest + os.read(self.leader, 65536)
         except OSError:  # all followers are closed
             return False
         # A character or a sequence may be cut in two.

@@ -31,7 +31,7 @@ from kachaka_simple_control.errors import (
     UsageError,
 )
 from kachaka_simple_control.version import ros_distro
-from program import COMMAND
+from program import COMMAND, environment
 import pytest
 
 
@@ -80,6 +80,14 @@ def test_errors_without_a_simulated_robot_or_impossible_ones_are_refused(argumen
         parse(arguments)
     assert caught.value.code == 2
     assert text in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('time', ['30', '30s', '2.5', 'inf', 'forever'])
+def test_a_time_after_wait_is_no_motion(time, capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse(['--wait', time])
+    assert caught.value.code == 2
+    assert 'robot_timeout:=30' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('option, near', [
@@ -182,6 +190,32 @@ def test_what_cannot_be_printed_is_one_line():
 
 def test_a_body_that_returns_has_exit_code_0():
     assert exit_code(lambda: None) == 0
+
+
+@pytest.mark.needs('yaml', 'jsonschema')
+@pytest.mark.parametrize('text', [
+    'steps: [wait: 1 s', 'steps: [{wait: 2 m}]\nrate: x\n',
+    'steps: [turn: {angle: 90 deg, speed: 9 rad/s}]', 'steps: [wait: 1 s]\nrobot: ./bad.yaml'])
+def test_the_errors_of_a_file_begin_with_file_and_line(text, tmp_path):
+    """At the start of a line, where editors make a link of it."""
+    (tmp_path / 'bad.yaml').write_text('name: bad\nlimit: 1\n')
+    (tmp_path / 'mine.yaml').write_text(text)
+    ended = subprocess.run(
+        [*COMMAND, './mine.yaml', '--plan'], cwd=tmp_path, env=environment(), capture_output=True,
+        text=True, check=False)
+    assert ended.returncode == 2
+    lines = ended.stderr.splitlines()
+    assert lines
+    assert all(re.match(r'(\./)?(mine|bad)\.yaml:\d+: ', line) for line in lines), lines
+
+
+def test_an_error_about_a_path_is_one_line_whatever_is_in_it(capsys):
+    def body():
+        raise UsageError('a\nb\x1b\u202e\udcff: there is no such folder')
+
+    assert exit_code(body) == 2
+    assert capsys.readouterr().err == (
+        'kachaka_simple_control: a\\nb\\x1b\\u202e\\udcff: there is no such folder\n')
 
 
 @pytest.mark.parametrize('error, printed', [

@@ -53,7 +53,7 @@ COMMON = {
     'rclpy.task': {'Future'},
     'rclpy.utilities': {'get_rmw_implementation_identifier', 'remove_ros_args'},
     'rclpy.validate_namespace': {'validate_namespace'},
-    'std_msgs.msg': {'String'},
+    'std_msgs.msg': {'Float64', 'String'},
     'std_srvs.srv': {'SetBool', 'Trigger'},
 }
 #: What came after Humble, by the name it is used under; nothing may depend on any of them.

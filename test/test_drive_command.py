@@ -14,6 +14,7 @@
 """Motions from files, driven by the command: on the simulated robot, and by the service."""
 
 import re
+import shlex
 import signal
 import time
 
@@ -21,6 +22,7 @@ from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.plan import plan
 from program import COMMAND, program, script
 import pytest
+from terminals import at_terminal
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'jsonschema')]
 
@@ -51,6 +53,11 @@ def final_pose(text):
         r'x (\S+) m, y (\S+) m, heading (\S+) degrees', text).groups()]
 
 
+def assert_lines_of_the_end_came_once(text):
+    for line in ('manual control enabled', 'Robot has stopped', 'manual control disabled'):
+        assert text.count(line) == 1, text
+
+
 def test_a_motion_ends_where_its_plan_says(tmp_path):
     """The bounds are wide, for a busy machine; docs/motions.md has what a quiet one does."""
     from kachaka_simple_control.files.motion_file import loads
@@ -64,6 +71,19 @@ def test_a_motion_ends_where_its_plan_says(tmp_path):
     assert heading == pytest.approx(-90.0, abs=2.0)
     assert f'Motion completed: short, 3 steps, {planned.duration:.3f} seconds' in started.text
     assert 'forward 0.05 m' in started.text
+    assert_lines_of_the_end_came_once(started.text)
+
+
+@pytest.mark.parametrize('signals, code', [
+    ([signal.SIGINT], 130), ([signal.SIGINT] * 2, 130), ([signal.SIGTERM], 143)])
+def test_stopped_by_a_signal_it_says_so_once(signals, code, tmp_path):
+    with program([*COMMAND, 'straight', '--sim'], tmp_path) as started:
+        started.wait_for_text('step 1 of 1')
+        for signum in signals:
+            started.send(signum)
+            time.sleep(0.1)
+        assert started.end() == code
+    assert_lines_of_the_end_came_once(started.text)
 
 
 def test_a_motion_that_the_robot_cannot_do_is_refused_before_anything_starts(listener, tmp_path):
@@ -75,6 +95,15 @@ def test_a_motion_that_the_robot_cannot_do_is_refused_before_anything_starts(lis
     assert f"{file}:3: step 2: turn.speed: 2.0 rad/s is above kachaka's limit of 1.57" in line
     assert listener.heard == []
     assert listener.answered == []
+
+
+def test_the_name_of_a_motion_is_logged_escaped(listener, tmp_path):
+    file = tmp_path / 'odd.yaml'
+    file.write_text('name: "a\\e[31m\\n\\u202e\\x9b"\nsteps: [wait: 0.2 s]\n')
+    with program([*COMMAND, str(file)], tmp_path) as started:
+        assert started.end() == 0, started.text
+    assert all(line.isprintable() for line in started.text.splitlines())
+    assert r'Motion completed: a\x1b[31m\n\u202e\x9b, 1 step' in started.text
 
 
 @pytest.mark.parametrize('source, rate', [
@@ -117,7 +146,34 @@ def test_by_the_service_it_drives_and_stops(listener, tmp_path):
         started.send(signal.SIGINT)
         assert started.end() == 130
     assert started.text.count('the movement was ended by stop_robot()') == 2
+    assert started.text.count('Robot has stopped') == 2  # after each call, not at the end
     assert 'Traceback' not in started.text
+
+
+def test_enter_starts_the_motion_of_a_command_that_stands_by(listener):
+    with at_terminal([*COMMAND, 'straight', '--wait'], 200, 30) as shown:
+        shown.wait_for_text('Standing by: Enter starts the motion')
+        assert '`ros2 service call /kachaka_simple_control/run std_srvs/srv/Trigger`' in str(shown)
+        assert listener.heard == []
+        shown.press(b'\r')
+        listener.wait_for(lambda heard: heard.moves)
+        shown.press(b'\r')
+        shown.wait_for_text('a motion is running already')
+        shown.press(b'\x03')
+        assert shown.end() == 130
+        text = '\n'.join(shown.screen.above)
+    assert text.count('Program was interrupted') == text.count('Robot has stopped') == 1
+    assert not listener.heard[-1].moves
+
+
+def test_standing_by_in_the_background_it_reads_no_keyboard(tmp_path):
+    """A program that did would be suspended by the terminal."""
+    at_a_prompt = f'set -m; {shlex.join(COMMAND)} straight --wait & read; kill %1; wait %1'
+    with at_terminal(['/bin/bash', '-c', at_a_prompt], 200, 30) as shown:
+        shown.wait_for_text('Standing by')
+        shown.read_for(1.0)
+        shown.press(b'\r')
+        assert shown.end() == 143
 
 
 def test_standing_by_a_stop_is_confirmed_as_well(observer, tmp_path):

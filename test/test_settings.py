@@ -21,7 +21,7 @@ from kachaka_simple_control.cli import parse
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.motion_file import loads
 from kachaka_simple_control.ros.node_parameters import require_parameters_only
-from kachaka_simple_control.settings import choose_settings, describe_overrides
+from kachaka_simple_control.settings import choose_settings, chosen_speed, describe_overrides
 import pytest
 
 pytestmark = pytest.mark.needs('jsonschema', 'yaml')
@@ -89,9 +89,34 @@ def test_what_cannot_be_is_refused_in_one_line(words, line):
     ('--ros-args -p other:rate:=20', 'other:rate:=20'),
     ('--ros-args -p rate', 'rate'),
     ('--ros-args -p', '-p'),
+    ('--ros-args -p speed_factor:=0.5', 'speed_factor'),
 ])
 def test_what_a_plan_cannot_follow_is_refused(words, refused):
     expected = contextlib.nullcontext() if refused is None else pytest.raises(
         UsageError, match=f'leave out {refused}$')
     with expected:
         require_parameters_only('--plan', words.split())
+
+
+@pytest.mark.parametrize('words, speed', [
+    ('', None), ('--speed 50%', 0.5), ('--speed 0.5', 0.5), ('--speed 100%', 1.0),
+    ('--speed 50% --ros-args -p speed_factor:=0.5', 0.5), ('--speed 1', 1.0),
+    ('--ros-args -p speed_factor:=0.5', None),
+])
+def test_the_speed_is_a_part_of_the_planned_one(words, speed):
+    assert chosen_speed(parse(words.split())) == speed
+
+
+@pytest.mark.parametrize('speed', ['0', '0%', '150%', '50', 'half', 'nan', '-50%', '%', ''])
+def test_what_is_no_part_of_the_planned_speed_is_refused(speed, capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse([f'--speed={speed}'])
+    assert caught.value.code == 2
+    assert f'{speed!r} is not from 1% to 100%, as in 50% or 0.5; to stop, pause\n' in (
+        capsys.readouterr().err)
+
+
+def test_a_speed_and_a_parameter_that_differ_are_refused():
+    words = '--speed 50% --ros-args -p speed_factor:=0.7'
+    with pytest.raises(UsageError, match=r'--speed 0.5 and -p speed_factor:=0.7 differ: give one'):
+        chosen_speed(parse(words.split()))

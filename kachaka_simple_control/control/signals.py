@@ -29,7 +29,7 @@ from typing import Any, Protocol
 
 from kachaka_simple_control.control.timing import SIGNAL_DEBOUNCE
 from kachaka_simple_control.errors import ControlError
-from kachaka_simple_control.escaping import escaped_lines
+from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
 from kachaka_simple_control.exit_codes import code_of, SIGNALLED
 
 PACKAGE_DIRECTORY = Path(__file__).parent.parent
@@ -196,7 +196,9 @@ def _place(traceback: TracebackType | None) -> str:
     """Return file and line, outside of this package, where an error was raised."""
     frames = [frame for frame in extract_tb(traceback)
               if not frame.filename.startswith(f'{PACKAGE_DIRECTORY}{os.sep}')]
-    return f'{frames[-1].filename}:{frames[-1].lineno}: ' if frames else ''
+    if not frames:
+        return ''
+    return f'{escaped(frames[-1].filename, MAX_LINE_LENGTH)}:{frames[-1].lineno}: '
 
 
 #: Python has one set of signal handlers and one wake-up descriptor, hence one dispatcher.

@@ -23,6 +23,7 @@ from typing import Protocol
 
 from kachaka_simple_control.control.timing import (
     ODOMETRY_MAX_AGE,
+    REST_SETTLE_TIME,
     STANDSTILL_ANGULAR,
     STANDSTILL_LINEAR,
     STOP_BURST_COUNT,
@@ -32,7 +33,7 @@ from kachaka_simple_control.control.timing import (
 )
 from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
 from kachaka_simple_control.errors import ControlError
-from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.geometry import distance_between, Pose, Velocity
 
 
 class StandstillDetector:
@@ -71,6 +72,46 @@ class StandstillDetector:
     def _is_fresh(self, now: float) -> bool:
         age = self.age(now)
         return age is not None and age <= ODOMETRY_MAX_AGE
+
+
+class PausePose:
+    """Tells by odometry how far a paused robot was moved by somebody else.  No clock."""
+
+    def __init__(self) -> None:
+        self._standstill = StandstillDetector()
+        self._paused = False
+        self._pose: Pose | None = None
+        self._newest: Pose | None = None
+
+    def on_sent(self, is_paused: bool) -> None:
+        """
+        Take note of a message.
+
+        :param is_paused: whether it holds the robot at rest
+        """
+        if is_paused != self._paused:
+            self._paused, self._pose, self._standstill = is_paused, None, StandstillDetector()
+
+    def on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
+        """
+        Take note of a sample.
+
+        :param now: when it arrived [s]
+        """
+        self._newest = pose
+        if not self._paused or self._pose is not None:
+            return
+        self._standstill.on_odometry(now, velocity)
+        since = self._standstill.still_since(now)
+        if since is not None and now - since >= REST_SETTLE_TIME:
+            self._pose = pose
+
+    def moved(self) -> tuple[float, float]:
+        """Return how far [m] and by what angle [rad] it was moved; 0 if that is unknown."""
+        if self._pose is None or self._newest is None:
+            return 0.0, 0.0
+        distance, angle = distance_between(self._pose, self._newest)
+        return distance, abs(angle)
 
 
 class GuardianClient(Protocol):

@@ -80,6 +80,18 @@ GUARDIAN_EXIT_TIMEOUT = 1.0
 #: Measured: every fourth participant of Fast DDS is found up to 3 s late otherwise.
 DISCOVERY_RETRY_TIMEOUTS = (0.3, 0.6, 1.2)
 
+# --- Pause ---------------------------------------------------------------------------------------
+
+#: How long the robot must stand before its pose counts as the one of the pause.  Chosen: longer
+#: than dead time and lag of a slow robot.
+REST_SETTLE_TIME = 0.5
+#: A robot that was moved by more than this while paused [m], [rad] is not where its plan goes on.
+#: Chosen: above the noise of odometry.
+MAX_MOVED_DISTANCE = 0.02
+MAX_MOVED_ANGLE = 0.035
+#: After a refused resume, a second one within this time goes on all the same.  Chosen.
+RESUME_CONFIRM_TIMEOUT = 10.0
+
 # --- Faults during a run ------------------------------------------------------------------------
 
 #: How often to check that the robot still subscribes; it takes as long as half a message.

@@ -102,8 +102,9 @@ class VelocityGate:
         self._run: Run | None = None
         #: a run that was prepared and has not begun: it waits for the robot, for example
         self._pending: Run | None = None
-        #: called with the time [s on the clock] and the velocity of each message sent
-        self.on_sent: Callable[[float, Velocity], None] = lambda *_: None
+        #: called with the time [s on the clock] and the velocity of each message sent, and where
+        #: on the plan that is [s of the plan]; None: as planned, or no message of a plan
+        self.on_sent: Callable[[float, Velocity, float | None], None] = lambda *_: None
         #: called with the time [s on the clock] of a run's first message: t = 0
         self.on_began: Callable[[float], None] = lambda *_: None
 
@@ -157,10 +158,11 @@ class VelocityGate:
             self._run, self._pending = run, None
         return run
 
-    def send(self, run: Run, velocity: Velocity) -> None:
+    def send(self, run: Run, velocity: Velocity, plan_time: float | None = None) -> None:
         """
         Publish a velocity of a run.
 
+        :param plan_time: where on the plan that is [s of the plan]; None: as planned
         :raises ControlError: if the run may not send any more or the gap was too long, or the
             velocity is beyond the limits; nothing was published
         """
@@ -168,7 +170,7 @@ class VelocityGate:
             self._require_limits(velocity)
             self._check(run)
             self._require_no_gap(run)
-            sent = self._publish(velocity)
+            sent = self._publish(velocity, plan_time)
             if run.last_sent is None:
                 run.began = sent
                 self.on_began(sent)
@@ -229,7 +231,7 @@ class VelocityGate:
             self._publish(ZERO)
             return True
 
-    def _publish(self, velocity: Velocity) -> float:
+    def _publish(self, velocity: Velocity, plan_time: float | None = None) -> float:
         # The time is read directly before: DDS stamps a message when it takes it.
         now = self._clock()
         self._sending.set()
@@ -237,7 +239,7 @@ class VelocityGate:
             self._transmit(velocity)
         finally:
             self._sending.clear()
-        self.on_sent(now, velocity)
+        self.on_sent(now, velocity, plan_time)
         return now
 
     def _check(self, run: Run) -> None:

@@ -20,9 +20,11 @@ happens to this program, the one that drives goes on.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
+import termios
 import threading
 import time
 
@@ -33,6 +35,7 @@ from kachaka_simple_control.control.processes import (
     set_idle_priority,
 )
 from kachaka_simple_control.display.drive_status import DriveTracker
+from kachaka_simple_control.display.keyboard import set_line_modes
 from kachaka_simple_control.display.renderers import Renderer, renderer_for
 from kachaka_simple_control.telemetry.events import Event, VelocitySent
 from kachaka_simple_control.telemetry.subscriber_process import decode
@@ -69,6 +72,9 @@ class TerminalDisplay:
         finally:
             self._renderer.close()
         if self._tracker.session_ended is None and self._is_orphan():
+            if self._tracker.has_keys:  # the program could not do it
+                with contextlib.suppress(OSError, termios.error):
+                    set_line_modes(STDERR, is_on=True)
             # The prompt of a shell may be there by now.
             print(f'\n{describe_killed(self._tracker)}', file=sys.stderr, flush=True)
 
@@ -97,7 +103,8 @@ class TerminalDisplay:
         now = time.monotonic()
         with self._lock:
             status = self._tracker.status_at(now)
-        self._renderer.show(status, now, stop_hint(self._parent))
+        self._renderer.show(
+            status, now, stop_hint(self._parent, self._tracker.has_keys, status.is_held))
 
     def _is_orphan(self) -> bool:
         end = time.monotonic() + KILL_TIMEOUT
@@ -116,9 +123,19 @@ def describe_killed(tracker: DriveTracker) -> str:
     return f'{killed} in mid-motion, and has no guardian: nothing but the robot itself stops it'
 
 
-def stop_hint(pid: int) -> str:
-    """Return in a few words how to stop a program that drives."""
-    return f'`kill {pid}` stops the robot' if is_in_background(pid) else 'Ctrl+C stops the robot'
+def stop_hint(pid: int, has_keys: bool, is_held: bool) -> str:
+    """
+    Return in a few words how to stop a program that drives, and its other keys.
+
+    :param pid: the program
+    :param has_keys: whether it reads keys
+    :param is_held: whether it is paused, or its next motion will be
+    """
+    if is_in_background(pid):
+        return f'`kill {pid}` stops the robot'
+    if not has_keys:
+        return 'Ctrl+C stops the robot'
+    return f'{"r resumes" if is_held else "space pauses"}, + - speed, q stops'
 
 
 def main() -> int:

@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -28,8 +29,10 @@ from kachaka_simple_control.telemetry.events import (
     MotionPlanned,
     MotionStarted,
     OdometryReceived,
+    PlanClock,
     SessionEnded,
     SessionStarted,
+    SpeedFactorChanged,
     VelocitySent,
 )
 
@@ -43,6 +46,8 @@ MIN_BURST_COUNT = 4
 ODOMETRY_MAX_AGE = 0.5
 #: A program that drives sends something more often than this [s], or is held up.
 EVENT_TIMEOUT = 1.0
+#: What is counted: the steps of a motion, or motions, one a call.
+STEP, MOVEMENT = 'step', 'movement'
 
 
 class DriveState(Enum):
@@ -52,6 +57,7 @@ class DriveState(Enum):
     WAITING = 'waiting'
     CONNECTING = 'connecting'
     DRIVING = 'driving'
+    PAUSED = 'paused'
     STOPPING = 'stopping'
     STOPPED = 'stopped'
     CUT_SHORT = 'cut short'
@@ -79,6 +85,7 @@ class StepStatus:
 
     :param number: its number, from 1 on
     :param count: how many steps there are; None if that is unknown
+    :param noun: what is counted: ``step`` of a motion, or ``movement``, one a call
     :param description: what it does, in words
     :param duration: how long it takes [s]
     :param time_left: until its end, by the plan [s]
@@ -86,6 +93,7 @@ class StepStatus:
 
     number: int
     count: int | None
+    noun: str
     description: str
     duration: float
     time_left: float
@@ -94,9 +102,8 @@ class StepStatus:
     @property
     def label(self) -> str:
         """Return which step it is, such as ``step 2 of 9``."""
-        if self.count is None:
-            return f'movement {self.number}'
-        return f'step {self.number} of {self.count}'
+        total = '' if self.count is None else f' of {self.count}'
+        return f'{self.noun} {self.number}{total}'
 
 
 @dataclass(frozen=True)
@@ -107,12 +114,15 @@ class DriveStatus:
     :param title: name of what is driven
     :param robot: name of the robot; empty before it is known
     :param reason: why the motion was cut short; None if it was not
+    :param topic: where a robot has to subscribe; empty before that is known
+    :param wait_left: how long a robot is waited for at most [s]; None if that is over or unknown
     :param step: the step under way; None without one
     :param duration: how long the motion takes [s]; None without one
     :param time_left: until its end, by the plan [s]
     :param commanded: the velocity sent last; None before
     :param odometry: the robot's velocity by odometry; None without odometry
     :param odometry_age: how old that is [s]
+    :param factors: the factors below 1, by who asks for less speed
     :param silent_for: how long a program that should drive has sent nothing [s]; None if it does
     """
 
@@ -120,13 +130,21 @@ class DriveStatus:
     title: str
     robot: str
     reason: str | None
+    topic: str
+    wait_left: float | None
     step: StepStatus | None
     duration: float | None
     time_left: float
     commanded: Velocity | None
     odometry: Velocity | None
     odometry_age: float
+    factors: Mapping[str, float]
     silent_for: float | None
+
+    @property
+    def is_held(self) -> bool:
+        """Return whether somebody holds the robot at rest, or the next motion at its start."""
+        return 0.0 in self.factors.values()
 
     @property
     def fraction(self) -> float:
@@ -142,11 +160,11 @@ class StepOdometer:
     The displacement since the step under way began, summed up from one source.
 
     :param plan: the plan of the motion
-    :param started: when the motion began [s on the steady clock]
+    :param clock: where on the plan the motion is
     """
 
-    def __init__(self, plan: Plan, started: float) -> None:
-        self._plan, self._started = plan, started
+    def __init__(self, plan: Plan, clock: PlanClock) -> None:
+        self._plan, self._clock = plan, clock
         self._step, self._sum = 0, REST
 
     def update(self, since: float, until: float, displacement: Displacement) -> None:
@@ -156,11 +174,12 @@ class StepOdometer:
         :param since: from when [s on the steady clock]
         :param until: until when [s on the steady clock]
         """
-        step = self._plan.step_index(until - self._started)
+        plan_time = self._clock.plan_time(until)
+        step = self._plan.step_index(plan_time)
         share = 1.0
         if step != self._step:
-            start = self._started + self._plan.steps[step].start
-            share = min(1.0, max(0.0, (until - start) / max(until - since, 1e-9)))
+            inside = plan_time - self._plan.steps[step].start
+            share = min(1.0, max(0.0, inside / max(until - since, 1e-9)))
             self._step, self._sum = step, REST
         self._sum = Displacement(self._sum.distance + share * displacement.distance,
                                  self._sum.angle + share * displacement.angle)
@@ -178,6 +197,8 @@ class DriveTracker:
         self._planned: MotionPlanned | None = None
         self._plan: Plan | None = None
         self._started: float | None = None
+        self._clock = PlanClock(0.0)
+        self._factors: Mapping[str, float] = {}
         self._ended: MotionEnded | None = None
         self._motion_count = 0
         self._sent: VelocitySent | None = None
@@ -200,9 +221,11 @@ class DriveTracker:
             case MotionPlanned():
                 self._on_plan(event)
             case MotionStarted() if self._plan is not None and self._plan.steps:
-                self._started = event.time
-                self._commanded_odometer = StepOdometer(self._plan, event.time)
-                self._driven_odometer = StepOdometer(self._plan, event.time)
+                self._started, self._clock = event.time, PlanClock(event.time)
+                self._commanded_odometer = StepOdometer(self._plan, self._clock)
+                self._driven_odometer = StepOdometer(self._plan, self._clock)
+            case SpeedFactorChanged():
+                self._factors = event.factors
             case MotionEnded():
                 self._ended = event
             case SessionStarted():
@@ -224,18 +247,26 @@ class DriveTracker:
             title=self._title(),
             robot='' if self._session is None else self._session.robot,
             reason=None if self._ended is None else self._ended.reason,
+            topic='' if self._session is None else self._session.velocity_topic,
+            wait_left=self._wait_left(now),
             step=self._step(now, elapsed),
             duration=duration,
             time_left=(duration or 0.0) - elapsed,
             commanded=None if self._sent is None else self._sent.velocity,
             odometry=None if odometry is None else odometry.velocity,
             odometry_age=0.0 if odometry is None else max(0.0, now - odometry.time),
+            factors=self._factors,
             silent_for=self._silence(now))
 
     @property
     def is_under_way(self) -> bool:
         """Whether a motion was begun and not ended."""
         return self._started is not None and self._ended is None
+
+    @property
+    def has_keys(self) -> bool:
+        """Whether the program that drives reads keys."""
+        return self._session is not None and self._session.has_keys
 
     @property
     def is_guarded(self) -> bool:
@@ -253,6 +284,7 @@ class DriveTracker:
         before, self._sent = self._sent, event
         if before is None or not self.is_under_way:
             return
+        self._clock.on_sent(event)
         self._detect_stop(before, event)
         if self._commanded_odometer is not None:
             held, velocity = event.time - before.time, before.velocity
@@ -284,11 +316,19 @@ class DriveTracker:
             if self._stop_time is not None:
                 return DriveState.STOPPING
             if self._started is not None:
-                return DriveState.DRIVING
+                is_held = 0.0 in self._factors.values()
+                return DriveState.PAUSED if is_held else DriveState.DRIVING
             return DriveState.CONNECTING if self._sends_zeros(now) else DriveState.WAITING
         if self._sends_zeros(now) or self._standstill.is_moving(now):
             return DriveState.STOPPING
         return DriveState.STOPPED if self._ended.reason is None else DriveState.CUT_SHORT
+
+    def _wait_left(self, now: float) -> float | None:
+        if self._session is None or self._planned is None or self._planned.time is None:
+            return None
+        timeout = self._session.settings.get('robot_timeout')
+        left = self._planned.time + timeout - now if isinstance(timeout, float) else 0.0
+        return left if left > 0.0 else None
 
     def _sends_zeros(self, now: float) -> bool:
         return self._sent is not None and now - self._sent.time < MAX_ZERO_PERIOD
@@ -308,7 +348,7 @@ class DriveTracker:
             now = min(now, self._ended.time)
         if self._stop_time is not None:
             now = min(now, self._stop_time)
-        return min(max(0.0, now - self._started), self._plan.duration)
+        return min(max(0.0, self._clock.plan_time(now)), self._plan.duration)
 
     def _title(self) -> str:
         if self._session is not None:
@@ -320,14 +360,18 @@ class DriveTracker:
             return None
         index = self._plan.step_index(elapsed)
         step = self._plan.steps[index]
-        # Motions by single calls are counted: how many will come is unknown.
         is_call = self._planned.motion.name != self._title()
         return StepStatus(
             self._motion_count if is_call else index + 1,
-            None if is_call else len(self._plan.steps),
+            self._movement_count() if is_call else len(self._plan.steps),
+            MOVEMENT if is_call else STEP,
             step.step.describe(), step.end - step.start,
             max(0.0, step.end - max(elapsed, step.start)),
             self._remaining(index, step.step.displacement, now))
+
+    def _movement_count(self) -> int | None:
+        count = None if self._session is None else self._session.movement_count
+        return None if count is None or count < self._motion_count else count
 
     def _remaining(self, index: int, total: Displacement, now: float) -> Remaining:
         by_odometry = (

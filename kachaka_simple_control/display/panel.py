@@ -19,6 +19,7 @@ from collections.abc import Iterable
 import math
 import textwrap
 
+from kachaka_simple_control.control.speed_factor import describe_factors
 from kachaka_simple_control.display.drive_status import DriveState, DriveStatus, ODOMETRY_MAX_AGE
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.report.plan_view import format_fixed
@@ -40,6 +41,7 @@ WHITE, BLACK = '#ffffff', '#000000'
 #: Each state has a word; its colours can be told apart by the colour-blind as well.
 _STYLES = {
     DriveState.DRIVING: f'bold {WHITE} on {BLUE}',
+    DriveState.PAUSED: f'bold {BLACK} on {ORANGE}',
     DriveState.STOPPING: f'bold {BLACK} on {ORANGE}',
     DriveState.CUT_SHORT: f'bold {BLACK} on {ORANGE}',
 }
@@ -94,7 +96,8 @@ def _state(status: DriveStatus, width: int) -> list[Text]:
     text = _state_text(status)
     style = _STYLES.get(status.state, _OTHER_STYLE)
     if status.state is not DriveState.CUT_SHORT:
-        return [Text.assemble((word, style), f'  {text}'), _step(status)]
+        return [Text.assemble((word, style), f'  {text}'),
+                _topic(status) if status.state is DriveState.WAITING else _step(status)]
     # The reason may be long, and there is no step.
     parts = textwrap.wrap(text, width - len(word) - 2) or ['']
     return [Text.assemble((word, style), f'  {parts[0]}'),
@@ -104,8 +107,12 @@ def _state(status: DriveStatus, width: int) -> list[Text]:
 def _state_text(status: DriveStatus) -> str:
     if status.silent_for is not None:
         return f'no news for {status.silent_for:.0f} s: the program is held up'
-    if status.state is DriveState.DRIVING and status.step is not None:
-        return f'{status.step.label}: {status.step.description}'
+    if status.state in (DriveState.DRIVING, DriveState.PAUSED) and status.step is not None:
+        slower = describe_factors(status.factors)
+        return (f'{status.step.label}: {status.step.description}'
+                f'{f" ({slower})" if slower else ""}')
+    if status.state is DriveState.WAITING and status.wait_left is not None:
+        return f'{_TEXTS[status.state]}, {math.ceil(status.wait_left)} s left'
     if status.state is DriveState.CUT_SHORT:
         return one_line(status.reason or '', 2 * MAX_COLUMNS)
     if (status.state is DriveState.STOPPED and status.odometry is not None
@@ -125,6 +132,10 @@ def _bar(status: DriveStatus, done_sign: str, rest_sign: str, width: int) -> Tex
     # Two signs, for there may be no colours.
     return Text.assemble(
         (done_sign * done, f'bold {BLUE}'), (rest_sign * (room - done), GREY), figures)
+
+
+def _topic(status: DriveStatus) -> Text:
+    return _row('topic', [one_line(status.topic, MAX_COLUMNS) or 'not known yet'])
 
 
 def _step(status: DriveStatus) -> Text:

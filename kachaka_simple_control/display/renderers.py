@@ -16,13 +16,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 import os
 import sys
 import threading
 from typing import Protocol
 
 from kachaka_simple_control.display import terminal
-from kachaka_simple_control.display.drive_status import DriveState, DriveStatus, StepStatus
+from kachaka_simple_control.display.drive_status import DriveState, DriveStatus, STEP, StepStatus
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.plan_view import pluralize
 from kachaka_simple_control.report.text_tables import one_line
@@ -58,14 +59,18 @@ class StepLogger:
         """
         if status.state is not self._state:
             self._state, self._state_since = status.state, now
-            if status.state in (DriveState.WAITING, DriveState.CONNECTING):
-                self._number = 0  # of a motion that begins now
+            begins = status.state in (DriveState.WAITING, DriveState.CONNECTING)
+            if begins and (status.step is None or status.step.noun == STEP):
+                self._number = 0  # of a motion; movements are counted on
         if status.state is DriveState.DRIVING and status.step is not None:
             return self._step_line(status.step, now)
         if (status.state is DriveState.WAITING and not self._has_noted_wait
                 and now - self._state_since >= WAIT_NOTICE_DELAY):
             self._has_noted_wait = True
-            return [f'{one_line(status.title, MAX_NAME_WIDTH)}: waiting for the robot']
+            name = one_line(status.title, MAX_NAME_WIDTH)
+            topic = f' on {status.topic}' if status.topic else ''
+            left = '' if status.wait_left is None else f', {math.ceil(status.wait_left)} s left'
+            return [f'{name}: waiting for the robot{topic}{left}']
         return []
 
     def _step_line(self, step: StepStatus, now: float) -> list[str]:
@@ -75,7 +80,7 @@ class StepLogger:
         self._number, self._last_line = step.number, now
         duration = format_number(round(step.duration, 3))
         line = f'{step.label}: {step.description} ({duration} s)'
-        return [f'{line}; {pluralize(passed, "step")} before it passed' if passed > 0 else line]
+        return [f'{line}; {pluralize(passed, step.noun)} before it passed' if passed > 0 else line]
 
 
 class Renderer(Protocol):

@@ -21,6 +21,7 @@ from importlib.resources import files
 import os
 from pathlib import Path
 
+from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import (
     is_path,
     MotionFileError,
@@ -89,6 +90,8 @@ def look_up(
 
 LESSON = 'lesson'
 LESSON_FUNCTION = 'play_lesson'
+#: How many movements of the lesson are counted.
+MAX_MOVEMENTS = 10_000
 #: The node's file; it cannot be imported without ROS.
 LESSON_FILE = files('kachaka_simple_control').joinpath('kachaka_simple_control.py')
 
@@ -100,7 +103,13 @@ class _MotionRecorder:
         self.steps: list[Move] = []
 
     def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
-        """Keep a movement as a step."""
+        """
+        Keep a movement as a step.
+
+        :raises InvalidMotionError: if there are too many, as of a loop without an end
+        """
+        if len(self.steps) == MAX_MOVEMENTS:
+            raise InvalidMotionError(f'{LESSON_FUNCTION} has more than {MAX_MOVEMENTS} movements')
         self.steps.append(Move(linear_x, angular_z, duration))
 
 

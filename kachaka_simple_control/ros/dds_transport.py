@@ -72,7 +72,7 @@ def use_localhost_only() -> None:
     """
     if os.environ.get(RANGE, 'LOCALHOST') != 'LOCALHOST' or LOCALHOST_ONLY in os.environ:
         return
-    if _fast_dds() == HUMBLE or os.environ.get('ROS_DISTRO') == 'humble':
+    if _is_humble():
         os.environ[LOCALHOST_ONLY] = '1'
     elif _is_transport_chosen() or os.environ.get(PEERS) or not _use_profile(LOOPBACK):
         os.environ[RANGE] = 'LOCALHOST'
@@ -87,7 +87,8 @@ def is_localhost_requested() -> bool:
 
 def is_range_chosen() -> bool:
     """Tell whether the environment says how far discovery goes, or our profile does."""
-    return RANGE in os.environ or LOCALHOST_ONLY in os.environ or is_localhost_only()
+    is_range_read = RANGE in os.environ and not _is_humble()
+    return is_range_read or LOCALHOST_ONLY in os.environ or is_localhost_only()
 
 
 def can_still_be_localhost_only() -> bool:
@@ -98,7 +99,8 @@ def can_still_be_localhost_only() -> bool:
 
 def is_localhost_only() -> bool:
     """Tell whether ROS's variables or our profile keep discovery on this machine."""
-    if is_localhost_requested() or os.environ.get(LOCALHOST_ONLY) == '1':
+    is_range_localhost = is_localhost_requested() and not _is_humble()
+    if is_range_localhost or os.environ.get(LOCALHOST_ONLY) == '1':
         return not os.environ.get(PEERS)
     return str(LOOPBACK) in (os.environ.get(name) for name in PROFILES.values())
 
@@ -110,6 +112,11 @@ def _use_profile(profile: Path) -> bool:
         return False
     os.environ[PROFILES[version[0]]] = str(profile)
     return True
+
+
+def _is_humble() -> bool:
+    """Tell whether this is Humble, which does not read the range."""
+    return _fast_dds() == HUMBLE or os.environ.get('ROS_DISTRO') == 'humble'
 
 
 def _is_transport_chosen() -> bool:

@@ -30,14 +30,16 @@ from kachaka_simple_control.telemetry.events import Event, VelocitySent
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64
 
 #: How many messages may wait for the publisher thread; what comes then is dropped.
 MAX_QUEUE = 200
 #: How long the publisher thread may take to end [s].
 THREAD_EXIT_TIMEOUT = 1.0
 TOPIC = '~/commanded_velocity'
+SPEED_TOPIC = '~/speed_factor'
 #: How often subscribers are counted [s]: counting takes longer than all the rest here.
 VIEWER_CHECK_PERIOD = 0.2
 
@@ -74,7 +76,7 @@ def create_debug_publisher(
             'of its own')
     publisher: Publisher = with_qos_overrides(
         lambda options: node.create_publisher(
-            kind, topic, qos, event_callbacks=NoEventCallbacks(),  # type: ignore[arg-type]
+            kind, topic, qos, event_callbacks=NoEventCallbacks(),  # type: ignore[arg-type, unused-ignore]
             qos_overriding_options=options),
         _check_history)
     return publisher
@@ -139,6 +141,27 @@ class PublisherThread:
 
     def _publish(self, publisher: Publisher, serialize: Serialize) -> None:
         publisher.publish(serialize())
+
+
+class SpeedFactorPublisher:
+    """
+    Publishes the speed factor when it changes; who subscribes later gets the newest.
+
+    :param velocities: the publisher that moves the robot
+    :raises UsageError: if the topic is remapped to where it would move the robot
+    """
+
+    def __init__(
+            self, node: Node, velocities: VelocityPublisher, thread: PublisherThread) -> None:
+        self._publisher = create_debug_publisher(
+            node, velocities, Float64, SPEED_TOPIC,
+            QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self._thread = thread
+
+    def publish(self, factor: float) -> None:
+        """Publish the factor, from 0 to 1."""
+        self._thread.publish(
+            self._publisher, lambda: bytes(serialize_message(Float64(data=factor))))
 
 
 class CommandedVelocityPublisher:

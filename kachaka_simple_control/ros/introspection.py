@@ -24,6 +24,8 @@ from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.ros.debug_topics import (
     CommandedVelocityPublisher,
     PublisherThread,
+    SPEED_TOPIC,
+    SpeedFactorPublisher,
     TOPIC,
 )
 from kachaka_simple_control.ros.session_status import diagnose, StatusReader, TickStatistics
@@ -35,6 +37,7 @@ from kachaka_simple_control.telemetry.events import (
     EventHandler,
     MotionStarted,
     OdometryReceived,
+    SpeedFactorChanged,
 )
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -52,7 +55,7 @@ Handler = Callable[[Any], None]
 
 class IntrospectionPublishers:
     """
-    The topics beside the velocities: paths, commanded velocity, diagnostics.
+    The topics beside the velocities: paths, commanded velocity, speed factor, diagnostics.
 
     What fails is logged once and not published from then on; the drive goes on.
 
@@ -73,6 +76,9 @@ class IntrospectionPublishers:
         #: called with all events, at any time: they return at once
         self._always: list[EventHandler] = [self._failing_once(TOPIC, CommandedVelocityPublisher(
             node, velocities, self._thread, profile.frame).on_sent)]
+        self._speed_factor = SpeedFactorPublisher(node, velocities, self._thread)
+        self._on_event[SpeedFactorChanged] = [self._failing_once(
+            SPEED_TOPIC, lambda event: self._speed_factor.publish(event.product))]
         self._add_paths(velocities)
         self._add_diagnostics(velocities, profile.name)
 
@@ -81,6 +87,7 @@ class IntrospectionPublishers:
         self._status_reader = status_reader
         for handler in (*self._always, self._handle):
             event_bus.subscribe(handler)
+        self._speed_factor.publish(1.0)
 
     def on_plan(self, plan: Plan) -> None:
         """Publish a plan that is driven next."""

@@ -22,6 +22,7 @@ from itertools import pairwise
 from typing import Any
 
 from kachaka_simple_control.control.plan_runner import min_rate
+from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
 from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped
@@ -33,14 +34,20 @@ QOS_OVERRIDES_PREFIX = 'qos_overrides.'
 
 
 def _parameter(
-        default: Any, description: str, lowest: float = 0.0, highest: float = 0.0) -> Any:
+        default: Any, description: str, lowest: float = 0.0, highest: float = 0.0,
+        read_only: bool = True) -> Any:
     return field(default=default, metadata={
-        'description': description, 'range': (lowest, highest) if highest else None})
+        'description': description, 'range': (lowest, highest) if highest else None,
+        'read_only': read_only})
 
 
 @dataclass(frozen=True)
 class NodeParameters:
-    """The parameters of the node; read-only, so that a run keeps those it was planned with."""
+    """
+    The parameters of the node, as it starts.
+
+    All but ``speed_factor`` are read-only, so that a run keeps those it was planned with.
+    """
 
     robot: str = _parameter(
         KACHAKA.name, 'Which robot: kachaka, turtlebot3, generic, or the path of a profile')
@@ -67,6 +74,11 @@ class NodeParameters:
         False,
         'Drive even while somebody else sends velocities to the same robot; of two programs of '
         'this kind one drives all the same')
+    pause_timeout: float = _parameter(
+        600.0, 'How long a run may be paused before it is given up [s]', 1.0, 86_400.0)
+    speed_factor: float = _parameter(
+        1.0, 'Drive slower than planned, by this factor; can be changed while the robot drives',
+        MIN_SPEED_FACTOR, 1.0, read_only=False)
     summary: bool = _parameter(
         False, 'Record what is sent and what odometry answers, for the table at the end')
 
@@ -103,8 +115,10 @@ def require_parameters_only(option: str, arguments: Sequence[str]) -> None:
 
     :param option: the option that shows it, for the message
     :param arguments: the ROS arguments, from ``--ros-args`` on
-    :raises UsageError: if one is not ``-p NAME:=VALUE``
+    :raises UsageError: if one is not ``-p NAME:=VALUE``, or is a speed factor, which no plan has
     """
+    if 'speed_factor' in dict(_assignments(arguments)):
+        raise UsageError(f'{option} shows a plan at full speed: leave out speed_factor')
     words = iter(word for word in arguments if word not in ('--ros-args', '--'))
     for word in words:
         assignment = next(words, '') if word in ('-p', '--param') else ''

@@ -61,7 +61,9 @@ def declare_parameters(
 def _declare(
         node: Node, parameter: Field[Any], default: Any,
         bounds: tuple[float, float] | None) -> Any:
-    descriptor = ParameterDescriptor(description=parameter.metadata['description'], read_only=True)
+    descriptor = ParameterDescriptor(
+        description=parameter.metadata['description'],
+        read_only=parameter.metadata['read_only'])
     if bounds:
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]

@@ -15,18 +15,21 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
-from kachaka_simple_control.control.stop import StandstillDetector
+from kachaka_simple_control.control.speed_factor import SpeedFactor
+from kachaka_simple_control.control.stop import PausePose, StandstillDetector
 from kachaka_simple_control.control.timing import (
     GRAPH_CHECK_PERIOD,
     GRAPH_COUNT_PERIOD,
     SUBSCRIBER_CHECK_PERIOD,
 )
-from kachaka_simple_control.errors import RunFaultError
+from kachaka_simple_control.errors import PauseTimeoutError, RunFaultError
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
+from kachaka_simple_control.ros.node_parameters import NodeParameters
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 
 
@@ -41,29 +44,64 @@ class RosRunMonitor:
     :param discovery: what the ROS graph tells of the robot
     :param foreign: listens to other publishers of velocities
     :param odometry: what odometry tells of the robot
-    :param odometry_timeout: how long odometry may be silent [s]; 0 for no limit
+    :param parameters: how long odometry may be silent, and a run paused
+    :param speed_factor: by how much slower than planned the robot drives
     """
 
     def __init__(
             self, guardian: Guardian | NullGuardian, lease: LeaseRenewer | None,
             discovery: RobotDiscovery, foreign: ForeignMessages, odometry: StandstillDetector,
-            odometry_timeout: float) -> None:
+            parameters: NodeParameters, speed_factor: SpeedFactor) -> None:
         self._guardian = guardian
         self._lease = lease
         self._discovery = discovery
         self._foreign = foreign
         self._odometry = odometry
-        self._odometry_timeout = odometry_timeout
+        self._odometry_timeout = parameters.odometry_timeout
+        self._pause_timeout = parameters.pause_timeout
+        self._speed_factor = speed_factor
+        self._held_since: float | None = None
+        #: how far the robot was moved by somebody else while it was held
+        self.pause_pose = PausePose()
         self._subscriber_checked = self._graph_counted = self._graph_checked = float('-inf')
+
+    @property
+    def speed_factor(self) -> float:
+        """Return by how much slower than planned to drive, from 0 to 1."""
+        return self._speed_factor.value
 
     def on_sent(self, rest: float) -> None:
         """
         Renew manual control when it is time to.
 
-        :param rest: how long the plan stays at rest from here [s]; 0 while moving
+        :param rest: how long the robot stays at rest from here [s]; 0 while moving, infinite
+            while it is held by a speed factor of 0
         """
+        is_held = rest == math.inf
+        if not is_held:
+            self._held_since = None
+        elif self._held_since is None:
+            self._held_since = time.monotonic()
+        self.pause_pose.on_sent(is_held)
         if self._lease is not None:
             self._lease.on_sent(time.monotonic(), rest)
+
+    def begin(self) -> None:
+        """Forget the run before."""
+        self._held_since = None
+        self.pause_pose.on_sent(is_paused=False)
+
+    def check_resume(self) -> None:
+        """
+        Check what a start would check, before a run that is held goes on.
+
+        :raises RunFaultError: if there is a reason not to go on
+        """
+        self._discovery.check_subscribed()
+        self._discovery.check_identity()
+        self._discovery.check_exclusive()
+        if self.has_lost_robot(time.monotonic()):
+            raise RunFaultError('odometry is silent: the robot or the link to it is lost')
 
     def check(self) -> None:
         """
@@ -82,6 +120,10 @@ class RosRunMonitor:
             raise RunFaultError(
                 f'odometry has been silent for {self._odometry.age(now):.1f} s: the robot or the '
                 'link to it is lost')
+        if self._held_since is not None and now - self._held_since > self._pause_timeout:
+            raise PauseTimeoutError(
+                f'paused for {self._pause_timeout:g} s (parameter pause_timeout): the motion was '
+                'given up, and the robot given back')
         if now - self._graph_counted >= GRAPH_COUNT_PERIOD:
             self._graph_counted = now
             self._check_graph(now)

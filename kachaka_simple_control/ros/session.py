@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 import contextlib
+import math
 import threading
 import time
 
@@ -25,17 +26,27 @@ from kachaka_simple_control.control.drive_requests import DriveRequest, DriveReq
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.plan_runner import run_plan
+from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.stop import StandstillDetector, StopController
 from kachaka_simple_control.control.timing import (
     GUARDIAN_PRIME_TIMEOUT,
+    MAX_MOVED_ANGLE,
+    MAX_MOVED_DISTANCE,
     RELEASE_TIMEOUT,
     STOP_REPEAT_PERIOD,
 )
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.control.waiting import wait_until
-from kachaka_simple_control.errors import ControlError, MotionRefusedError, RunFaultError
+from kachaka_simple_control.errors import (
+    ControlError,
+    MotionRefusedError,
+    PauseTimeoutError,
+    RobotMovedError,
+    RunFaultError,
+)
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.files.robot_profile import RobotProfile
+from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.ros.executors import BackgroundExecutor
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
@@ -95,9 +106,11 @@ class Session:
         self._lease = LeaseRenewer(
             lambda: self._manual_control.request(True),
             response_timeout=profile.command_timeout - 1.0 / parameters.rate)
+        #: by how much slower than planned the robot drives, and who wants that
+        self.speed_factor = SpeedFactor()
         self._monitor = RosRunMonitor(
             self._guardian, self._lease if self._manual_control.is_needed else None,
-            self._discovery, self._foreign, self.odometry, parameters.odometry_timeout)
+            self._discovery, self._foreign, self.odometry, parameters, self.speed_factor)
         self._executor = BackgroundExecutor(node, self._on_callback_error)
         self._requests = DriveRequests(self.gate, 1.0 / parameters.rate)
         self._request: DriveRequest | None = None
@@ -112,7 +125,7 @@ class Session:
         #: the state of the session, for diagnostics
         self.status_reader = StatusReader(
             self.gate, self._discovery, self._guardian, self.odometry, self._manual_control,
-            lambda: self._stopped_by)
+            lambda: self._stopped_by, self.speed_factor)
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
         """
@@ -157,6 +170,14 @@ class Session:
             self._take()
             # Not before: the stop of the movement before must not wait until the robot is taken.
             self._stopper.cancel_pending()
+            self._monitor.begin()
+            if not self.speed_factor.value:
+                self._node.get_logger().warning(
+                    f'The motion is held at its start ({self.speed_factor.describe()}): resume to '
+                    'go on')
+            elif self.speed_factor.value < 1.0:
+                self._node.get_logger().info(
+                    f'Slower than planned: {self.speed_factor.describe()}')
             run = run_plan(
                 plan, self.gate, self._command_timeout, self._monitor, prepared=request.run)
             self._guardian.report_stopping()
@@ -165,6 +186,8 @@ class Session:
             # KeyboardInterrupt and SystemExit as well: no way out leaves the robot moving.
             self._is_connected = False
             self._stop(_reason(error))
+            if isinstance(error, PauseTimeoutError):
+                self._release_manual_control()
             if self._guardian.stopped_because is not None:
                 raise RunFaultError(
                     'the guardian stopped the robot: '
@@ -197,6 +220,34 @@ class Session:
         if (failure := self._stop(reason)) is not None and not self._has_reported:
             self._has_reported = True
             self._node.get_logger().error(failure)
+
+    def on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
+        """
+        Take note of where the robot is.
+
+        :param now: when it arrived [s on the steady clock]
+        """
+        self.odometry.on_odometry(now, velocity)
+        self._monitor.pause_pose.on_odometry(now, pose, velocity)
+
+    def check_resume(self, even_if_moved: bool) -> None:
+        """
+        Check whether a run that is held may go on; without a run there is nothing to check.
+
+        :param even_if_moved: whether to go on from where somebody moved the robot to
+        :raises ControlError: if it may not
+        """
+        self._require_not_stopped()
+        if not self._requests.is_busy or not self._is_connected:
+            return
+        self._monitor.check_resume()
+        distance, angle = self._monitor.pause_pose.moved()
+        if (distance > MAX_MOVED_DISTANCE or angle > MAX_MOVED_ANGLE) and not even_if_moved:
+            raise RobotMovedError(
+                f'the robot was moved by {distance * 100.0:.1f} cm and '
+                f'{math.degrees(angle):.1f} deg while it was paused, more than '
+                f'{MAX_MOVED_DISTANCE * 100.0:g} cm or {math.degrees(MAX_MOVED_ANGLE):.0f} deg: '
+                'the rest of the motion would end elsewhere')
 
     def close(self) -> None:
         """Stop the robot, give it back and end the executor; nothing is sent afterwards."""

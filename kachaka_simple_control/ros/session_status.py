@@ -21,8 +21,9 @@ from dataclasses import dataclass
 import time
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
-from kachaka_simple_control.control.plan_runner import Tick, TickScheduler
+from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.stop import StandstillDetector
+from kachaka_simple_control.control.tick_scheduler import Tick, TickScheduler
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.motion.plan import Plan
@@ -35,6 +36,7 @@ from kachaka_simple_control.telemetry.events import (
     MotionEnded,
     MotionPlanned,
     MotionStarted,
+    PlanClock,
     VelocitySent,
 )
 
@@ -72,6 +74,7 @@ class TickStatistics:
         self._plan: Plan | None = None
         self._scheduler: TickScheduler | None = None
         self._started: float | None = None
+        self._clock: PlanClock | None = None
         self._tick: Tick | None = None
 
     @property
@@ -97,19 +100,24 @@ class TickStatistics:
         """
         if self._plan is None or not self._plan.steps:
             return 0, 0
-        number = 0 if self._started is None else self._plan.step_index(now - self._started) + 1
+        number = 0 if self._clock is None else self._plan.step_index(
+            self._clock.plan_time(now)) + 1
         return number, len(self._plan.steps)
 
     def _process(self, event: Event | Plan) -> None:
         match event:
             case Plan():
                 self._plan, self._scheduler = event, TickScheduler(event)
-                self._started = self._tick = None
+                self._started = self._tick = self._clock = None
             case VelocitySent():
+                if self._clock is not None:
+                    self._clock.on_sent(event)
+                if event.plan_time is not None:
+                    self._tick = None  # not as planned: what is late is unknown from here on
                 if self._tick is not None:
                     self._count(event.time)
             case MotionStarted():
-                self._started = event.time
+                self._started, self._clock = event.time, PlanClock(event.time)
                 self._tick = self._scheduler.due(0.0) if self._scheduler else None
             case MotionPlanned():
                 self.motion, self.is_active, self.failure = event.motion.name, True, None
@@ -146,6 +154,8 @@ class SessionStatus:
     :param guardian: the state of the guardian
     :param odometry_age: how old the newest odometry is [s]; None if there was none
     :param manual_control: whether manual control is on, as far as this node knows
+    :param speed_factor: by how much slower than planned the robot drives, from 0 to 1
+    :param speed: who asks for less speed
     :param halted_by: why nothing moves any more; None if it does
     """
 
@@ -154,6 +164,8 @@ class SessionStatus:
     guardian: str
     odometry_age: float | None
     manual_control: str
+    speed_factor: float
+    speed: str
     halted_by: str | None
 
 
@@ -167,13 +179,14 @@ class StatusReader:
     def __init__(
             self, gate: VelocityGate, discovery: RobotDiscovery, guardian: Guardian | NullGuardian,
             odometry: StandstillDetector, manual_control: ManualControlClient,
-            halted_by: Callable[[], ControlError | None]) -> None:
+            halted_by: Callable[[], ControlError | None], speed_factor: SpeedFactor) -> None:
         self._gate = gate
         self._discovery = discovery
         self._guardian = guardian
         self._odometry = odometry
         self._manual_control = manual_control
         self._halted_by = halted_by
+        self._speed_factor = speed_factor
 
     @property
     def is_closed(self) -> bool:
@@ -193,6 +206,8 @@ class StatusReader:
             guardian=_guardian(self._guardian),
             odometry_age=self._odometry.age(now),
             manual_control=self._manual_control.state(now),
+            speed_factor=self._speed_factor.value,
+            speed=self._speed_factor.describe(),
             halted_by=str(halted_by) if halted_by else None)
 
 
@@ -224,6 +239,7 @@ def diagnose(statistics: TickStatistics, status: SessionStatus, now: float) -> D
         'guardian': status.guardian,
         'odometry age': 'never heard' if age is None else f'{age:.2f} s',
         'manual control': status.manual_control,
+        'speed': status.speed,
     })
 
 
@@ -231,7 +247,9 @@ def _state(statistics: TickStatistics, status: SessionStatus) -> str:
     if status.halted_by is not None:
         return 'halted'
     if statistics.is_active:
-        return 'driving' if statistics.has_started else 'connecting to the robot'
+        if not statistics.has_started:
+            return 'connecting to the robot'
+        return 'driving' if status.speed_factor else 'paused'
     if not statistics.motion:
         return 'nothing to drive yet'
     return 'at rest' if statistics.failure is None else 'stopped early'

@@ -213,4 +213,4 @@ def _resolved(node: Node, name: str, kind: str) -> str:
         raise UsageError(
             f'{escaped(name, 60)} is remapped to what is no name of a {kind}, or has more than '
             f'{MAX_NAME_LENGTH} characters: choose another one')
-    return resolved
+    return str(resolved)

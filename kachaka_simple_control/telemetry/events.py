@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from kachaka_simple_control.control.speed_factor import product
 from kachaka_simple_control.motion.geometry import Footprint, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion
@@ -43,6 +44,8 @@ class SessionStarted:
     :param command: the command line; empty if there was none
     :param motion_source: the file of the motion; empty if it comes from none
     :param motion_text: the text of that file; None if it comes from none
+    :param movement_count: how many motions will follow, one a call; None if that is unknown
+    :param has_keys: whether keys at the terminal pause, slow down and stop
     """
 
     title: str
@@ -60,6 +63,8 @@ class SessionStarted:
     command: str = ''
     motion_source: str = ''
     motion_text: str | None = None
+    movement_count: int | None = None
+    has_keys: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,14 +72,16 @@ class MotionPlanned:
     """
     A motion was planned; a robot that is not connected yet is connected next.
 
-    A subscriber that needs the plan makes it anew: the same three fields give the same plan.
+    A subscriber that needs the plan makes it anew: the same motion, limits and rate give the same.
 
     :param rate: how often a velocity is sent [Hz]
+    :param time: when [s on the steady clock]; None if that is not known
     """
 
     motion: Motion
     limits: Limits
     rate: float
+    time: float | None = None
 
 
 @dataclass(frozen=True)
@@ -94,10 +101,32 @@ class VelocitySent:
     A velocity was published.
 
     :param time: when [s on the steady clock]
+    :param plan_time: where on the plan that is [s of the plan]; None: as planned, the time since
+        t = 0, or no message of a plan
     """
 
     time: float
     velocity: Velocity
+    plan_time: float | None = None
+
+
+@dataclass(frozen=True)
+class SpeedFactorChanged:
+    """
+    The speed factor was changed.
+
+    :param time: when [s on the steady clock]
+    :param factors: the factors below 1, by the name of who asks for less speed; their product
+        counts
+    """
+
+    time: float
+    factors: Mapping[str, float]
+
+    @property
+    def product(self) -> float:
+        """Return the factor that results, from 0 to 1."""
+        return product(self.factors)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,9 +178,33 @@ class SessionEnded:
     error: str | None = None
 
 
-Event = (SessionStarted | MotionPlanned | MotionStarted | VelocitySent | OdometryReceived
-         | MotionEnded | SessionEnded)
+Event = (SessionStarted | MotionPlanned | MotionStarted | VelocitySent | SpeedFactorChanged
+         | OdometryReceived | MotionEnded | SessionEnded)
 EventHandler = Callable[[Event], None]
+
+
+class PlanClock:
+    """
+    Where on its plan a motion is: later than planned after a pause or at less speed.
+
+    :param started: when its first velocity was sent [s on the steady clock]
+    """
+
+    def __init__(self, started: float) -> None:
+        self._time, self._plan_time = started, 0.0
+
+    def on_sent(self, event: VelocitySent) -> None:
+        """Take note of a message of the motion."""
+        if event.plan_time is not None:
+            self._time, self._plan_time = event.time, event.plan_time
+
+    def plan_time(self, now: float) -> float:
+        """
+        Return where on the plan it is [s of the plan], to a period while it is delayed.
+
+        :param now: the time [s on the steady clock], not before the newest message
+        """
+        return self._plan_time + now - self._time
 
 
 class EventBus:

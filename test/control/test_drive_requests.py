@@ -133,3 +133,14 @@ def test_a_refused_drive_lets_the_next_be_requested(bench):
             bench.drive()
         bench.drive()
         bench.stop_from_outside()
+
+
+def test_of_two_stops_the_first_gives_the_reason(bench):
+    bench.drive()
+    later = MotionRefusedError('stopped once more')
+    for reason in (STOPPED, later):
+        thread = threading.Thread(target=bench.requests.on_stop, args=(reason,))
+        thread.start()
+        thread.join()
+    with pytest.raises(MotionRefusedError, match='stopped from outside'):
+        bench.requests.accept()

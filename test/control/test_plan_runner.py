@@ -34,6 +34,8 @@ COMMAND_TIMEOUT = 0.3
 class CountingMonitor:
     """A run monitor that counts its checks."""
 
+    speed_factor = 1.0
+
     def __init__(self):
         """Start at zero."""
         self.checks = 0
@@ -74,6 +76,16 @@ def test_a_move_is_held_for_its_duration_and_ends_in_a_zero():
     times = [at - start for at, _ in bench.wire.sent]
     assert times == pytest.approx([0.1 * k for k in range(11)])
     assert [v for _, v in bench.wire.sent] == [Velocity(0.1, 0.0)] * 10 + [ZERO]
+
+
+def test_a_delayed_run_tells_where_on_the_plan_each_message_is_to_the_last_zero():
+    bench, told = Bench(Move(0.1, 0.0, 1.0)), []
+    bench.gate.on_sent = lambda now, velocity, plan_time: told.append(plan_time)
+    bench.monitor.speed_factor = 0.5
+    bench.run()
+    assert len(told) > 15
+    assert told[1:] == sorted(told[1:])
+    assert told[-1] == bench.plan.duration
 
 
 def test_late_wakeups_do_not_add_up():

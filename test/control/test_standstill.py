@@ -11,11 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Whether the robot stands still by its odometry."""
+"""Whether the robot stands still by its odometry, and stays where it was paused."""
 
-from kachaka_simple_control.control.stop import StandstillDetector
-from kachaka_simple_control.control.timing import ODOMETRY_MAX_AGE
-from kachaka_simple_control.motion.geometry import Velocity, ZERO
+from kachaka_simple_control.control.stop import PausePose, StandstillDetector
+from kachaka_simple_control.control.timing import ODOMETRY_MAX_AGE, REST_SETTLE_TIME
+from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
+import pytest
 
 FORWARD = Velocity(0.1, 0.0)
 
@@ -52,3 +53,43 @@ def test_old_odometry_is_ignored():
     assert not moving.is_moving(1.0 + ODOMETRY_MAX_AGE + 0.01)
     assert standing.still_since(1.0 + ODOMETRY_MAX_AGE + 0.01) is None
     assert moving.age(2.0) == 1.0
+
+
+def paused(pose):
+    """Return what tells how far a robot was moved, after it has stood paused at a pose."""
+    pause_pose = PausePose()
+    pause_pose.on_sent(is_paused=True)
+    for now in (1.0, 1.0 + REST_SETTLE_TIME):
+        pause_pose.on_odometry(now, pose, ZERO)
+    return pause_pose
+
+
+def test_a_robot_that_is_moved_while_paused_is_seen():
+    pause_pose = paused(Pose(1.0, 2.0, 3.0))
+    assert pause_pose.moved() == (0.0, 0.0)
+    pause_pose.on_odometry(2.0, Pose(1.03, 2.04, 2.9), FORWARD)
+    assert pause_pose.moved() == pytest.approx((0.05, 0.1))
+
+
+def test_the_pose_of_a_pause_is_that_of_a_robot_that_has_stood_for_a_while():
+    """Before, it may still brake, and what it sends may be late."""
+    pause_pose = PausePose()
+    pause_pose.on_sent(is_paused=True)
+    pause_pose.on_odometry(1.0, Pose(0.0), FORWARD)
+    pause_pose.on_odometry(1.2, Pose(0.1), ZERO)
+    pause_pose.on_odometry(1.6, Pose(0.1), ZERO)
+    pause_pose.on_odometry(1.65, Pose(0.3), FORWARD)
+    assert pause_pose.moved() == (0.0, 0.0), 'it had stood for less than half a second'
+
+
+def test_each_pause_has_its_own_pose_and_motion_has_none():
+    pause_pose = paused(Pose(0.0))
+    pause_pose.on_sent(is_paused=False)
+    pause_pose.on_odometry(2.0, Pose(1.0), FORWARD)
+    assert pause_pose.moved() == (0.0, 0.0)
+    pause_pose.on_sent(is_paused=True)
+    for now in (3.0, 3.0 + REST_SETTLE_TIME):
+        pause_pose.on_sent(is_paused=True)
+        pause_pose.on_odometry(now, Pose(2.0), ZERO)
+    pause_pose.on_odometry(4.0, Pose(2.5), ZERO)
+    assert pause_pose.moved() == (0.5, 0.0)

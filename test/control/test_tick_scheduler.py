@@ -15,7 +15,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.plan_runner import TickScheduler
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
@@ -102,3 +102,50 @@ def test_the_remaining_rest_is_returned():
     scheduler = scheduler_of(Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0))
     assert [due.rest for _, due in walk(scheduler)] == pytest.approx(
         [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, *[0.0] * 10])
+
+
+#: With these, a brake from 0.3 m/s takes 0.85 s.
+GENTLE = Limits(0.3, 1.57, 0.5, 2.5, 2.0, 10.0)
+
+
+def sent(moves, factors):
+    """Return the forward velocities of moves under a factor that changes at these ticks."""
+    scheduler, velocities, now, factor = (
+        TickScheduler(plan(Motion('test', moves), GENTLE, 10.0)), [], 0.0, 1.0)
+    for number in range(40):
+        factor = factors.get(number, factor)
+        if (due := scheduler.due(now, factor)) is None:
+            break
+        velocities.append(due.velocity.linear_x)
+        now = due.deadline
+    return velocities
+
+
+def test_what_is_paused_before_its_first_velocity_does_not_move():
+    assert sent([Move(0.3, 0.0, 1.0)], {0: 0.0}) == [0.0] * 40
+
+
+def test_a_step_after_a_rest_that_is_paused_as_it_begins_does_not_move():
+    moves = [Move(0.0, 0.0, 0.5), Move(0.3, 0.0, 1.0)]
+    assert sent(moves, {5: 0.0}) == [0.0] * 40
+    assert sent(moves, {2: 0.5, 5: 0.0}) == [0.0] * 40
+    assert sent(moves, {2: 0.0, 4: 0.5, 7: 0.0}) == [0.0] * 40
+
+
+def test_half_the_speed_from_the_start_is_no_ramp():
+    assert sent([Move(0.2, 0.0, 1.0)], {0: 0.5}) == pytest.approx([0.1] * 20)
+    assert sent([Move(0.0, 0.0, 0.5), Move(0.2, 0.0, 1.0)], {5: 0.5}) == pytest.approx(
+        [0.0] * 5 + [0.1] * 20)
+
+
+def test_a_factor_that_ends_before_the_first_velocity_changes_nothing():
+    moves = [Move(0.0, 0.0, 0.5), Move(0.2, 0.0, 1.0)]
+    assert sent(moves, {1: 0.5, 5: 1.0}) == [0.0] * 5 + [0.2] * 10
+
+
+def test_a_step_after_one_in_motion_that_is_paused_as_it_begins_brakes():
+    velocities = sent([Move(0.3, 0.0, 0.5), Move(0.3, 0.0, 1.0)], {5: 0.0})
+    assert velocities[:5] == [0.3] * 5
+    assert 0.2 < velocities[5] < 0.3
+    # 0.85 s in nine ticks of equal length.
+    assert sum(velocities[5:]) * 0.85 / 9.0 == pytest.approx(0.1275)

@@ -18,7 +18,7 @@ import subprocess
 import sys
 
 from kachaka_simple_control import ControlError, InvalidMotionError
-from kachaka_simple_control.control.signals import TRACEBACK_VARIABLE
+from kachaka_simple_control.control.signals import _place, TRACEBACK_VARIABLE
 import pytest
 
 START = """import sys
@@ -55,6 +55,14 @@ def test_the_line_is_that_of_the_program_and_a_file_has_its_own(tmp_path):
     assert code == 2
     assert [line.partition(' ')[0] for line in text.splitlines()] == [
         'script.py:7:', 'a.yaml:3:']
+
+
+def test_the_place_in_a_script_is_printed_escaped():
+    try:
+        exec(compile('1 / 0', 'a\x1b[31m\n\u202e\udcff.py', 'exec'))
+    except ZeroDivisionError as error:
+        place = _place(error.__traceback__.tb_next)
+    assert place == r'a\x1b[31m\n\u202e\udcff.py:1: '
 
 
 def test_a_variable_shows_the_traceback(tmp_path):

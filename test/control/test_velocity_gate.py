@@ -148,12 +148,14 @@ def test_the_first_message_of_a_run_has_no_gap_before_it(gate, time, wire):
 
 def test_each_sent_velocity_is_reported_with_its_time(gate, time):
     noted = []
-    gate.on_sent = lambda at, velocity: noted.append((at, velocity))
+    gate.on_sent = lambda at, velocity, plan_time: noted.append((at, velocity, plan_time))
     gate.open()
     run = gate.begin(0.2)
     gate.send(run, FORWARD)
+    gate.send(run, FORWARD, 0.25)
     gate.send_zero(after=run)
-    assert noted == [(time.now, FORWARD), (time.now, ZERO)]
+    assert noted == [
+        (time.now, FORWARD, None), (time.now, FORWARD, 0.25), (time.now, ZERO, None)]
 
 
 def test_no_motion_follows_the_first_zero_of_a_stop_in_another_thread():
@@ -273,3 +275,12 @@ def test_a_run_that_waits_does_not_end_the_zeros_of_the_one_before(gate, wire):
     gate.begin(0.2, second)
     assert not gate.send_zero(after=first)
     assert len(wire.sent) == 1
+
+
+def test_a_program_that_was_stopped_while_a_message_was_sent_is_told_at_once(latch):
+    """Not with its next message: the guardian has set the latch while this one was frozen."""
+    gate = VelocityGate(lambda _: latch.trip(), Limits(0.3, 1.57), latch)
+    gate.open()
+    run = gate.begin(0.2)
+    with pytest.raises(MotionRefusedError, match='stopped for good'):
+        gate.send(run, FORWARD)

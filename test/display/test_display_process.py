@@ -297,20 +297,49 @@ def test_a_drive_is_shown_and_its_log_lines_stay(motion):
         text = '\n'.join(shown.screen.above)
         for line in ('Robot control node has started', 'Robot has stopped',
                      'Motion completed: short, 3 steps, '):
-            assert f'{LOG}{line}' in text
+            assert text.count(f'{LOG}{line}') == 1
         assert shown.screen.above[-1].startswith('Final pose by odometry: ')
         assert is_clean(shown.screen)
 
 
 @pytest.mark.ros
-def test_ctrl_c_ends_the_drive_and_the_display(motion):
+@pytest.mark.parametrize('presses', [1, 2])
+def test_ctrl_c_ends_the_drive_and_the_display(motion, presses):
     with at_terminal([*COMMAND, motion, '--sim'], 130, 30) as shown:
         shown.wait_for_text('DRIVING')
-        shown.press(b'\x03')
+        for _ in range(presses):
+            shown.press(b'\x03')
+            shown.read_for(0.1)
         began = time.monotonic()
         assert shown.end() == 130
         assert time.monotonic() - began < 6.0
-        assert f'{LOG}Program was interrupted' in '\n'.join(shown.screen.above)
+        text = '\n'.join(shown.screen.above)
+        for line in ('Program was interrupted', 'Robot has stopped'):
+            assert text.count(f'{LOG}{line}') == 1
+        assert is_clean(shown.screen)
+
+
+@pytest.mark.ros
+def test_the_movements_of_the_lesson_are_counted():
+    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
+    with at_terminal([*COMMAND, '--sim'], 130, 30) as shown:
+        shown.wait_for_text('DRIVING   movement 2 of 7: move 0.1 m/s, 0 rad/s')
+        shown.press(b'\x03')
+        assert shown.end() == 130
+
+
+@pytest.mark.ros
+def test_who_waits_for_a_robot_sees_how_long_and_where():
+    pytest.importorskip('rclpy', reason='needs ROS 2')
+    words = ['--ros-args', '-p', 'robot_timeout:=60.0', '-p', 'robot_namespace:=/absent']
+    with at_terminal([*COMMAND, *words], 130, 30) as shown:
+        shown.wait_for_text('for the robot to listen, 5')
+        shown.wait_for_text('topic       /absent/manual_control/cmd_vel')
+        shown.press(b'\x03')
+        began = time.monotonic()
+        assert shown.end() == 130
+        assert time.monotonic() - began < 4.0
+        assert shown.screen.above[-1].endswith(f'{LOG}Program was interrupted')
         assert is_clean(shown.screen)
 
 

@@ -13,6 +13,7 @@
 # limitations under the License.
 """The status of a drive, its lines and its panel, from events and the time."""
 
+from dataclasses import replace
 import io
 from itertools import pairwise
 import math
@@ -206,15 +207,24 @@ def test_a_program_that_sends_nothing_is_shown_as_silent():
     assert tracker.status_at(START + 5.0).silent_for is None
 
 
-def test_motions_by_call_are_counted_without_a_total():
-    """How many a program will call is unknown."""
-    lesson = SessionStarted('lesson', 'kachaka', ABRUPT, 0.3, 0.0, 'cmd_vel', None)
-    tracker = started(Motion('move_robot', (Move(0.1, 0.0, 1.0),)), ABRUPT, lesson)
-    assert tracker.status_at(START).step.number == 1
-    tracker.on_event(MotionEnded(START + 1.0))
-    tracker.on_event(MotionPlanned(Motion('move_robot', (Move(0.0, 0.5, 1.0),)), ABRUPT, 10.0))
-    step = tracker.status_at(START + 1.0).step
-    assert (step.number, step.count, step.description) == (2, None, 'move 0 m/s, 0.5 rad/s')
+@pytest.mark.parametrize('count, labels', [
+    (None, ['movement 1', 'movement 2']), (2, ['movement 1 of 2', 'movement 2 of 2']),
+    (1, ['movement 1 of 1', 'movement 2'])])
+def test_motions_by_call_are_counted(count, labels):
+    """Their total is that of the session, unless there are more; none has passed unseen."""
+    lesson = SessionStarted(
+        'lesson', 'kachaka', ABRUPT, 0.3, 0.0, 'cmd_vel', None, movement_count=count)
+    moves = (Move(0.1, 0.0, 1.0), Move(0.0, 0.5, 1.0))
+    tracker, logger, lines = DriveTracker(), StepLogger(), []
+    tracker.on_event(lesson)
+    for start, move in zip((START, START + 1.0), moves):
+        tracker.on_event(MotionPlanned(Motion('move_robot', (move,)), ABRUPT, 10.0))
+        lines += logger.update(tracker.status_at(start), start)
+        tracker.on_event(MotionStarted(start))
+        lines += logger.update(tracker.status_at(start), start)
+        tracker.on_event(MotionEnded(start + 1.0))
+    assert lines == [f'{labels[0]}: move 0.1 m/s, 0 rad/s (1 s)',
+                     f'{labels[1]}: move 0 m/s, 0.5 rad/s (1 s)']
 
 
 @UNHURRIED
@@ -261,7 +271,23 @@ def test_waiting_for_the_robot_is_logged_once():
     tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
     lines = [line for tick in range(100)
              for line in logger.update(tracker.status_at(tick), float(tick))]
-    assert lines == ['three: waiting for the robot']
+    assert lines == ['three: waiting for the robot on cmd_vel']
+
+
+def waiting(began=START):
+    """Return the tracker of a drive that waits for its robot, 10 s at most."""
+    tracker = DriveTracker()
+    tracker.on_event(replace(
+        STARTED, velocity_topic='/kachaka/cmd_vel', settings={'robot_timeout': 10.0}))
+    tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0, began))
+    return tracker
+
+
+def test_the_line_on_waiting_names_the_topic_and_the_time_left():
+    tracker, logger = waiting(), StepLogger()
+    assert logger.update(tracker.status_at(START), START) == []
+    assert logger.update(tracker.status_at(START + 3.0), START + 3.0) == [
+        'three: waiting for the robot on /kachaka/cmd_vel, 7 s left']
 
 
 @pytest.fixture
@@ -287,6 +313,14 @@ def test_a_panel_has_all_figures(drawn, columns):
                    'odometry     0.250 m/s    0.000 rad/s   0.1 s ago'):
         assert figure in text
     assert '\u2026' not in text
+
+
+def test_a_panel_counts_down_while_it_waits_and_names_the_topic(drawn):
+    shown = [drawn(waiting().status_at(START + elapsed), 60)[1:3] for elapsed in (0.0, 2.5, 10.5)]
+    assert [state.split('  ')[-1].strip() for state, _ in shown] == [
+        'for the robot to listen, 10 s left', 'for the robot to listen, 8 s left',
+        'for the robot to listen']  # and for manual control, which has a time of its own
+    assert {topic for _, topic in shown} == {'topic       /kachaka/cmd_vel'}
 
 
 @UNHURRIED

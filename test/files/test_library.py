@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files import library as library_module
 from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.library import find, library
@@ -123,6 +124,15 @@ def test_edits_of_the_lesson_are_read(tmp_path, monkeypatch):
     steps = find('lesson').motion.steps
     assert len(steps) == 9
     assert steps[1:4] == (Move(0.2, 0.0, 1.5),) * 3
+
+
+def test_a_lesson_without_an_end_is_refused(tmp_path, monkeypatch):
+    edited = tmp_path / 'edited.py'
+    edited.write_text(
+        'def play_lesson(robot):\n    while True:\n        robot.move_robot(0.1, 0.0, 1.0)\n')
+    monkeypatch.setattr(library_module, 'LESSON_FILE', edited)
+    with pytest.raises(InvalidMotionError, match='play_lesson has more than 10000 movements'):
+        find('lesson')
 
 
 def test_umbmark_is_the_same_square_in_both_directions():

@@ -315,3 +315,16 @@ def test_a_profile_of_the_user_is_not_replaced():
     finally:
         os.environ.clear()
         os.environ.update(before)
+
+
+def test_on_humble_the_range_of_later_distros_is_no_choice(monkeypatch):
+    for name in dds_transport.CHOICES:
+        monkeypatch.setenv(name, '')  # so that it is restored
+        monkeypatch.delenv(name)
+    monkeypatch.setenv('ROS_DISTRO', 'humble')
+    monkeypatch.setenv(dds_transport.RANGE, 'LOCALHOST')
+    assert not dds_transport.is_range_chosen()
+    assert not dds_transport.is_localhost_only()
+    dds_transport.use_localhost_only()
+    assert dds_transport.is_range_chosen()
+    assert dds_transport.is_localhost_only()

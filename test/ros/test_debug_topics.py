@@ -117,7 +117,7 @@ def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, 
     values = figures(driving)
     assert list(values) == [
         'state', 'motion', 'step', 'late ticks', 'skipped ticks', 'listeners',
-        'other publishers', 'guardian', 'odometry age', 'manual control']
+        'other publishers', 'guardian', 'odometry age', 'manual control', 'speed']
     assert values['motion'] == 'move_robot'
     assert values['step'] == '1 of 1'
     assert values['listeners'] == '1'

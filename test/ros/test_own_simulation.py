@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
@@ -84,6 +85,8 @@ def test_too_late_is_refused_before_a_robot_is_started(before, chosen, tmp_path)
     ('rclpy.init(); other = rclpy.create_node("other")\n', {dds_transport.LOCALHOST_ONLY: '1'}),
 ])
 def test_where_the_user_chose_the_range_it_is_never_too_late(before, chosen, tmp_path):
+    if os.environ.get('ROS_DISTRO') == 'humble' and dds_transport.RANGE in chosen:
+        pytest.skip('Humble does not read the range')
     code, _, err = run(before + DRIVE, tmp_path, **chosen)
     assert code == 0, err
 

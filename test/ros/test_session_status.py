@@ -142,7 +142,7 @@ def test_lateness_is_counted_tick_by_tick(delays):
 
 IN_ORDER = SessionStatus(
     subscriber_count=1, other_publishers=(), guardian='matched', odometry_age=0.02,
-    manual_control='asked for 3 s ago', halted_by=None)
+    manual_control='asked for 3 s ago', speed_factor=1.0, speed='full speed', halted_by=None)
 
 
 def diagnosis_of(statistics=None, **changes):

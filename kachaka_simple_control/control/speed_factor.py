@@ -1,0 +1,100 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The speed factor: the product of all that ask for less speed, each by its name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+import math
+import threading
+import time
+from types import MappingProxyType
+
+from kachaka_simple_control.errors import MotionRefusedError
+
+#: The factor of ``pause``: 0 while paused.
+PAUSE = 'pause'
+#: The least factor that a person may set.  Chosen; to stop, pause.
+MIN_SPEED_FACTOR = 0.01
+#: The factor that a person sets: the parameter ``speed_factor``.
+OVERRIDE = 'override'
+
+
+class SpeedFactor:
+    """
+    One number from 0 to 1 by which a run is slower than planned: the product of named factors.
+
+    Whoever wants less speed sets a factor of its own: a pause, a person, an obstacle.  Any thread
+    may do so.
+
+    :param clock: the steady clock [s]
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        # Entered anew by a subscriber that sets a factor when one changes.
+        self._lock = threading.RLock()
+        #: the factors below 1, by name; replaced as a whole, never changed
+        self.factors: Mapping[str, float] = MappingProxyType({})
+        #: the product
+        self.value = 1.0
+        #: called after a change with its time [s on the clock] and all factors below 1
+        self.on_change: Callable[[float, Mapping[str, float]], None] = lambda *_: None
+
+    def set(self, name: str, factor: float) -> bool:  # noqa: A003
+        """
+        Set a named factor; the run under way reaches it within the robot's limits.
+
+        :param name: whose it is
+        :param factor: from 0 to 1
+        :returns: whether that changed anything
+        :raises MotionRefusedError: if it is not a number from 0 to 1; nothing has changed
+        """
+        check_factor(factor)
+        with self._lock:
+            before = self.factors
+            factors = {**before, name: float(factor)}
+            if factors[name] == 1.0:
+                del factors[name]
+            if factors == before:
+                return False
+            self.factors = MappingProxyType(factors)
+            self.value = product(factors)
+            self.on_change(self._clock(), self.factors)
+        return True
+
+    def describe(self) -> str:
+        """Return who asks for less speed, such as ``pause 0 %, override 50 %``."""
+        return describe_factors(self.factors) or 'full speed'
+
+
+def product(factors: Mapping[str, float]) -> float:
+    """Return the speed factor that results from named ones, from 0 to 1."""
+    return math.prod(factors.values(), start=1.0)
+
+
+def describe_factors(factors: Mapping[str, float]) -> str:
+    """Return factors below 1 with their names, such as ``pause 0 %, override 50 %``."""
+    return ', '.join(f'{name} {factor * 100.0:.3g} %' for name, factor in factors.items())
+
+
+def check_factor(factor: object) -> None:
+    """
+    Refuse what is no speed factor.
+
+    :raises MotionRefusedError: if it is not a number from 0 to 1
+    """
+    if not (isinstance(factor, (int, float)) and 0.0 <= factor <= 1.0):
+        raise MotionRefusedError(
+            f'the speed factor is {factor!r}; it must be from 0 to 1: a plan is at the limits')

@@ -1,0 +1,123 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Pause, resume and speed of a node, by services and by a parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+
+from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR, OVERRIDE, PAUSE
+from kachaka_simple_control.control.timing import RESUME_CONFIRM_TIMEOUT
+from kachaka_simple_control.errors import ControlError, MotionRefusedError, RobotMovedError
+from kachaka_simple_control.ros.endpoints import SERVICE_QOS
+from kachaka_simple_control.ros.session import Session
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+#: The writable parameter: the factor that a person sets.
+PARAMETER = 'speed_factor'
+
+
+class SpeedControl:
+    """
+    Lets people slow down, pause and resume what a session drives.
+
+    :param node: gets the services ``~/pause`` and ``~/resume``
+    :param session: whose speed factor is set
+    :param factor: the parameter's value at the start
+    """
+
+    def __init__(self, node: Node, session: Session, factor: float) -> None:
+        self._node = node
+        self._session = session
+        self._factor = session.speed_factor
+        self._refused = float('-inf')
+        self._factor.set(OVERRIDE, factor)
+        node.add_on_set_parameters_callback(self._on_parameters)
+        for name, function in (('~/pause', self.pause), ('~/resume', self.resume_when_confirmed)):
+            node.create_service(
+                Trigger, name, _service(function), qos_profile=SERVICE_QOS)
+
+    def pause(self) -> None:
+        """Bring the robot to rest within its limits, and hold the motion there."""
+        if self._factor.set(PAUSE, 0.0):
+            self._node.get_logger().info('Paused: resume to go on')
+
+    def resume(self, even_if_moved: bool = False) -> None:
+        """
+        Go on with a motion that is paused.
+
+        :param even_if_moved: whether to go on from where somebody moved the robot to
+        :raises ControlError: if a motion could not start now either, or the robot was moved
+        """
+        if PAUSE not in self._factor.factors:
+            return
+        self._session.check_resume(even_if_moved)
+        if self._factor.set(PAUSE, 1.0):
+            self._node.get_logger().info('Resumed')
+
+    def resume_when_confirmed(self) -> None:
+        """
+        Go on with a motion that is paused; if the robot was moved, only when asked again.
+
+        :raises ControlError: if a motion could not start now either, or the robot was moved
+        """
+        try:
+            self.resume(even_if_moved=time.monotonic() - self._refused < RESUME_CONFIRM_TIMEOUT)
+            self._refused = float('-inf')
+        except RobotMovedError as error:
+            self._refused = time.monotonic()
+            raise RobotMovedError(
+                f'{error}. Resume once more within {RESUME_CONFIRM_TIMEOUT:g} s to go on all the '
+                'same') from None
+
+    def set_override(self, factor: float) -> None:
+        """
+        Set the parameter ``speed_factor``.
+
+        :param factor: from 0.01 to 1
+        :raises MotionRefusedError: if it is something else
+        """
+        result = self._node.set_parameters([Parameter(PARAMETER, value=factor)])[0]
+        if not result.successful:
+            raise MotionRefusedError(result.reason)
+
+    def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            if parameter.name == PARAMETER:
+                value = parameter.value
+                if isinstance(value, bool) or not (
+                        isinstance(value, (int, float)) and MIN_SPEED_FACTOR <= value <= 1.0):
+                    return SetParametersResult(successful=False, reason=(
+                        f'{PARAMETER} is {value!r}; it must be from {MIN_SPEED_FACTOR:g} to 1; '
+                        'to stop, pause'))
+                self._factor.set(OVERRIDE, value)
+        return SetParametersResult(successful=True)
+
+
+def _service(function: Callable[[], None]) -> Callable[
+        [Trigger.Request, Trigger.Response], Trigger.Response]:
+    """Return the callback of a service that calls a function."""
+    def respond(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        del request
+        try:
+            function()
+            response.success = True
+        except ControlError as error:
+            response.message = str(error)
+        return response
+    return respond

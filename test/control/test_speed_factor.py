@@ -1,0 +1,73 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The speed factor: a product of named factors, from any thread."""
+
+from kachaka_simple_control.control.speed_factor import OVERRIDE, PAUSE, SpeedFactor
+from kachaka_simple_control.errors import MotionRefusedError
+import pytest
+
+
+@pytest.fixture
+def changes():
+    return []
+
+
+@pytest.fixture
+def factor(changes):
+    factor = SpeedFactor(lambda: 5.0)
+    factor.on_change = lambda now, factors: changes.append((now, dict(factors)))
+    return factor
+
+
+def test_the_value_is_the_product_of_all(factor, changes):
+    assert factor.value == 1.0
+    assert factor.describe() == 'full speed'
+    factor.set(OVERRIDE, 0.5)
+    factor.set('obstacle', 0.4)
+    assert factor.value == 0.2
+    assert factor.describe() == 'override 50 %, obstacle 40 %'
+    factor.set(OVERRIDE, 1)
+    assert factor.value == 0.4
+    assert changes == [
+        (5.0, {'override': 0.5}), (5.0, {'override': 0.5, 'obstacle': 0.4}),
+        (5.0, {'obstacle': 0.4})]
+
+
+def test_what_changes_nothing_is_no_change(factor, changes):
+    assert factor.set(PAUSE, 0.0)
+    assert not factor.set(PAUSE, 0.0)
+    assert not factor.set(OVERRIDE, 1.0)
+    assert len(changes) == 1
+
+
+def test_as_long_as_one_is_zero_no_other_lets_it_move(factor):
+    factor.set(PAUSE, 0.0)
+    factor.set(OVERRIDE, 1.0)
+    factor.set('obstacle', 0.0)
+    factor.set(PAUSE, 1.0)
+    assert factor.value == 0.0
+
+
+@pytest.mark.parametrize('value', [-0.1, 1.01, float('nan'), float('inf'), '1', None])
+def test_what_is_no_factor_is_refused_and_changes_nothing(factor, changes, value):
+    with pytest.raises(MotionRefusedError, match='it must be from 0 to 1'):
+        factor.set(OVERRIDE, value)
+    assert factor.value == 1.0
+    assert changes == []
+
+
+def test_a_subscriber_may_set_a_factor(factor):
+    factor.on_change = lambda now, factors: factor.set(PAUSE, 0.0)
+    factor.set(OVERRIDE, 0.5)
+    assert factor.value == 0.0

@@ -1,0 +1,141 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Keys at the terminal of a drive: they pause, resume, change the speed and stop."""
+
+import os
+import signal
+import sys
+import termios
+
+from kachaka_simple_control.display.keyboard import LINE_MODES, LOCAL_MODES
+from program import COMMAND
+import pytest
+from terminals import at_terminal
+
+pytestmark = [pytest.mark.needs('rich', 'rclpy', 'nav_msgs', 'jsonschema')]
+
+MOTION = """\
+name: long
+rate: 20 Hz
+steps:
+  - repeat:
+      times: 20
+      steps:
+        - forward: 1 m
+        - turn: 180 deg
+"""
+#: Runs a command in the background of the terminal, and in its foreground after SIGUSR1.
+SHELL = """
+import os, signal, sys
+job = os.fork()
+if job == 0:
+    os.setpgid(0, 0)
+    os.execv(sys.argv[1], sys.argv[1:])
+signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+signal.signal(signal.SIGUSR1, lambda *_: os.tcsetpgrp(0, os.getpgid(job)))
+while True:
+    _, status = os.waitpid(job, os.WUNTRACED)
+    if os.WIFSTOPPED(status):
+        print('SUSPENDED', flush=True)
+    else:
+        os.tcsetpgrp(0, os.getpgrp())
+        sys.exit(os.waitstatus_to_exitcode(status))
+"""
+
+
+@pytest.fixture
+def motion(tmp_path):
+    """Return the path of a long motion."""
+    file = tmp_path / 'long.yaml'
+    file.write_text(MOTION)
+    return str(file)
+
+
+def collects_lines(shown):
+    """Return whether the terminal collects lines and shows what is typed."""
+    return termios.tcgetattr(shown.leader)[LOCAL_MODES] & LINE_MODES == LINE_MODES
+
+
+def test_keys_pause_resume_change_the_speed_and_stop(motion):
+    with at_terminal([*COMMAND, motion, '--sim'], 130, 30) as shown:
+        shown.wait_for_text('space pauses, + - speed, q stops')
+        shown.wait_for_text('DRIVING   step 1 of 40')
+        assert not collects_lines(shown)
+        shown.press(b' ')
+        shown.wait_for_text('PAUSED   step 1 of 40: forward 1 m (pause 0 %)')
+        shown.wait_for_text('r resumes, + - speed, q stops')
+        shown.wait_for_text('odometry     0.000 m/s')
+        shown.press(b' --x')
+        shown.wait_for_text('PAUSED   step 1 of 40: forward 1 m (pause 0 %, override 80 %)')
+        shown.press(b'r')
+        shown.wait_for_text('DRIVING   step 1 of 40: forward 1 m (override 80 %)')
+        shown.press(b'++')
+        shown.wait_for_text('step 2 of 40: turn 180 deg', 30.0)
+        assert not any('%)' in line for line in shown.screen.lines)
+        shown.press(b'q')
+        assert shown.end() == 130
+        assert collects_lines(shown)
+
+
+def test_a_program_that_is_killed_leaves_a_terminal_that_collects_lines(motion):
+    with at_terminal([*COMMAND, motion, '--sim'], 130, 30) as shown:
+        shown.wait_for_text('DRIVING')
+        assert not collects_lines(shown)
+        shown.process.send_signal(signal.SIGKILL)
+        shown.wait_for_text('was killed in mid-motion')
+        assert collects_lines(shown)
+
+
+def test_in_the_background_nothing_is_read_and_nothing_is_suspended(motion):
+    command = [sys.executable, '-c', SHELL, *COMMAND, motion, '--sim']
+    with at_terminal(command, 130, 30) as shown:
+        shown.wait_for_text('` stops the robot')
+        shown.wait_for_text('DRIVING')
+        assert collects_lines(shown)
+        shown.press(b' ')  # for the shell
+        shown.read_for(1.0)
+        assert not any('PAUSED' in line or 'SUSPENDED' in line for line in shown.screen.lines)
+        os.kill(shown.process.pid, signal.SIGUSR1)  # fg
+        shown.wait_for_text('+ - speed, q stops')
+        shown.press(b' ')
+        shown.wait_for_text('PAUSED')
+        shown.press(b'q')
+        assert shown.end() == 130
+        assert collects_lines(shown)
+
+
+def test_without_keys_the_terminal_is_left_alone(motion):
+    """With --quiet nothing shows the keys; what is typed is for the shell."""
+    with at_terminal([*COMMAND, motion, '--sim', '--quiet'], 130, 30) as shown:
+        shown.wait_for_text('manual control enabled')
+        shown.press(b' q')
+        shown.read_for(1.0)
+        assert collects_lines(shown)
+        assert not any('Paused' in line for line in shown.screen.lines)
+        shown.press(b'\x03')
+        assert shown.end() == 130
+
+
+def test_a_pause_before_the_start_is_shown_and_holds_the_motion(motion):
+    with at_terminal([*COMMAND, motion, '--sim', '--wait'], 130, 30) as shown:
+        shown.wait_for_text('space pauses, + - speed, q stops')
+        shown.press(b' ')
+        shown.wait_for_text('r resumes, + - speed, q stops')
+        shown.press(b'\n')
+        shown.wait_for_text('The motion is held at its start (pause 0 %): resume to go on')
+        shown.wait_for_text('PAUSED   step 1 of 40')
+        shown.press(b'r')
+        shown.wait_for_text('DRIVING   step 1 of 40')
+        shown.press(b'q')
+        assert shown.end() == 130

@@ -1,0 +1,358 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Pause, resume and less speed in real time: over DDS, with a listener or the simulated robot."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from itertools import pairwise
+import math
+import random
+import threading
+import time
+
+from kachaka_simple_control.cli import parse
+from kachaka_simple_control.control import plan_runner
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
+from kachaka_simple_control.errors import ControlError, MotionRefusedError, PauseTimeoutError
+from kachaka_simple_control.files.library import find
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.motion.geometry import integrate, ORIGIN
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySent
+from optional_libraries import MISSING, optional_imports
+from program import COMMAND, program
+import pytest
+from ros_support import bridge, wait_until
+
+NODE = ODOMETRY = TRANSIENT_LOCAL = MISSING
+with optional_imports():
+    from rcl_interfaces.msg import Parameter as ParameterMessage
+    from rcl_interfaces.msg import ParameterValue
+    from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+    from std_msgs.msg import Float64
+    from topic_observer import figures, NODE, ODOMETRY, TRANSIENT_LOCAL
+
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs')]
+
+CRUISE = 0.3
+#: The way from 0.3 m/s to rest with 0.5 m/s^2 and 2 m/s^3 [m]: v / 2 (v / a + a / j).
+BRAKING_DISTANCE = 0.1275
+#: How late a message may be on a loaded machine [s].
+LATENESS = 0.02
+
+
+@contextmanager
+def driving(function, *arguments):
+    """Run a drive in another thread; yield a list that its error is added to when it ends."""
+    raised = []
+
+    def drive():
+        try:
+            function(*arguments)
+            raised.append(None)
+        except ControlError as error:
+            raised.append(error)
+            print(f'the drive ended: {error}')
+
+    thread = threading.Thread(target=drive)
+    thread.start()
+    try:
+        yield raised
+    finally:
+        function.__self__.stop_robot()
+        thread.join(10.0)
+        assert not thread.is_alive()
+
+
+def is_zero(heard):
+    """Return whether a velocity is zero."""
+    return not heard.moves
+
+
+def is_at_cruise(heard):
+    """Return whether a velocity is the one of the cruise."""
+    return heard.linear_x == CRUISE
+
+
+def pause_in_cruise(node, listener):
+    """Pause a node in its cruise; return when, and when its first zero was sent [s]."""
+    listener.wait_for(is_at_cruise)
+    time.sleep(0.3)
+    count, paused = len(listener.heard), time.time()
+    node.pause()
+    return paused, listener.wait_for(is_zero, after=count).time
+
+
+def way(heard, since, until):
+    """Return how far a robot drives that holds each velocity until the next [m]."""
+    return sum(one.linear_x * (min(two.time, until) - max(one.time, since))
+               for one, two in pairwise(heard) if one.time < until and two.time > since)
+
+
+def call_set(observer, values):
+    """Set parameters of the node; return why each was refused, empty if it was not."""
+    answer = observer.call(
+        SetParameters, f'{NODE}/set_parameters', SetParameters.Request(parameters=[
+            ParameterMessage(name=name, value=value) for name, value in values]))
+    assert all(result.successful != bool(result.reason) for result in answer.results)
+    return [result.reason for result in answer.results]
+
+
+@pytest.mark.slow
+def test_a_square_with_five_pauses_ends_where_it_would(make, monkeypatch):
+    """As sent, to a millimetre; as a simulated robot drove, to what a machine has of noise."""
+    ticks = []
+
+    class Recorded(TickScheduler):
+        def due(self, elapsed, factor=1.0):
+            tick = super().due(elapsed, factor)
+            ticks.append(tick)
+            return tick
+
+    monkeypatch.setattr(plan_runner, 'TickScheduler', Recorded)
+    square = find('square')
+    planned = plan(square.motion, KACHAKA.limits, 50.0)
+    with bridge():
+        node = make(rate=50.0)
+        events, refused = [], []
+        node.event_bus.subscribe(events.append)
+
+        def pause_and_resume():
+            chance = random.Random(20261123)
+            while not any(tick and not tick.velocity.is_zero for tick in ticks):
+                time.sleep(0.01)
+            for _ in range(5):
+                # Some end while it still brakes, and some begin before it is at speed again.
+                time.sleep(chance.uniform(0.3, 2.5))
+                node.pause()
+                time.sleep(chance.uniform(0.3, 1.2))
+                try:
+                    node.resume()
+                except MotionRefusedError as error:
+                    refused.append(error)
+                    node.resume(even_if_moved=True)
+
+        thread = threading.Thread(target=pause_and_resume)
+        thread.start()
+        node.run(square.motion)
+        thread.join()
+        # The newest odometry may be one from before the stop.
+        time.sleep(0.3)
+        node.destroy_node()
+    assert refused == []
+    assert ticks.pop() is None
+    assert ticks[-1].deadline > planned.duration + 1.0
+    sent = [event.velocity for event in events if isinstance(event, VelocitySent)]
+    moving = [velocity for velocity in sent if not velocity.is_zero]
+    assert moving == [tick.velocity for tick in ticks if not tick.velocity.is_zero]
+    end = ORIGIN
+    for tick, following in zip(ticks, [*(tick.start for tick in ticks[1:]), ticks[-1].deadline]):
+        end = integrate(end, tick.velocity, following - tick.start)
+    assert (end.x, end.y) == pytest.approx((planned.pose.x, planned.pose.y), abs=1e-3)
+    assert end.theta == pytest.approx(planned.pose.theta, abs=math.radians(0.1))
+    driven = [event.pose for event in events if isinstance(event, OdometryReceived)]
+    first, last = driven[0], driven[-1]
+    # Each message may be late by some ms, in which the velocity would change by 0.01 m/s or 0.05
+    # rad/s; an angle moves the ends of the sides after it.  A pause that loses its way loses cm.
+    assert math.hypot(last.x - first.x, last.y - first.y) < 0.01
+    assert math.remainder(last.theta - first.theta, math.tau) == pytest.approx(
+        0.0, abs=math.radians(1.5))
+
+
+def test_a_pause_brakes_within_the_limits_and_holds_with_zeros(listener, observer, make):
+    rate = 20.0
+    node = make(rate=rate)
+    seen = observer.diagnostics()
+    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
+        paused, rest = pause_in_cruise(node, listener)
+        assert wait_until(lambda: seen and figures(seen[-1])['state'] == 'paused')
+        values = figures(seen[-1])
+        assert values['speed'] == 'pause 0 %'
+        assert values['guardian'] == 'matched'
+        time.sleep(1.0)
+        assert node.speed_factor == 0.0
+        held = [heard for heard in listener.heard if heard.time >= rest]
+        count = len(listener.heard)
+        node.resume()
+        listener.wait_for(is_at_cruise, after=count)
+        assert ended == []
+        assert node.speed_factor == 1.0
+    distance = way(listener.heard, paused, rest)
+    assert distance < BRAKING_DISTANCE + CRUISE * (1.0 / rate + LATENESS)
+    assert distance > BRAKING_DISTANCE - CRUISE * LATENESS
+    assert not any(heard.moves for heard in held)
+    gaps = sorted(two.time - one.time for one, two in pairwise(held))
+    assert len(gaps) >= 0.8 * rate
+    # All but the worst tenth, on a machine that others load too; none is a gap for the robot.
+    assert gaps[len(gaps) * 9 // 10 - 1] < 1.0 / rate + LATENESS
+    assert gaps[-1] < KACHAKA.command_timeout
+
+
+def test_a_pause_between_two_movements_holds_the_next(listener, make):
+    node = make()
+    node.move_robot(0.1, 0.0, 0.2)
+    node.pause()
+    with driving(node.move_robot, 0.2, 0.0, 1.0) as ended:
+        time.sleep(1.0)
+        resumed = time.time()
+        assert [move.linear_x for move in listener.moves()] == [0.1]
+        # It is held within its run, which sends zeros at the rate.
+        assert sum(resumed - 0.55 < heard.time < resumed for heard in listener.heard) >= 4
+        node.resume()
+        assert wait_until(lambda: ended)
+        assert ended == [None]
+    after = [heard for heard in listener.heard if heard.time > resumed]
+    assert max(heard.linear_x for heard in after) == 0.2
+    assert way(after, resumed, after[-1].time) == pytest.approx(0.2, abs=0.2 * LATENESS)
+
+
+@pytest.mark.parametrize('by', ['service', 'method'])
+def test_a_robot_that_was_moved_goes_on_only_when_asked_twice(listener, observer, make, by):
+    pose = observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
+    node = make()
+    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
+        pause_in_cruise(node, listener)
+        time.sleep(1.0)  # its pose at rest is noted after 0.5 s
+        pose.position.y += 0.05
+        time.sleep(0.3)
+        count, told = len(listener.heard), 'the robot was moved by 5.0 cm and 0.0 deg'
+        if by == 'service':
+            answer = listener.call('resume')
+            assert not answer.success
+            assert told in answer.message
+            assert 'once more within 10 s' in answer.message
+        else:
+            with pytest.raises(MotionRefusedError, match=told):
+                node.resume()
+        time.sleep(0.3)
+        assert not any(heard.moves for heard in listener.heard[count:])
+        assert node.speed_factor == 0.0
+        if by == 'service':
+            assert listener.call('resume').success
+        else:
+            node.resume(even_if_moved=True)
+        listener.wait_for(is_at_cruise, after=count)
+        assert ended == []
+
+
+def test_a_run_that_ended_while_paused_does_not_go_on(listener, make):
+    """The robot left; a resume afterwards, by whoever did not notice, moves nothing."""
+    node = make()
+    sent = []
+    node.event_bus.subscribe(
+        lambda event: sent.append(event) if isinstance(event, VelocitySent) else None)
+    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
+        pause_in_cruise(node, listener)
+        count = len(sent)
+        listener.leave()
+        assert wait_until(lambda: ended)
+        assert 'the robot left' in str(ended[0])
+        assert listener.call('resume').success
+        time.sleep(0.5)
+    assert all(event.velocity.is_zero for event in sent[count:])
+
+
+def test_a_long_pause_gives_the_motion_up_and_the_robot_back(listener, make):
+    node = make(pause_timeout=1.0)
+    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
+        _, rest = pause_in_cruise(node, listener)
+        assert wait_until(lambda: ended)
+        assert isinstance(ended[0], PauseTimeoutError)
+        assert 'pause_timeout' in str(ended[0])
+        (released,) = listener.released
+        assert released - rest == pytest.approx(1.0, abs=0.8)
+        assert rest < listener.heard[-1].time < released
+        node.resume()
+        time.sleep(0.5)
+    assert not any(heard.moves for heard in listener.heard if heard.time > rest)
+    # A program that goes on takes the robot again.
+    node.move_robot(0.1, 0.0, 0.2)
+    assert [move.linear_x for move in listener.moves()][-1] == 0.1
+    assert len(listener.enabled) >= 2
+
+
+def test_the_speed_is_a_parameter_and_a_topic(listener, observer, make):
+    node = make()
+    shown = observer.subscribe(Float64, f'{NODE}/speed_factor', TRANSIENT_LOCAL)
+    assert wait_until(lambda: shown)
+    assert shown[0].data == 1.0
+    with driving(node.move_robot, CRUISE, 0.0, 30.0):
+        listener.wait_for(is_at_cruise)
+        for value in (ParameterValue(type=3, double_value=0.0), ParameterValue(type=2),
+                      ParameterValue(type=3, double_value=2.0),
+                      ParameterValue(type=3, double_value=math.nan),
+                      ParameterValue(type=1, bool_value=True),
+                      ParameterValue(type=4, string_value='x')):
+            assert call_set(observer, [('speed_factor', value)]) != ['']
+        half = ParameterValue(type=3, double_value=0.5)
+        fast = ParameterValue(type=3, double_value=50.0)
+        (reason,) = call_set(observer, [('rate', fast)])
+        assert 'read-only' in reason
+        # All or none.
+        answer = observer.call(
+            SetParametersAtomically, f'{NODE}/set_parameters_atomically',
+            SetParametersAtomically.Request(parameters=[
+                ParameterMessage(name='speed_factor', value=half),
+                ParameterMessage(name='rate', value=fast)]))
+        assert not answer.result.successful
+        assert node.speed_factor == 1.0
+        count = len(listener.heard)
+        assert call_set(observer, [('speed_factor', half)]) == ['']
+        assert node.speed_factor == 0.5
+        listener.wait_for(lambda heard: heard.linear_x == CRUISE / 2.0, after=count)
+        assert wait_until(lambda: shown[-1].data == 0.5)
+        node.pause()
+        assert wait_until(lambda: shown[-1].data == 0.0)
+        late = observer.subscribe(Float64, f'{NODE}/speed_factor', TRANSIENT_LOCAL)
+        assert wait_until(lambda: late)
+        assert late[0].data == 0.0
+        assert call_set(
+            observer, [('speed_factor', ParameterValue(type=2, integer_value=1))]) == ['']
+        node.resume()
+        listener.wait_for(is_at_cruise, after=len(listener.heard))
+    for wrong in (0.0, 1.5, math.nan, 'x', True):
+        with pytest.raises(MotionRefusedError, match='speed_factor'):
+            node.speed_factor = wrong
+    assert node.speed_factor == 1.0
+
+
+def test_the_command_drives_at_half_the_speed_for_twice_the_time(listener, tmp_path):
+    file = tmp_path / 'on.yaml'
+    file.write_text('steps:\n  - move: {linear_x: 0.2, angular_z: 0, duration: 0.7}\n')
+    with program([*COMMAND, str(file), '--speed', '50%'], tmp_path) as started:
+        assert started.end() == 0
+    assert 'Slower than planned: override 50 %' in started.text
+    assert ' seconds planned, driven in ' in started.text
+    cruise = max(listener.moves(), key=lambda move: move.count)
+    assert cruise.linear_x == pytest.approx(0.1)
+    assert cruise.duration == pytest.approx(1.4, abs=0.05)
+
+
+@pytest.mark.parametrize('speed', ['0', '0%', '150%', 'x', '-50%', 'nan', '50%%', ''])
+def test_an_impossible_speed_is_refused_in_one_line(speed, capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse(['square', f'--speed={speed}'])
+    assert caught.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert '--speed' in line
+    assert 'from 1% to 100%' in line
+
+
+def test_two_speeds_that_differ_are_refused(tmp_path):
+    command = [*COMMAND, '--speed', '50%', '--ros-args', '-p', 'speed_factor:=0.7']
+    with program(command, tmp_path) as started:
+        assert started.end() == 2
+    (line,) = started.text.splitlines()
+    assert '--speed 0.5 and -p speed_factor:=0.7 differ: give one' in line
