@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""ROS 2 messages as CDR, written without ROS: velocities, odometry and paths."""
+"""ROS 2 messages as CDR, written without ROS: velocities, odometry, paths and numbers."""
 
 from __future__ import annotations
 
@@ -82,6 +82,11 @@ def twist(velocity: Velocity) -> bytes:
 def twist_stamped(velocity: Velocity, time: int, frame: str) -> bytes:
     """Return a velocity sent at a time [ns] as ``geometry_msgs/msg/TwistStamped``."""
     return CdrWriter().header(time, frame).velocity(velocity).message()
+
+
+def float64(value: float) -> bytes:
+    """Return a number as ``std_msgs/msg/Float64``."""
+    return CdrWriter().doubles(value).message()
 
 
 def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:

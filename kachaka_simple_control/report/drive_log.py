@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -23,6 +22,7 @@ import math
 
 from kachaka_simple_control.motion.plan import Plan, plan, PlannedStep
 from kachaka_simple_control.motion.steps import Step
+from kachaka_simple_control.report.plan_timeline import PlanTimeline, ROUNDING
 from kachaka_simple_control.telemetry.events import (
     Event,
     MotionEnded,
@@ -31,11 +31,9 @@ from kachaka_simple_control.telemetry.events import (
     OdometryReceived,
     SessionEnded,
     SessionStarted,
+    SpeedFactorChanged,
     VelocitySent,
 )
-
-#: A message is not early if it is by less than this [s]: times are sums, and rounded.
-ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,7 @@ class StepLog:
     A step and its messages.
 
     :param planned: what was planned
-    :param began: when it began by the plan [s on the steady clock]
+    :param began: when the plan was at its start [s on the steady clock]
     :param sent: its messages, from its first to the one after its last, which ends it
     :param is_complete: whether it was driven to its end
     """
@@ -58,6 +56,16 @@ class StepLog:
     def step(self) -> Step:
         """Return the step that was asked for."""
         return self.planned.step
+
+    @property
+    def is_delayed(self) -> bool:
+        """Return whether any of it was not driven as planned, by a pause or at less speed."""
+        return any(message.plan_time is not None for message in self.sent)
+
+    @property
+    def driven_duration(self) -> float:
+        """Return how long it took, pauses included, to the message that ended it [s]."""
+        return self.sent[-1].time - self.began if self.sent else 0.0
 
 
 @dataclass
@@ -97,45 +105,66 @@ class MotionLog:
         return plan(self.planned.motion, self.planned.limits, self.planned.rate)
 
     @property
+    def timeline(self) -> PlanTimeline:
+        """Return when it was where on its plan."""
+        return PlanTimeline(self.began, self.sent)
+
+    @property
     def own_messages(self) -> Sequence[VelocitySent]:
         """Return its own messages, from t = 0 to the zero that ended it."""
         if not self.has_begun:
             return ()
-        return self.sent[self._first(0.0):self._last() + 1]
+        timeline = self.timeline
+        return self.sent[timeline.first(0.0):self._last(timeline) + 1]
 
     @property
     def steps(self) -> list[StepLog]:
         """Return its steps that were begun, in order."""
         if not self.has_begun or not self.sent:
             return []
-        last = self._last()
-        until = self.sent[last].time
+        timeline = self.timeline
+        last = self._last(timeline)
+        reached = self._reached(timeline, last)
         steps = [step for step in self.plan.steps
-                 if self.is_complete or self._begins_by(step, until)]
-        starts = [self._first(step.start) for step in steps]
+                 if self.is_complete or self._begins_by(step, reached, timeline.is_delayed)]
+        starts = [timeline.first(step.start) for step in steps]
         return [
-            StepLog(step, self.began + step.start, tuple(self.sent[first:following + 1]),
-                    self.is_complete or self.began + step.end <= until + ROUNDING)
+            StepLog(step, timeline.time(step.start), tuple(self.sent[first:following + 1]),
+                    self.is_complete or step.end <= reached + ROUNDING)
             for step, first, following in zip(steps, starts, [*starts[1:], last])]
 
-    def _begins_by(self, step: PlannedStep, until: float) -> bool:
+    @property
+    def reached(self) -> float:
+        """Return how far on its plan it came, to a period if it was delayed [s of the plan]."""
+        if not self.has_begun or not self.sent:
+            return 0.0
+        timeline = self.timeline
+        return self._reached(timeline, self._last(timeline))
+
+    @staticmethod
+    def _reached(timeline: PlanTimeline, last: int) -> float:
+        # What the zero of a stop was sent at is not known of a plan that may have been held.
+        if timeline.is_delayed:
+            last = max(timeline.last_delayed, last - 1)
+        return timeline.message_plan_time(last)
+
+    @staticmethod
+    def _begins_by(step: PlannedStep, reached: float, is_delayed: bool) -> bool:
         # A rest begins with a zero, which may be the first of the stop.
         rests = step.max_linear_velocity == step.max_angular_velocity == 0.0
-        return self.began + step.start < until + (ROUNDING if rests else -ROUNDING)
-
-    def _first(self, elapsed: float) -> int:
-        return bisect_left(self.sent, self.began + elapsed - ROUNDING, key=_time)
+        return step.start < reached + (ROUNDING if rests or is_delayed else -ROUNDING)
 
     def _is_zero_after_start(self, sent: VelocitySent) -> bool:
         return sent.velocity.is_zero and sent.time > self.began
 
-    def _last(self) -> int:
+    def _last(self, timeline: PlanTimeline) -> int:
         """Return the index of the message that ended it."""
         end = len(self.sent) - 1
         if self.is_complete:
-            return min(end, self._first(self.plan.duration))
-        # All zeros at the end but the first belong to the stop.
-        while end > 0 and self._is_zero_after_start(self.sent[end - 1]):
+            return min(end, max(timeline.last_delayed, timeline.first(self.plan.duration)))
+        # All zeros at the end but the first belong to the stop, unless they are the plan's.
+        least = timeline.last_delayed + 1
+        while end > least and self._is_zero_after_start(self.sent[end - 1]):
             end -= 1
         return end
 
@@ -148,12 +177,14 @@ class DriveLog:
     :param session_started: the start of the session; None before it
     :param motions: what was to be driven, in order
     :param odometry: every pose that arrived, in order
+    :param speed_changes: changes of the speed factor, in order; it is 1 before the first
     :param session_ended: its end; None while it goes on, or if the program was killed
     """
 
     session_started: SessionStarted | None = None
     motions: list[MotionLog] = field(default_factory=list)
     odometry: list[OdometryReceived] = field(default_factory=list)
+    speed_changes: list[SpeedFactorChanged] = field(default_factory=list)
     session_ended: SessionEnded | None = None
 
     @property
@@ -173,6 +204,8 @@ class DriveLog:
                 self.motions[-1].sent.append(event)
             case OdometryReceived():
                 self.odometry.append(event)
+            case SpeedFactorChanged():
+                self.speed_changes.append(event)
             case MotionPlanned():
                 self.motions.append(MotionLog(event))
             case MotionStarted():
@@ -185,7 +218,3 @@ class DriveLog:
                 self.session_started = event
             case SessionEnded():
                 self.session_ended = event
-
-
-def _time(sent: VelocitySent) -> float:
-    return sent.time

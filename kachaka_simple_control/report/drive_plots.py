@@ -11,42 +11,30 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Plots of a drive: path, velocities and errors over time, periods."""
+"""All plots of a drive as SVG: its path, velocities and errors over time, periods."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 import io
-from itertools import pairwise
 import math
 from operator import attrgetter
 import re
 from typing import Any, TYPE_CHECKING
 import warnings
 
-from kachaka_simple_control.motion.geometry import (
-    compose,
-    Footprint,
-    front_point,
-    ORIGIN,
-    outline,
-    Point,
-    Pose,
-    transform_point,
-)
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.report.drive_path_plot import draw_drive_path, draw_legend, TOP, WIDTH
 from kachaka_simple_control.report.odometry_alignment import AlignedDrive, OdometrySample
-from kachaka_simple_control.report.paths import arc_segments, min_max_decimate, simplify, StepPoint
-from kachaka_simple_control.report.plan_plot import Area, GRAIN, MARGIN, SMALLEST, TICK
+from kachaka_simple_control.report.paths import min_max_decimate, StepPoint
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     ANGULAR,
     BLUE,
     default_style,
     draw_limits,
-    GREEN,
     GREY,
     LINEAR,
     ODOMETRY,
@@ -56,13 +44,14 @@ from kachaka_simple_control.report.plot_style import (
     Scale,
     scale_for,
     SENT,
-    set_map_limits,
     set_time_limits,
     style_axes,
     time_unit,
     velocity_steps,
     VelocityComponent,
 )
+from kachaka_simple_control.report.speed_history import SpeedInterval
+from kachaka_simple_control.report.speed_table import shade_pauses
 from kachaka_simple_control.report.summary import Summary
 
 if TYPE_CHECKING:
@@ -70,32 +59,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Sizes and places [inch].
-WIDTH = 5.4
-#: Above all axes.
-TOP = 0.1
-#: The legend's bottom.
-LEGEND = 0.02
-PATH_LEFT, PATH_RIGHT, PATH_BOTTOM = 0.72, 0.12, 0.98
 #: Beside and below plots over time, and plots of periods.
 LEFT, RIGHT, BOTTOM = 0.78, 0.14, 0.52
 #: The height of a row of a plot over time, the gap between two, and the room for a legend.
-ROW, GAP, KEY = 1.45, 0.2, 0.28
-PERIOD_HEIGHT = 2.5
-#: The proportions of height to width that a map may have.
-FLATTEST, TALLEST = 0.42, 1.15
-#: About so many ticks on a map's longer axis.
-TICKS = 7.0
-#: The robot where it ended, and where it started.
-AT_END: dict[str, Any] = {
-    'edgecolor': '#222222', 'linewidth': 1.4, 'facecolor': (0, 0, 0, 0.06), 'zorder': 2.0}
-AT_START: dict[str, Any] = {
-    'edgecolor': GREEN, 'linewidth': 1.6, 'facecolor': 'none', 'linestyle': (0, (4, 2)),
-    'zorder': 2.2}
-#: More points than these on one line make a page large.
-MAX_POINTS = 5000
-#: A line with more points than these is thin and solid, for dashes on dashes would be a wall.
-MANY = 1000
-THIN: dict[str, Any] = {'linewidth': 0.6, 'linestyle': '-'}
+ROW, GAP, KEY = 1.2, 0.18, 0.28
+PERIOD_HEIGHT = 2.0
 #: Names of lines whose value is held until the next point.
 HELD = ('planned', 'sent')
 #: With more points than these a line over time is drawn as a band, of so many parts.
@@ -109,7 +77,7 @@ SVG: Any = {'svg.fonttype': 'none'}
 #: Metadata that are left out: the same drive gives the same bytes.
 NO_METADATA = {'Date': None, 'Creator': None, 'Format': None, 'Type': None}
 #: Pixels an inch of the PNG.
-RESOLUTION = 200
+RESOLUTION = 260
 #: Names of the plots.
 PATH, VELOCITIES, ERRORS, PERIODS = 'path', 'velocities', 'errors', 'periods'
 
@@ -155,7 +123,8 @@ def _plots(summary: Summary) -> dict[str, Callable[[Figure], None]]:
     footprint = None if session is None else session.footprint
     plots: dict[str, Callable[[Figure], None]] = {
         PATH: lambda figure: draw_drive_path(figure, path, footprint),
-        VELOCITIES: lambda figure: draw_drive_velocities(figure, path, limits)}
+        VELOCITIES: lambda figure: draw_drive_velocities(
+            figure, path, limits, [part for part in summary.speed if part.is_pause])}
     if path.odometry:
         plots[ERRORS] = lambda figure: draw_drive_errors(figure, path)
     if summary.timing.interval_errors:
@@ -209,112 +178,15 @@ def embed_svg(svg: str, name: str) -> str:
     return re.sub(r'\n+\s*', '\n', svg)
 
 
-def draw_drive_path(figure: Figure, path: AlignedDrive, footprint: Footprint | None) -> None:
+def draw_drive_velocities(figure: Figure, path: AlignedDrive, limits: Limits,
+                          pauses: Sequence[SpeedInterval] = ()) -> None:
     """
-    Draw the path of a drive, and set the size of the figure.
-
-    :param figure: the figure, empty
-    :param path: the drive
-    :param footprint: the robot's outline; None if it is not known
-    """
-    lines = _path_lines(path)
-    end = path.odometry[-1].pose if path.odometry else (
-        path.dead_reckoning.end if path.sent else path.planned_end)
-    area = _extent([*(point for points in lines.values() for point in points),
-                    *_corners(footprint, (ORIGIN, end))])
-    width = WIDTH - PATH_LEFT - PATH_RIGHT
-    height = width * area.height / area.width
-    figure.set_size_inches(WIDTH, PATH_BOTTOM + height + TOP)
-    axes = add_axes(figure, PATH_LEFT, PATH_BOTTOM, width, height)
-    size = max(area.width, area.height)
-    set_map_limits(axes, *area, tick_distance=size / TICKS)
-    style_axes(axes)
-    for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
-        kept = simplify(points, size * GRAIN, MAX_POINTS)
-        thin = THIN if name == 'odometry' and len(kept) > MANY else {}
-        axes.plot([x for x, _ in kept], [y for _, y in kept], **{**look, **thin}, label=name,
-                  gid=name)
-    _draw_robots(axes, footprint, end, size * TICK)
-    _draw_legend(figure, PATH_LEFT)
-
-
-def _draw_legend(figure: Figure, left: float, *artists: Any) -> None:
-    figure.legend(
-        *artists, loc='lower left', ncol=3, frameon=False, borderpad=0.2, borderaxespad=0.0,
-        bbox_to_anchor=(left / WIDTH, LEGEND / figure.get_figheight()), handlelength=2.6,
-        columnspacing=1.8)
-
-
-def _path_lines(path: AlignedDrive) -> dict[str, list[Point]]:
-    planned = [(ORIGIN.x, ORIGIN.y)]
-    for start in path.motion_starts:
-        planned.append((start.pose.x, start.pose.y))
-        for segment in arc_segments(start.motion.plan):
-            planned += replace(segment, start=compose(start.pose, segment.start)).points()
-    lines = {'planned': planned}
-    if path.sent:
-        poses = (*_sent_poses(path), path.dead_reckoning.end)
-        lines['sent'] = [(pose.x, pose.y) for pose in poses]
-    if path.odometry:
-        lines['odometry'] = [(sample.pose.x, sample.pose.y) for sample in path.odometry]
-    return lines
-
-
-def _sent_poses(path: AlignedDrive) -> Iterator[Pose]:
-    """Return the poses along what was sent, close enough to each other to show arcs."""
-    reckoning = path.dead_reckoning
-    for (begin, end), (one, two) in zip(pairwise(reckoning.times), pairwise(reckoning.poses)):
-        yield one
-        if one.x == two.x and one.y == two.y:
-            continue
-        count = min(math.ceil(abs(two.theta - one.theta) / 0.1), 100)
-        for part in range(1, count):
-            yield reckoning.at(begin + (end - begin) * part / count)
-    yield from reckoning.poses[-1:]
-
-
-def _corners(footprint: Footprint | None, poses: Sequence[Pose]) -> list[Point]:
-    if footprint is None:
-        return [(pose.x, pose.y) for pose in poses]
-    return [corner for pose in poses for corner in outline(footprint, pose)]
-
-
-def _extent(points: Sequence[Point]) -> Area:
-    finite = [point for point in points if math.isfinite(point[0] + point[1])]
-    xs, ys = [x for x, _ in finite], [y for _, y in finite]
-    free = 1.0 + 2.0 * MARGIN
-    width = max((max(xs) - min(xs)) * free, SMALLEST)
-    height = max((max(ys) - min(ys)) * free, SMALLEST)
-    width, height = max(width, height / TALLEST), max(height, width * FLATTEST)
-    return Area((min(xs) + max(xs) - width) / 2.0, (min(ys) + max(ys) - height) / 2.0,
-                width, height)
-
-
-def _draw_robots(axes: Axes, footprint: Footprint | None, end: Pose, reach: float) -> None:
-    from matplotlib.collections import PolyCollection
-
-    for pose, look, name in ((ORIGIN, AT_START, 'at the start'), (end, AT_END, 'at the end')):
-        colour = look['edgecolor']
-        tip = (reach, 0.0)
-        if footprint is not None:
-            axes.add_collection(PolyCollection(
-                [outline(footprint, pose)], **look, label=f'robot {name}'))
-            front = front_point(footprint, ORIGIN)
-            tip = front if front[0] > 0.0 else tip
-        x, y = transform_point(tip, pose)
-        axes.plot([pose.x, x], [pose.y, y], color=colour, linewidth=1.4, zorder=2.5)
-        axes.plot(pose.x, pose.y, linestyle='', marker='o', markersize=4.0, color=colour,
-                  markeredgecolor=GREY, markeredgewidth=0.0, zorder=5.0,
-                  label=None if footprint is not None else name)
-
-
-def draw_drive_velocities(figure: Figure, path: AlignedDrive, limits: Limits) -> None:
-    """
-    Draw both components of the velocity over time, with limits dashed.
+    Draw both components of the velocity over time, with limits dashed and pauses shaded.
 
     :param figure: the figure, empty; its size is set
     :param path: the drive
     :param limits: the limits to draw
+    :param pauses: when the robot was paused
     """
     rows = _rows(figure, KEY)
     duration = time_span(path)
@@ -326,8 +198,9 @@ def draw_drive_velocities(figure: Figure, path: AlignedDrive, limits: Limits) ->
         for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
             _draw_line(axes, path, points, {**look, 'label': name, 'gid': name})
         draw_limits(axes, component, limits)
+        shade_pauses(axes, pauses, path.start_time, time_unit(duration)[1])
     _label_time(rows, duration)
-    _draw_legend(figure, LEFT, *rows[0].get_legend_handles_labels())
+    draw_legend(figure, LEFT, 3, *rows[0].get_legend_handles_labels())
 
 
 def draw_drive_errors(figure: Figure, path: AlignedDrive) -> None:
@@ -359,9 +232,10 @@ def _velocity_lines(
     planned: list[StepPoint] = []
     for start in path.motion_starts:
         if start.time is not None or not path.sent:
-            offset = start.time or (planned[-1][0] if planned else 0.0)
-            planned += [(offset + time, value) for time, value in velocity_steps(
-                start.motion.plan, component.attribute)]
+            offset = 0.0 if start.time is not None or not planned else planned[-1][0]
+            times, values = zip(*velocity_steps(start.motion.plan, component.attribute))
+            planned += [(offset + time, value) for time, value in zip(
+                path.planned_times(start, times), values)]
     lines = {'planned': planned}
     if path.sent:
         lines['sent'] = [(message.time - path.start_time, value_of(message.velocity))
@@ -383,8 +257,8 @@ def _rows(figure: Figure, key: float) -> tuple[Axes, Axes]:
 def _style_row(axes: Axes, path: AlignedDrive, scale: Scale, label: str) -> None:
     style_axes(axes, WIDTH - LEFT - RIGHT)
     set_time_limits(axes, scale, label, [
-        start.time + step.end for start in path.motion_starts if start.time is not None
-        for step in start.motion.plan.steps])
+        time for start in path.motion_starts if start.time is not None
+        for time in path.planned_times(start, [step.end for step in start.motion.plan.steps])])
 
 
 def _label_time(rows: tuple[Axes, Axes], duration: float) -> None:

@@ -30,17 +30,24 @@ from kachaka_simple_control.report.drive_plots import (
     time_span,
 )
 from kachaka_simple_control.report.json_export import start_datetime
-from kachaka_simple_control.report.metrics import EXTRA
+from kachaka_simple_control.report.metrics import EXTRA, StepResult
 from kachaka_simple_control.report.plan_view import format_fixed, pluralize
 from kachaka_simple_control.report.report_directory import NEEDS_JINJA2
+from kachaka_simple_control.report.speed_table import speed_rows
 from kachaka_simple_control.report.summary import OutcomeKind, Summary
+from kachaka_simple_control.report.text_tables import fold, Gap, repeat_labels
 
 T = TypeVar('T')
 
+#: The number of a step, its figures, and which repeat it is; None, None and the steps left out.
+StepRow = tuple[int | None, StepResult | None, str]
+
 #: Stands in a cell whose value is not known.
 UNKNOWN = '-'
-#: Of more steps or motions than twice this only so many at each end are shown.
-SHOWN = 150
+#: A table of more steps is folded, as that of a plan is.
+MAX_ROWS = 20
+#: Of more steps or motions than twice this only so many at each end are on the page.
+SHOWN = 500
 #: The outcome's sign, told apart by its shape as well as by its colour: an SVG path.
 SIGNS = {
     OutcomeKind.DONE: 'M5 13l5 5L20 6',
@@ -74,17 +81,20 @@ def render_page(summary: Summary, pictures: Mapping[str, str], no_pictures: str 
     environment.filters.update(
         number=_number, degrees=_degrees, short=format_number)
     template = environment.from_string(_resource('templates/report.html.j2'))
+    steps, all_steps = _step_tables(summary)
     return template.render(
         style=_resource('report.css'), summary=summary, log=summary.log,
         session=summary.log.session_started, path=summary.path, timing=summary.timing,
         sleep_loop=summary.sleep_loop, outcome=summary.outcome, sign=SIGNS[summary.outcome.kind],
         pictures=pictures, no_pictures=no_pictures, recording=recording, began=_began(summary),
         ended=_ended(summary), poses=list(_poses(summary)), silence=_silence(summary),
-        band=_band(summary), is_dense=is_dense(summary.path), steps=_ends(summary.steps),
+        band=_band(summary), is_dense=is_dense(summary.path), steps=steps,
+        all_steps=all_steps, shown=SHOWN,
         motions=_ends(summary.log.motions), shows_motions=_shows_motions(summary),
         has_motions=len({step.motion for step in summary.steps}) > 1,
         robot=_robot(summary), description=_description(summary),
-        extra=1e3 * EXTRA, pluralize=pluralize, unknown=UNKNOWN)
+        extra=1e3 * EXTRA, pluralize=pluralize, unknown=UNKNOWN,
+        speed=_ends(list(speed_rows(summary))))
 
 
 def _resource(name: str) -> str:
@@ -151,6 +161,26 @@ def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
     if left_out <= 0:
         return numbered
     return [*numbered[:SHOWN], (left_out, None), *numbered[-SHOWN:]]
+
+
+def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
+    """Return the rows of the table of steps, and if it is folded, those of all steps."""
+    results = summary.steps
+    keys = [(result.motion, result.log.planned.path, result.log.step, result.log.is_complete,
+             result.log.is_delayed) for result in results]
+    repeats = repeat_labels(keys)
+
+    def row(entry: int | Gap) -> StepRow:
+        if isinstance(entry, int):
+            return entry + 1, results[entry], repeats[entry]
+        before, after = results[entry.before].log, results[entry.after].log
+        start, end = (_number(time - summary.path.start_time, 2) for time in (
+            before.began + (before.driven_duration if before.is_delayed else
+                            before.planned.end - before.planned.start), after.began))
+        return None, None, entry.describe(start, end)
+
+    unfolded = fold(range(len(keys)), 2 * SHOWN + 1) if len(keys) > MAX_ROWS else []
+    return list(map(row, fold(keys, MAX_ROWS))), list(map(row, unfolded))
 
 
 def _shows_motions(summary: Summary) -> bool:

@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import datetime, timezone
 import json
@@ -25,6 +25,7 @@ from typing import Any
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.report.drive_log import MotionLog
 from kachaka_simple_control.report.metrics import Quantiles, StepResult
+from kachaka_simple_control.report.speed_table import speed_rows
 from kachaka_simple_control.report.summary import PoseError, signal_name, Summary
 
 #: Increases when a field is removed or changes its meaning; new fields may be added at any time.
@@ -74,6 +75,7 @@ def fields(summary: Summary, recording: str | None) -> Fields:
             'missing_messages': summary.sleep_loop.missing_messages,
             'end_distance_m': summary.sleep_loop.distance,
             'end_angle_rad': summary.sleep_loop.angle},
+        **_speed(summary),
         'motions': [_motion(motion, summary.path.start_time) for motion in log.motions],
         'steps': [_step(number, step, summary.path.start_time)
                   for number, step in enumerate(summary.steps, 1)],
@@ -122,7 +124,26 @@ def _timing(summary: Summary) -> Fields:
     timing = summary.timing
     return {
         'periods_s': timing.periods, 'due': timing.due, 'late': timing.late, 'lost': timing.lost,
-        'lateness': _quantiles(timing.lateness), 'jitter': _quantiles(timing.jitter)}
+        'lateness': _quantiles(timing.lateness), 'jitter': _quantiles(timing.jitter),
+        **({'unjudged': timing.unjudged} if timing.unjudged else {})}
+
+
+def _speed(summary: Summary) -> Fields:
+    """Return how fast it was driven; no field if all was at full speed."""
+    if not summary.speed:
+        return {}
+    return {'speed': {
+        'paused_s': summary.paused_duration,
+        'intervals': [{
+            'motion': _index(summary.log.motions, row.interval.motion) + 1, 'step': row.number,
+            'path': row.interval.step.path, 'factor': row.interval.factor,
+            'factors': row.interval.factors, 'is_pause': row.interval.is_pause,
+            'begin_s': row.begin, 'end_s': row.end, 'plan_begin_s': row.interval.plan_begin,
+            'plan_end_s': row.interval.plan_end} for row in speed_rows(summary)]}}
+
+
+def _index(motions: Sequence[MotionLog], motion: MotionLog) -> int:
+    return next(index for index, one in enumerate(motions) if one is motion)
 
 
 def _quantiles(quantiles: Quantiles | None) -> Fields | None:
@@ -147,6 +168,8 @@ def _step(number: int, result: StepResult, start_time: float) -> Fields:
         'step': log.step.describe_fully(), 'start_s': log.began - start_time,
         'duration_s': log.planned.end - log.planned.start, 'is_whole': log.is_complete,
         'messages': max(0, len(log.sent) - 1),
+        **({'plan_start_s': log.planned.start, 'driven_s': log.driven_duration}
+           if log.is_delayed else {}),
         'requested': _distance_and_angle(result.requested),
         'sent': _distance_and_angle(result.sent),
         'odometry': _distance_and_angle(result.odometry),

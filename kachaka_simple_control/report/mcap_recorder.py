@@ -24,6 +24,7 @@ from typing import Any, cast, NamedTuple, TYPE_CHECKING
 
 from kachaka_simple_control.motion.geometry import ORIGIN
 from kachaka_simple_control.report.cdr import (
+    float64,
     NANO,
     ODOM,
     odometry,
@@ -38,6 +39,7 @@ from kachaka_simple_control.report.rosbag2_metadata import (
     bag_information,
     BEST_EFFORT,
     definition,
+    FACTOR_TYPE,
     folder_information,
     ODOMETRY_TYPE,
     PATH_TYPE,
@@ -50,6 +52,7 @@ from kachaka_simple_control.telemetry.events import (
     MotionStarted,
     OdometryReceived,
     SessionStarted,
+    SpeedFactorChanged,
     VelocitySent,
 )
 
@@ -58,6 +61,7 @@ if TYPE_CHECKING:
 
 NAME = 'run.mcap'
 PATH_TOPIC = '/kachaka_simple_control/planned_path'
+FACTOR_TOPIC = '/kachaka_simple_control/speed_factor'
 #: Messages are compressed and indexed in chunks of this size at most [bytes].
 CHUNK_SIZE = 1 << 20
 
@@ -175,6 +179,7 @@ class McapRecorder:
         self._pending: list[_Message] = []
         self._span: list[int] = []
         self._is_finished = False
+        self._has_factor = False
         self._file: CrashSafeFile | None = None
         self._session: SessionStarted
         self._writer: Writer
@@ -251,6 +256,8 @@ class McapRecorder:
                 session.odometry_topic, ODOMETRY_TYPE, reliability=BEST_EFFORT))
         self._add_topic('path', Topic(
             PATH_TOPIC, PATH_TYPE, depth=1, durability=TRANSIENT_LOCAL))
+        self._add_topic('factor', Topic(
+            FACTOR_TOPIC, FACTOR_TYPE, depth=1, durability=TRANSIENT_LOCAL))
 
     def _add_topic(self, kind: str, topic: Topic) -> None:
         schema = self._writer.register_schema(
@@ -260,6 +267,14 @@ class McapRecorder:
         self._topics[kind] = topic
 
     def _record(self, event: Event) -> None:
+        match event:
+            case SpeedFactorChanged():
+                self._has_factor = True
+                self._add('factor', self._stamp(event.time), float64(event.product))
+            case VelocitySent() | OdometryReceived() | MotionStarted() if not self._has_factor:
+                # Full speed, as long as nobody has asked for less.
+                self._has_factor = True
+                self._add('factor', self._stamp(event.time), float64(1.0))
         match event:
             case VelocitySent():
                 time = self._stamp(event.time)

@@ -18,7 +18,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, takewhile
 import math
 from typing import NamedTuple
 
@@ -32,6 +32,7 @@ from kachaka_simple_control.motion.geometry import (
 )
 from kachaka_simple_control.motion.plan import Plan, PlannedStep, Segment
 from kachaka_simple_control.report.drive_log import MotionLog, StepLog
+from kachaka_simple_control.report.plan_timeline import ROUNDING
 from kachaka_simple_control.report.plan_view import ticks
 from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySent
 
@@ -93,6 +94,8 @@ class Timing:
     :param lateness: how far each message was from its time [s]; None if there was none
     :param jitter: how far each interval was from the due one [s]; None if there was none
     :param periods: the periods of the plans, each once [s]
+    :param unjudged: how many messages are left out, because from the first on that was not sent
+        as planned no time is due by the plan: after a pause, or at less speed
     """
 
     due: int
@@ -102,19 +105,31 @@ class Timing:
     lateness: Quantiles | None
     jitter: Quantiles | None
     periods: tuple[float, ...]
+    unjudged: int = 0
 
 
 def timing(motions: Sequence[MotionLog]) -> Timing:
-    """Compare the messages of motions with their plans; those that never began do not count."""
-    late = lost = due = 0
+    """
+    Compare the messages of motions with their plans, each as far as it was driven as planned.
+
+    Motions that never began do not count.
+    """
+    late = lost = due = unjudged = 0
     interval_errors: list[float] = []
     lateness: list[float] = []
     begun = [motion for motion in motions if motion.has_begun]
     for motion in begun:
         period = motion.plan.period
-        times = due_times(motion.plan, _timed_until(motion))
+        messages = motion.own_messages[:-1]
+        as_planned = list(takewhile(lambda message: message.plan_time is None, messages))
+        if len(as_planned) < len(messages):
+            unjudged += len(messages) - len(as_planned)
+            until = as_planned[-1].time - motion.began + ROUNDING if as_planned else 0.0
+        else:
+            until = _timed_until(motion)
+        times = due_times(motion.plan, until)
         sent_at = _nearest_messages(
-            times, [message.time - motion.began for message in motion.own_messages[:-1]])
+            times, [message.time - motion.began for message in as_planned])
         errors = [None if time is None else time - at for at, time in zip(times, sent_at)]
         missed = sum(error is None or abs(error) > LOST * period for error in errors)
         due, lost = due + len(times), lost + missed
@@ -124,7 +139,7 @@ def timing(motions: Sequence[MotionLog]) -> Timing:
     return Timing(
         due, late, lost, tuple(interval_errors), quantiles(lateness),
         quantiles([abs(error) for error in interval_errors]),
-        tuple(dict.fromkeys(motion.plan.period for motion in begun)))
+        tuple(dict.fromkeys(motion.plan.period for motion in begun)), unjudged)
 
 
 def due_times(plan: Plan, until: float) -> list[float]:
@@ -213,9 +228,9 @@ def segment_odometry(
     """
     Return where to cut odometry so that each step gets its own displacement.
 
-    Commands and odometry have a delay, and odometry is sampled.  Where a step borders on a rest
-    the cut is therefore moved a little into the rest.  A drive that begins with a rest begins with
-    the first odometry: nothing moved before it.
+    Commands and odometry have a delay, and odometry is sampled.  Where a step borders on a rest,
+    or was paused at its start, the cut is therefore moved a little into the rest.  A drive that
+    begins with a rest begins with the first odometry: nothing moved before it.
 
     :param steps: the steps, in order
     :param odometry: the poses that arrived, in order
@@ -226,9 +241,15 @@ def segment_odometry(
     if odometry and first.step.is_rest:
         cuts = [min(max(cuts[0], odometry[0].time), first.sent[-1].time)]
     for before, after in pairwise(steps):
-        offset = SETTLING * (after.step.is_rest - before.step.is_rest)
+        offset = SETTLING * (_begins_at_rest(after) - before.step.is_rest)
         cuts.append(max(cuts[-1], after.sent[0].time + offset))
     return [*cuts, max(cuts[-1], steps[-1].sent[-1].time)]
+
+
+def _begins_at_rest(step: StepLog) -> bool:
+    first = step.sent[0]
+    is_held = first.plan_time is not None and first.velocity.is_zero
+    return step.step.is_rest or is_held
 
 
 def pose_at(odometry: Sequence[OdometryReceived], time: float) -> Pose:

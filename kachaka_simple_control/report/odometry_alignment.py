@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
@@ -167,10 +167,23 @@ class AlignedDrive:
     def duration(self) -> float:
         """Return until when something was sent or planned [s after t = 0]."""
         planned = [
-            (start.time or 0.0) + start.motion.plan.duration for start in self.motion_starts
-            if start.time is not None or not self.sent]
+            time for start in self.motion_starts if start.time is not None or not self.sent
+            for time in self.planned_times(start, [start.motion.plan.duration])]
         last = self.sent[-1].time - self.start_time if self.sent else 0.0
         return max([last, *planned])
+
+    def planned_times(self, start: MotionStart, plan_times: Iterable[float]) -> list[float]:
+        """
+        Return when the plan of a motion was at times of its own.
+
+        :param start: of the motion
+        :param plan_times: the times [s of the plan]
+        :returns: when [s after t = 0 of the drive]
+        """
+        timeline = start.motion.timeline
+        if start.time is None or not timeline.is_delayed:
+            return [(start.time or 0.0) + time for time in plan_times]
+        return [timeline.time(time) - self.start_time for time in plan_times]
 
     def _motion_starts(self, motions: Sequence[MotionLog]) -> list[MotionStart]:
         starts: list[MotionStart] = []

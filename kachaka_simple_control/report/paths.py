@@ -109,16 +109,28 @@ class ArcSegment:
         return math.copysign(math.tau, self.angle) + math.fmod(self.angle, math.tau)
 
 
+def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[ArcSegment]]:
+    """
+    Return the path of each step of a plan in segments of constant curvature, in order.
+
+    :param plan: the plan
+    :param start: the pose at t = 0
+    """
+    steps = []
+    pose = start
+    for planned in plan.steps:
+        segments = []
+        for segment in planned.step.path():
+            segments.append(ArcSegment(pose, segment.length, segment.angle))
+            pose = advance(pose, segment.length, segment.angle)
+        steps.append(segments)
+        pose = compose(start, planned.pose)  # the same, but for rounding
+    return steps
+
+
 def arc_segments(plan: Plan) -> list[ArcSegment]:
     """Return the path of a plan in segments of constant curvature, in order."""
-    segments = []
-    start = ORIGIN
-    for planned in plan.steps:
-        for segment in planned.step.path():
-            segments.append(ArcSegment(start, segment.length, segment.angle))
-            start = advance(start, segment.length, segment.angle)
-        start = planned.pose  # the same, but for rounding
-    return segments
+    return [segment for segments in step_segments(plan) for segment in segments]
 
 
 def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:

@@ -20,7 +20,7 @@ import io
 import math
 import os
 from pathlib import Path
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 import warnings
 
 from kachaka_simple_control.errors import UsageError
@@ -34,8 +34,15 @@ from kachaka_simple_control.motion.geometry import (
     transform_point,
 )
 from kachaka_simple_control.motion.units import format_number
-from kachaka_simple_control.report.paths import arc_segments, ArcSegment, distinct, polyline
-from kachaka_simple_control.report.plan_view import format_fixed, PlanView, pluralize
+from kachaka_simple_control.report.path_marks import draw_arrows, draw_step_numbers, step_places
+from kachaka_simple_control.report.paths import (
+    arc_segments,
+    ArcSegment,
+    distinct,
+    polyline,
+    step_segments,
+)
+from kachaka_simple_control.report.plan_view import Area, format_fixed, PlanView, pluralize
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     ANGULAR,
@@ -51,7 +58,7 @@ from kachaka_simple_control.report.plot_style import (
     style_axes,
     time_unit,
 )
-from kachaka_simple_control.report.report_directory import write_whole
+from kachaka_simple_control.report.report_directory import write_atomically
 from kachaka_simple_control.report.text_tables import one_line
 
 if TYPE_CHECKING:
@@ -71,10 +78,15 @@ END: dict[str, Any] = {
 #: A robot at the end of a step, with a line from its axle to its front.
 ROBOT: dict[str, Any] = {
     'facecolor': (0.34, 0.71, 0.91, 0.10), 'edgecolor': GREY, 'linewidth': 0.8}
+#: The floor that a plan needs.
+FLOOR: dict[str, Any] = {
+    'facecolor': 'none', 'edgecolor': GREY, 'linewidth': 1.0, 'linestyle': (0, (6, 3))}
 #: This part of a map's size can hardly be seen.
 GRAIN = 1.0 / 1500.0
 #: This part of a map's size stays free on each side.
 MARGIN = 0.07
+#: Steps whose middles are nearer than this part of a map's size share their numbers' place.
+PLACE = 0.01
 #: The smallest map [m].
 SMALLEST = 0.2
 #: The length of a heading without a footprint, as a part of the map's size.
@@ -83,23 +95,15 @@ TICK = 0.06
 TURN = 0.7
 
 
-class Area(NamedTuple):
-    """The area that a map shows: its left and lower edge, its width and its height [m]."""
-
-    left: float
-    bottom: float
-    width: float
-    height: float
-
-
 def extent(views: Sequence[PlanView], proportion: float) -> Area:
     """
-    Return an area with room for all paths and the robots on them.
+    Return an area with room for the floor that each plan needs.
 
     :param proportion: its width divided by its height
     """
-    points = [point for view in views for point in _occupied(view)]
-    xs, ys = [x for x, _ in points], [y for _, y in points]
+    floors = [view.floor for view in views]
+    xs = [x for floor in floors for x in (floor.left, floor.left + floor.width)]
+    ys = [y for floor in floors for y in (floor.bottom, floor.bottom + floor.height)]
     width, height = max(xs) - min(xs), max(ys) - min(ys)
     free = 1.0 + 2.0 * MARGIN
     height = max(height * free, width * free / proportion, SMALLEST)
@@ -108,41 +112,36 @@ def extent(views: Sequence[PlanView], proportion: float) -> Area:
                 width, height)
 
 
-def _occupied(view: PlanView) -> list[Point]:
-    points = polyline(arc_segments(view.plan), 0.001)
-    if view.footprint is not None:
-        for pose in distinct(_stops(view), 0.001, len(points) + len(view.plan.steps)):
-            points += outline(view.footprint, pose)
-        radius = front_point(view.footprint, ORIGIN)[0] * TURN
-        for turn in _turns(view):
-            points += turn.sweep(radius)
-    return [point for point in points if not math.isnan(point[0])]
-
-
 def _stops(view: PlanView) -> list[Pose]:
     return [ORIGIN, *(step.pose for step in view.plan.steps)]
 
 
 def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     """
-    Draw the path of a plan, with the robot at its start and at the end of each step.
+    Draw the path of a plan and the numbers of its steps, robots after them, the floor it needs.
 
     :param axes: where, in the proportion of the area
     """
+    from matplotlib.patches import Rectangle
+
     axes.set_aspect('equal')
     set_map_limits(axes, *area, tick_distance=area.height / 8.0)
     grain = area.height * GRAIN
-    segments = arc_segments(view.plan)
+    steps = step_segments(view.plan)
+    segments = [segment for step in steps for segment in step]
     points = polyline(segments, grain)
     axes.plot([x for x, _ in points], [y for _, y in points], color=BLUE, linewidth=1.6,
               solid_joinstyle='round', zorder=3.0, gid='path')
     reach = area.height * TICK if view.footprint is None else (
         front_point(view.footprint, ORIGIN)[0])
     _draw_robots(axes, view, grain, reach)
+    left, bottom, width, height = view.floor
+    axes.add_patch(Rectangle((left, bottom), width, height, **FLOOR, zorder=1.5, gid='floor'))
     _draw_turns(axes, _turns(view), reach * TURN)
     middles = distinct(
         (segment.middle for segment in segments if segment.distance), grain, MAX_MARKS)
-    _draw_arrows(axes, middles, BLUE)
+    draw_arrows(axes, middles, BLUE)
+    draw_step_numbers(axes, step_places(enumerate(steps, 1), PLACE * area.height))
     end = view.plan.pose
     axes.plot(0.0, 0.0, **START, gid='start')
     axes.plot(end.x, end.y, **END, gid='end')
@@ -186,21 +185,10 @@ def _draw_turns(axes: Axes, turns: Sequence[ArcSegment], radius: float) -> None:
         [turn.sweep(radius) for turn in turns], colors=ORANGE, linewidths=1.2, zorder=2.6,
         gid='turns'))
     ends = [advance(turn.start, 0.0, turn.angle) for turn in turns]
-    _draw_arrows(axes, [
+    draw_arrows(axes, [
         Pose(*transform_point((radius, 0.0), end),
              end.theta + math.copysign(math.pi / 2.0, turn.angle))
         for turn, end in zip(turns, ends)], ORANGE)
-
-
-def _draw_arrows(axes: Axes, poses: Sequence[Pose], colour: str) -> None:
-    from matplotlib.path import Path
-    from matplotlib.transforms import Affine2D
-
-    head = Path([(-1.0, 0.8), (0.4, 0.0), (-1.0, -0.8), (-0.6, 0.0), (-1.0, 0.8)])
-    for pose in poses:
-        turned = Affine2D().rotate(pose.theta).transform_path(head)
-        axes.plot(pose.x, pose.y, marker=turned, markersize=8.0, color=colour,
-                  markeredgewidth=0.0, zorder=4.0, gid='arrow')
 
 
 def draw_legend(figure: Figure, corner: Point) -> None:
@@ -213,8 +201,9 @@ def draw_legend(figure: Figure, corner: Point) -> None:
     from matplotlib.patches import Patch
 
     marks = [Line2D([], [], **START), Line2D([], [], **END), Patch(**ROBOT),
-             Line2D([], [], color=GREY, linewidth=1.2), Line2D([], [], color=BLUE, linewidth=1.6)]
-    names = ['start', 'end', 'robot after a step', 'its heading', 'path']
+             Line2D([], [], color=GREY, linewidth=1.2), Line2D([], [], color=BLUE, linewidth=1.6),
+             Patch(**FLOOR)]
+    names = ['start', 'end', 'robot after a step', 'its heading', 'path', 'floor needed']
     if figure.findobj(lambda artist: artist.get_gid() == 'turns'):
         marks.append(Line2D([], [], color=ORANGE, linewidth=1.2))
         names.append('turn in place')
@@ -263,7 +252,7 @@ def save_plot(file: str | os.PathLike[str], views: Sequence[PlanView]) -> None:
         warnings.filterwarnings('ignore', message='Glyph')
         figure.savefig(data, format=suffix[1:], metadata=METADATA[suffix])
     try:
-        write_whole(path.resolve(), data.getvalue())
+        write_atomically(path.resolve(), data.getvalue())
     except OSError as error:
         raise UsageError(f'{path}: it cannot be written: {error.strerror}') from None
 
@@ -281,8 +270,8 @@ def check_plot_file(file: str | os.PathLike[str]) -> Path:
         raise UsageError(f'{path}: there is no folder {path.parent}; make it first')
     if path.is_dir():
         raise UsageError(f'{path}: this is a folder; name a file in it')
-    target = path if path.exists() else path.parent
-    if not os.access(target, os.W_OK):
+    # It is written beside the old one, and renamed.
+    if not os.access(path.resolve().parent, os.W_OK):
         raise UsageError(f'{path}: you are not allowed to write there')
     return path
 
@@ -334,7 +323,8 @@ def _draw_title(figure: Figure, view: PlanView, top: float) -> None:
         f'{plan.duration:.3f} s, {plan.length:.3f} m, {pluralize(len(plan.steps), "step")}; '
         f'ends at x {format_fixed(end.x, 3)} m, y {format_fixed(end.y, 3)} m, heading '
         f'{format_fixed(math.degrees(end.theta), 1)}°; '
-        f'{pluralize(view.messages, "velocity", "velocities")} at {format_number(view.rate)} Hz')
+        f'{pluralize(view.messages, "velocity", "velocities")} at {format_number(view.rate)} Hz; '
+        f'needs {view.floor_size}{"" if view.footprint else " and the robot"}')
     # Between two dollars matplotlib reads a formula.
     for text, offset, look in (
             (name.replace('$', r'\$'), NAME_TOP, {'fontsize': 12.0, 'fontweight': 'bold'}),

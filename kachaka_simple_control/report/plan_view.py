@@ -16,7 +16,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 import math
+from typing import NamedTuple
 
 from kachaka_simple_control.motion.geometry import Footprint, outline
 from kachaka_simple_control.motion.limits import Limits
@@ -27,6 +29,15 @@ from kachaka_simple_control.report.paths import sample_path
 TIME_TOLERANCE = 1e-6
 #: At how many poses of a plan the outline of the robot is looked at.
 MAX_FLOOR_POSES = 20_000
+
+
+class Area(NamedTuple):
+    """A part of the floor: its left and lower edge, its width and its height [m]."""
+
+    left: float
+    bottom: float
+    width: float
+    height: float
 
 
 @dataclass(frozen=True)
@@ -57,10 +68,10 @@ class PlanView:
         """Return how many velocities are sent if none is late, without the stop."""
         return sum(ticks(segment, self.plan.period) for segment in self.plan.segments)
 
-    @property
-    def floor(self) -> tuple[float, float]:
+    @cached_property
+    def floor(self) -> Area:
         """
-        Return how much floor it needs [m]: along x and y of the start, with the robot's outline.
+        Return the floor that it needs: along x and y of the start, with the robot's outline.
 
         On curves and turns the corners of the outline are looked at every few degrees, which is
         off by less than a thousandth of the robot's size.
@@ -69,7 +80,15 @@ class PlanView:
         points = [(pose.x, pose.y) for pose in poses] if self.footprint is None else [
             point for pose in poses for point in outline(self.footprint, pose)]
         xs, ys = zip(*points)
-        return max(xs) - min(xs), max(ys) - min(ys)
+        return Area(min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys))
+
+    @property
+    def floor_size(self) -> str:
+        """Return the width and the depth of that floor in words, rounded up to a centimetre."""
+        # Not up by a rounding error.
+        width, depth = (math.ceil(100.0 * size - 1e-6) / 100.0
+                        for size in (self.floor.width, self.floor.height))
+        return f'{width:.2f} m x {depth:.2f} m'
 
 
 def ticks(segment: Segment, period: float) -> int:

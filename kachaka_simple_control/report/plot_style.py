@@ -47,10 +47,10 @@ ODOMETRY: dict[str, Any] = {
     'color': ORANGE, 'linewidth': 1.5, 'linestyle': (0, (3, 1.6)), 'zorder': 4.0}
 
 #: Settings on top of matplotlib's default style, whatever the user's own settings are.
-#: Lines lose points that lie less than 0.3 pixels beside them.
+#: Lines lose points that lie less than 0.3 pixels beside them.  The minus is that of all tables.
 SETTINGS: Any = {
     'font.size': 9.0, 'svg.hashsalt': 'kachaka_simple_control', 'path.simplify': True,
-    'path.simplify_threshold': 0.3}
+    'path.simplify_threshold': 0.3, 'axes.unicode_minus': False}
 #: Distance of an axis's label from the axis [inch]: six characters fit between.
 LABEL = 0.56
 
@@ -134,7 +134,7 @@ FAR = 5.0
 FREE = 0.25
 #: The labels of limits; no line goes through them.
 WORDS: dict[str, Any] = {
-    'color': '#444444', 'fontsize': 8.0, 'zorder': 4.0, 'ha': 'right',
+    'color': '#444444', 'zorder': 4.0, 'ha': 'right',
     'textcoords': 'offset points',
     'bbox': {'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.5}}
 #: A line with more points than these is an area; the limits shine through.

@@ -27,7 +27,7 @@ NEEDS_JINJA2 = 'it needs Jinja2: pip install jinja2, or sudo apt install python3
 NEEDS_MCAP = "it needs mcap 1.5 or newer: pip install 'mcap>=1.5'"
 
 
-def write_whole(path: Path, data: bytes) -> None:
+def write_atomically(path: Path, data: bytes) -> None:
     """
     Write a file such that a reader sees the old one or the new one, never a part.
 

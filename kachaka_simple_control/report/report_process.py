@@ -29,6 +29,7 @@ from typing import BinaryIO
 from kachaka_simple_control.control.output import make_nonblocking, STDERR
 from kachaka_simple_control.control.processes import lower_priority
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.escaping import escaped, MAX_LINE_LENGTH
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.drive_plots import draw_drive_plots, DrivePlots
 from kachaka_simple_control.report.html_page import render_page
@@ -37,7 +38,7 @@ from kachaka_simple_control.report.mcap_recorder import McapRecorder
 from kachaka_simple_control.report.report_directory import (
     NEEDS_JINJA2,
     NEEDS_MCAP,
-    write_whole,
+    write_atomically,
 )
 from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.telemetry.events import Event, EventBus
@@ -66,14 +67,14 @@ def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
     """
     with _no_garbage_collection():
         summary = Summary(log)
-        write_whole(directory / FIGURES, run_json(summary, recording).encode())
+        write_atomically(directory / FIGURES, run_json(summary, recording).encode())
         plots, reason = _plots(summary)
         if plots.png:
-            write_whole(directory / PLOT, plots.png)
+            write_atomically(directory / PLOT, plots.png)
         else:
             (directory / PLOT).unlink(missing_ok=True)
         page = render_page(summary, plots.svg, reason, recording)
-        write_whole(directory / PAGE, page.encode(errors='replace'))
+        write_atomically(directory / PAGE, page.encode(errors='replace'))
 
 
 @contextlib.contextmanager
@@ -172,7 +173,7 @@ def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> s
 def print_line(text: str) -> None:
     """Print a line to standard error, unless that is closed."""
     with contextlib.suppress(OSError):
-        print(f'report: {text}', file=sys.stderr, flush=True)
+        print(f'report: {escaped(text, MAX_LINE_LENGTH)}', file=sys.stderr, flush=True)
 
 
 def main() -> int:
@@ -196,8 +197,6 @@ def main() -> int:
         print_line(text)
     failure = try_write_report(log, directory, recording)
     print_line(failure or str(directory / PAGE))
-    is_left_out = [text is not None and text.endswith(needs)
-                   for text, needs in ((recording, NEEDS_MCAP), (failure, NEEDS_JINJA2))]
-    return int(bool(
-        (recording and not is_left_out[0]) or (failure and not is_left_out[1])
-        or event_bus.failures))
+    texts = [text for text in (recording, failure)
+             if text is not None and not text.endswith((NEEDS_JINJA2, NEEDS_MCAP))]
+    return int(bool(texts or event_bus.failures))

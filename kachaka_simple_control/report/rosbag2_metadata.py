@@ -22,10 +22,12 @@ VELOCITY_TYPES = {
     'Twist': 'geometry_msgs/msg/Twist', 'TwistStamped': 'geometry_msgs/msg/TwistStamped'}
 ODOMETRY_TYPE = 'nav_msgs/msg/Odometry'
 PATH_TYPE = 'nav_msgs/msg/Path'
+FACTOR_TYPE = 'std_msgs/msg/Float64'
 
 #: Type and name of each field, in order.
 FIELDS = {
     'builtin_interfaces/Time': ('int32 sec', 'uint32 nanosec'),
+    'std_msgs/Float64': ('float64 data',),
     'std_msgs/Header': ('builtin_interfaces/Time stamp', 'string frame_id'),
     'geometry_msgs/Vector3': ('float64 x', 'float64 y', 'float64 z'),
     'geometry_msgs/Point': ('float64 x', 'float64 y', 'float64 z'),

@@ -33,6 +33,7 @@ from kachaka_simple_control.report.metrics import (
 )
 from kachaka_simple_control.report.odometry_alignment import AlignedDrive, OdometrySample
 from kachaka_simple_control.report.plan_view import pluralize
+from kachaka_simple_control.report.speed_history import speed_intervals, SpeedInterval
 
 #: The reason of a program whose end was not reported.
 NO_END = (
@@ -146,6 +147,9 @@ def _progress_of(cut: MotionLog, complete: int, begun: int) -> str:
     where = f'in step {steps} of {len(cut.plan.steps)}, ' if steps else ''
     others = (f'; of {pluralize(begun, "motion")} {complete} were driven to their end'
               if complete else '')
+    if cut.timeline.is_delayed:
+        return (f'The motion ended {where}{end:.2f} s after its t = 0, at {cut.reached:.2f} s of '
+                f'its plan, of {cut.plan.duration:.2f} s{others}.')
     return (f'The motion ended {where}{end:.2f} s after its t = 0, of '
             f'{cut.plan.duration:.2f} s{others}.')
 
@@ -197,6 +201,17 @@ class Summary:
     def timing(self) -> Timing:
         """Return how exactly the drive was timed."""
         return timing(self.log.motions)
+
+    @cached_property
+    def speed(self) -> list[SpeedInterval]:
+        """Return how fast the motions were driven; empty if all was at full speed."""
+        return speed_intervals(self.log)
+
+    @property
+    def paused_duration(self) -> float:
+        """Return for how long motions were paused [s]."""
+        return math.fsum(interval.end - interval.begin for interval in self.speed
+                         if interval.is_pause)
 
     @cached_property
     def sleep_loop(self) -> SleepLoopEstimate:

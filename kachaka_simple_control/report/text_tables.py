@@ -16,12 +16,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from itertools import pairwise
 import math
+import os
 import sys
+import textwrap
+from typing import NamedTuple
 import unicodedata
 
+from kachaka_simple_control.control.output import STDOUT
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
@@ -38,35 +42,51 @@ SPACE = '  '
 Row = tuple[str, ...]
 
 
+def terminal_columns() -> int | None:
+    """Return how wide standard output is [columns]; None if it is no terminal, or does not say."""
+    try:
+        return os.get_terminal_size(STDOUT).columns or None
+    except OSError:
+        return None
+
+
 def columns(
         head: Sequence[tuple[str, str]], rows: Sequence[Row], rule_above_last: bool = False,
-        widest: int = WIDEST) -> list[str]:
+        widest: int = WIDEST, spare: Sequence[int] = ()) -> list[str]:
     """
     Lay out a table; columns that are empty throughout are left out.
 
     Text is aligned to the left, and numbers, whose column has a unit, to the right.  If the table
-    is too wide, its longest texts are cut.
+    is too wide, its spare columns are left out, and then its longest texts are cut.
 
     :param head: the name and the unit of each column
     :param rows: the cells, as many in each row as there are columns
     :param rule_above_last: whether a line separates the last row from the others
     :param widest: how many columns of text the table may have
+    :param spare: the places of columns that it can do without, those to go first in front
     :returns: lines of text: names, units if there are any, a rule, the rows
     """
     units = tuple(unit for _, unit in head)
     cells = [tuple(name for name, _ in head), *([units] if any(units) else []), *rows]
-    used = [place for place in range(len(head)) if any(row[place] for row in cells)]
-    widths = [max(_width(row[place]) for row in cells) for place in used]
-    for _ in range(sum(widths) + len(SPACE) * (len(widths) - 1) - widest):
-        widths[widths.index(max(widths))] -= 1
+    widths = {place: max(_width(row[place]) for row in cells)
+              for place in range(len(head)) if any(row[place] for row in cells)}
+    for place in spare:
+        if _total_width(widths) > widest:
+            widths.pop(place, None)
+    for _ in range(_total_width(widths) - widest):
+        widths[max(widths, key=lambda place: widths[place])] -= 1
     lines = [SPACE.join(
         _aligned(row[place], width, bool(units[place]) or row[place].isdecimal())
-        for place, width in zip(used, widths)).rstrip() for row in cells]
-    rule = SPACE.join('-' * width for width in widths)
+        for place, width in widths.items()).rstrip() for row in cells]
+    rule = SPACE.join('-' * width for width in widths.values())
     lines.insert(len(cells) - len(rows), rule)
     if rule_above_last and len(rows) > 1:
         lines.insert(-1, rule)
     return lines
+
+
+def _total_width(widths: Mapping[int, int]) -> int:
+    return sum(widths.values()) + len(SPACE) * (len(widths) - 1)
 
 
 def one_line(text: str, width: int) -> str:
@@ -112,52 +132,71 @@ LONG = 1000.0
 
 FIGURES = (('takes', '[s]'), ('length', '[m]'), ('x', '[m]'), ('y', '[m]'), ('heading', '[deg]'),
            ('linear', '[m/s]'), ('angular', '[rad/s]'))
-LEGEND = 'Poses: at the end, seen from the start.  Velocities: the largest sent, either way.'
+#: What a narrow table of steps does without, first to last: what follows from the rest.
+SPARE_OF_STEPS = ('number', 'start', 'angular', 'linear', 'length', 'heading')
+#: The same for a comparison.
+SPARE_OF_MOTIONS = ('sent', 'angular', 'linear', 'length', 'steps', 'heading', 'rate')
+POSES = 'Poses: at the end, seen from the start.'
+VELOCITIES = '  Velocities: the largest sent, either way.'
 
 
-def plan_table(views: Sequence[PlanView]) -> str:
+def plan_table(views: Sequence[PlanView], widest: int | None = None) -> str:
     """
     Return tables of plans: the steps of each, as far as there is room, and their totals.
 
+    :param widest: how many columns a terminal has; None for none
     :returns: lines of text, up to 99 columns wide; about 60 unless there are more motions
     """
+    widest = min(widest or WIDEST, WIDEST)
     if len(views) == 1:
         view = views[0]
-        return '\n'.join([
-            *_steps(view, MAX_STEPS, with_total=True), '', *_sending(view), LEGEND])
+        lines = _steps(view, MAX_STEPS, widest, with_total=True)
+        return '\n'.join([*lines, '', *_wrapped([*_sending(view), _legend(lines)], widest)])
     most = (LINES - CAPTION - len(views)) // max(1, len(views)) - FRAME
-    lines: list[str] = []
+    lines = []
     if most >= MIN_STEPS:
         for view in views:
-            lines += [*_steps(view, most, with_total=False), '']
-    return '\n'.join([*lines, *_comparison(views), '', LEGEND])
+            lines += [*_steps(view, most, widest, with_total=False), '']
+    lines += _comparison(views, widest)
+    return '\n'.join([*lines, '', *_wrapped([_legend(lines)], widest)])
 
 
-def _steps(view: PlanView, most: int, with_total: bool) -> list[str]:
+def _legend(lines: Sequence[str]) -> str:
+    return POSES + (VELOCITIES if any('[m/s]' in line for line in lines) else '')
+
+
+def _wrapped(lines: Sequence[str], widest: int) -> list[str]:
+    # Lines that go on are indented as those of the limits are.
+    return [part for line in lines
+            for part in textwrap.wrap(line, widest, subsequent_indent=' ' * 8)]
+
+
+def _steps(view: PlanView, most: int, widest: int, with_total: bool) -> list[str]:
     steps = view.plan.steps
-    kept = _kept(steps, most)
-    times = Counter(step.path for step in steps)
-    repeats: Counter[str] = Counter()
-    rows = []
-    shown = set(kept)
-    for index, step in enumerate(steps):
-        repeats[step.path] += 1
-        if index in shown:
-            rows.append(_plan_row(index, step, repeats[step.path], times[step.path]))
+    paths = [step.path for step in steps]
+    entries = fold(paths, most)
+    repeats = repeat_labels(paths)
+    rows = [_plan_row(entry, steps[entry], repeats[entry])
+            for entry in entries if isinstance(entry, int)]
     if with_total:
         rows.append(_total(view.plan))
     head = (('', ''), ('step', ''), ('', ''), ('start', '[s]'), *FIGURES)
-    lines = columns(head, rows, rule_above_last=with_total)
-    _mark_gaps(lines, kept, steps)
+    names = ['', 'step', 'number', *(name for name, _ in head[3:])]
+    lines = columns(head, rows, with_total, widest, [*map(names.index, SPARE_OF_STEPS)])
+    for place, entry in enumerate(entries):
+        if isinstance(entry, Gap):
+            start, end = _time(steps[entry.before].end), _time(steps[entry.after].start)
+            line = f'... {entry.describe(start, end)} ...'
+            # Names, units and a rule are above the rows.
+            lines.insert(3 + place, line if len(line) <= widest else f'... {entry.size} ...')
     title = (f'{one_line(view.name, NAME)} on {one_line(view.robot, NAME)} '
              f'at {format_number(view.rate)} Hz')
-    return [title, '', *lines]
+    return [one_line(title, widest), '', *lines]
 
 
-def _plan_row(index: int, step: PlannedStep, number: int, times: int) -> Row:
+def _plan_row(index: int, step: PlannedStep, repeat: str) -> Row:
     return (
-        str(index + 1), step.step.describe(), f'{number} of {times}' if times > 1 else '',
-        _time(step.start),
+        str(index + 1), step.step.describe(), repeat, _time(step.start),
         *_figures(step.end - step.start, step.length, step.pose,
                   step.max_linear_velocity, step.max_angular_velocity))
 
@@ -178,34 +217,74 @@ def _figures(duration: float, length: float, pose: Pose, linear: float, angular:
         format_fixed(angular, 3))
 
 
-def _kept(steps: Sequence[PlannedStep], most: int) -> list[int]:
-    """Return which steps of a long motion are shown: of repeated ones the first and the last."""
-    if len(steps) <= most:
-        return list(range(len(steps)))
-    first: dict[str, int] = {}
-    last: dict[str, int] = {}
-    for index, step in enumerate(steps):
-        first.setdefault(step.path, index)
-        last[step.path] = index
+class Gap(NamedTuple):
+    """
+    Steps that a table leaves out.
+
+    :param before: the index of the step before them
+    :param after: the index of the step after them
+    :param again: whether each is a repeat of a step that is shown above
+    """
+
+    before: int
+    after: int
+    again: bool
+
+    @property
+    def size(self) -> str:
+        """Return how many they are."""
+        return pluralize(self.after - self.before - 1, 'step')
+
+    def describe(self, start: str, end: str) -> str:
+        """Return how many they are, and from when to when [s]."""
+        return (f'{self.size}, from {start} s to {end} s'
+                f'{", as above" if self.again else ""}')
+
+
+def fold(keys: Sequence[Hashable], most: int) -> list[int | Gap]:
+    """
+    Return what a table of steps shows: if they are many, of repeated ones the first and the last.
+
+    :param keys: what is equal for repeats of a step
+    :param most: how many lines the table may have; if folded it has more, its middle is cut out
+    :returns: the indices of steps, and gaps between them
+    """
+    kept = _kept(keys, most)
+    entries: list[int | Gap] = []
+    known: set[Hashable] = set()
+    for before, index in pairwise([-1, *kept]):
+        if index - before > 1:
+            entries.append(Gap(before, index, known.issuperset(keys[before + 1:index])))
+        entries.append(index)
+        known.add(keys[index])
+    return entries
+
+
+def repeat_labels(keys: Sequence[Hashable]) -> list[str]:
+    """Return for each step which repeat it is, as 1 of 4; empty if it is not repeated."""
+    times = Counter(keys)
+    so_far: Counter[Hashable] = Counter()
+    labels = []
+    for key in keys:
+        so_far[key] += 1
+        labels.append(f'{so_far[key]} of {times[key]}' if times[key] > 1 else '')
+    return labels
+
+
+def _kept(keys: Sequence[Hashable], most: int) -> list[int]:
+    if len(keys) <= most:
+        return list(range(len(keys)))
+    first: dict[Hashable, int] = {}
+    last: dict[Hashable, int] = {}
+    for index, key in enumerate(keys):
+        first.setdefault(key, index)
+        last[key] = index
     ends = sorted({*first.values(), *last.values()})
     gaps = sum(two - one > 1 for one, two in pairwise(ends))
     if len(ends) + gaps <= most:
         return ends
     half = (most - 1) // 2
-    return [*range(half), *range(len(steps) - half, len(steps))]
-
-
-def _mark_gaps(lines: list[str], kept: Sequence[int], steps: Sequence[PlannedStep]) -> None:
-    # From below, so that the lines above keep their places; two lines and a rule are the head.
-    for place in range(len(kept) - 1, 0, -1):
-        before, after = kept[place - 1], kept[place]
-        if after - before == 1:
-            continue
-        known = {steps[index].path for index in kept[:place]}
-        again = all(step.path in known for step in steps[before + 1:after])
-        lines.insert(3 + place, (
-            f'... {pluralize(after - before - 1, "step")}, from {_time(steps[before].end)} s '
-            f'to {_time(steps[after].start)} s{", as above" if again else ""} ...'))
+    return [*range(half), *range(len(keys) - half, len(keys))]
 
 
 def _sending(view: PlanView) -> list[str]:
@@ -216,10 +295,8 @@ def _sending(view: PlanView) -> list[str]:
 
 
 def _floor(view: PlanView) -> str:
-    # Rounded up to a centimetre, and not by a rounding error.
-    width, depth = (math.ceil(100.0 * size - 1e-6) / 100.0 for size in view.floor)
     what = 'the robot included' if view.footprint else 'and the robot, whose outline is not known'
-    return f'Floor: {width:.2f} m x {depth:.2f} m, {what}'
+    return f'Floor: {view.floor_size}, {what}'
 
 
 def _limits(limits: Limits) -> list[str]:
@@ -242,7 +319,7 @@ def _bounds(bounds: Sequence[tuple[float, str]]) -> str:
     return ', '.join(known) or 'none'
 
 
-def _comparison(views: Sequence[PlanView]) -> list[str]:
+def _comparison(views: Sequence[PlanView], widest: int) -> list[str]:
     robots = {view.robot for view in views}
     rates = {view.rate for view in views}
     own: list[tuple[str, str]] = []
@@ -254,7 +331,10 @@ def _comparison(views: Sequence[PlanView]) -> list[str]:
     head = (('motion', ''), *own, ('steps', ''), *FIGURES, ('sent', ''))
     common = [f'on {one_line(next(iter(robots)), NAME)}'] if len(robots) == 1 else []
     common += [f'at {format_number(next(iter(rates)))} Hz'] if len(rates) == 1 else []
-    return [' '.join([pluralize(len(views), 'motion'), *common]), '', *columns(head, rows)]
+    names = [name for name, _ in head]
+    spare = [names.index(name) for name in SPARE_OF_MOTIONS if name in names]
+    title = ' '.join([pluralize(len(views), 'motion'), *common])
+    return [one_line(title, widest), '', *columns(head, rows, widest=widest, spare=spare)]
 
 
 def _compared(view: PlanView, own: dict[str, str]) -> Row:
@@ -271,23 +351,27 @@ def _time(value: float) -> str:
 
 #: Columns of the table of a drive; its cells have their units.
 DRIVE_HEAD = (('movement', ''), ('requested', ''), ('sent', ''), ('odometry', ''))
+#: A narrow one does without these: the movement says what was requested.
+SPARE_OF_DRIVE = (1, 2)
 
 
-def drive_table(log: DriveLog, still_after: float | None) -> str:
+def drive_table(log: DriveLog, still_after: float | None, widest: int | None = None) -> str:
     """
     Return a table of a drive: each step's displacement as requested, as sent and as driven.
 
     :param log: the drive
     :param still_after: how long after the stop began odometry saw the robot still [s]; None if
         it did not
+    :param widest: how many columns a terminal has; None for none
     :returns: lines of text, the last two with the stop and the final pose
     """
     steps = log.steps
     cuts = segment_odometry(steps, log.odometry) if steps else []
     rows = [_drive_row(step, driven(log.odometry, begin, end))
             for step, begin, end in zip(steps, cuts, cuts[1:])]
-    lines = columns(DRIVE_HEAD, rows, widest=sys.maxsize)
-    return '\n'.join([*lines, _stop(still_after), _final_pose(log)])
+    widest = widest or sys.maxsize
+    lines = columns(DRIVE_HEAD, rows, widest=widest, spare=SPARE_OF_DRIVE)
+    return '\n'.join([*lines, *_wrapped([_stop(still_after), _final_pose(log)], widest)])
 
 
 def _drive_row(step: StepLog, seen: Displacement | None) -> Row:
@@ -298,9 +382,8 @@ def _drive_row(step: StepLog, seen: Displacement | None) -> Row:
 
 
 def _amount(displacement: Displacement) -> str:
-    # Adding 0.0 turns -0.0 into 0.0.
-    return (f'{round(displacement.distance, 4) + 0.0:7.4f} m '
-            f'{round(displacement.angle, 4) + 0.0:7.4f} rad')
+    return (f'{format_fixed(displacement.distance, 4):>7} m '
+            f'{format_fixed(displacement.angle, 4):>7} rad')
 
 
 def _stop(still_after: float | None) -> str:
@@ -313,5 +396,6 @@ def _final_pose(log: DriveLog) -> str:
     if not log.odometry:
         return 'Final pose: unknown, no odometry arrived'
     pose = log.odometry[-1].pose
-    return (f'Final pose by odometry: x {pose.x + 0.0:.4f} m, y {pose.y + 0.0:.4f} m, '
-            f'heading {math.degrees(pose.theta) + 0.0:.2f} degrees')
+    return (f'Final pose by odometry: x {format_fixed(pose.x, 4)} m, '
+            f'y {format_fixed(pose.y, 4)} m, '
+            f'heading {format_fixed(math.degrees(pose.theta), 2)} degrees')

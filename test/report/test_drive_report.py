@@ -210,7 +210,7 @@ def test_a_full_disk_ends_the_recording_and_the_robot_is_stopped(listener, tmp_p
             assert started.end() == 1
         assert 'report: run.mcap ends early: No space left on device' in started.text
         assert started.text.endswith(
-            f'kachaka_simple_control: the report in {disk / "report"} is not whole\n')
+            f'kachaka_simple_control: the report in {disk / "report"} is incomplete\n')
         assert not [file for file in (disk / 'report').iterdir() if file.suffix == '.new']
         one, other = (len(read(disk / 'report' / 'run.mcap')) for read in READERS)
     assert one == other > 0

@@ -19,10 +19,12 @@ import math
 from pathlib import Path
 import re
 
+from kachaka_simple_control.motion.steps import Motion, Move, Repeat, Turn
 from kachaka_simple_control.report.report_process import write_report
 from kachaka_simple_control.report.summary import Summary
 from outcome_logs import done, faulted, killed, lesson, never_began, stopped
 import pytest
+from simulated_drive import SimulatedDrive
 
 CHROMIUM = next((path for path in (Path('/usr/bin/chromium'), Path('/usr/bin/chromium-browser'))
                  if path.exists()), None)
@@ -204,6 +206,22 @@ def test_nothing_is_cut_off_or_overlaps(browser, reports, name, width):
         "return document.querySelectorAll('figure svg text').length") > 10
 
 
+@pytest.mark.parametrize('width', WIDTHS)
+def test_the_texts_of_plots_have_the_size_of_other_small_print(browser, reports, width):
+    """In pixels of the screen, not of the drawing, which is scaled to the room that it has."""
+    sizes = """
+        return [...document.querySelectorAll('figure svg')].flatMap(plot => {
+            const scale = plot.getBoundingClientRect().width / plot.viewBox.baseVal.width;
+            return [...plot.querySelectorAll('text')].map(
+                text => scale * parseFloat(getComputedStyle(text).fontSize));
+        });
+    """
+    for name in DRIVES:
+        show(browser, reports / name / 'report.html', width)
+        found = browser.execute_script(sizes)
+        assert 10.0 <= min(found) <= max(found) <= 16.0, name
+
+
 def test_pictures_and_tables_are_marked_for_screen_readers(browser, reports):
     show(browser, reports / 'done' / 'report.html')
     assert browser.execute_script('return document.documentElement.lang') == 'en'
@@ -272,4 +290,26 @@ def test_it_is_printed_completely(browser, reports):
     finally:
         browser.execute_cdp_cmd('Emulation.setEmulatedMedia', {'media': ''})
     assert pdf.startswith(b'%PDF')
-    assert 2 <= len(re.findall(rb'/Type\s*/Page\b', pdf)) <= 5
+    assert 2 <= pages_of(pdf) <= 5
+
+
+def pages_of(pdf):
+    """Return how many pages a document has."""
+    return len(re.findall(rb'/Type\s*/Page\b', pdf))
+
+
+def test_many_steps_are_no_long_page(browser, tmp_path):
+    """Neither on the screen, before they are unfolded, nor on paper."""
+    drive = SimulatedDrive(10.0, odometry_period=0.2)
+    drive.drive(Motion('many', [Repeat(500, [Move(0.1, 0.0, 0.1), Turn(0.0)])]))
+    write_report(drive.close(), tmp_path, None)
+    show(browser, tmp_path / 'report.html', 400)
+    assert len(browser.find_elements('css selector', 'table.steps tbody tr')) > 1000
+    table, rest = browser.find_elements('css selector', 'table.steps')
+    assert table.rect['height'] < 400
+    assert not browser.execute_script('return arguments[0].checkVisibility()', rest)
+    assert browser.execute_script(OVERFLOWING) == []
+    pdf = base64.b64decode(browser.execute_cdp_cmd('Page.printToPDF', {})['data'])
+    assert pages_of(pdf) <= 5
+    browser.find_element('css selector', 'details.rows summary').click()
+    assert rest.rect['height'] > 10_000

@@ -23,7 +23,12 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.mcap_recorder import stamp
 from kachaka_simple_control.report.rosbag2_metadata import definition
-from kachaka_simple_control.telemetry.events import MotionStarted, OdometryReceived, VelocitySent
+from kachaka_simple_control.telemetry.events import (
+    MotionStarted,
+    OdometryReceived,
+    SpeedFactorChanged,
+    VelocitySent,
+)
 import pytest
 from recorded_drive import LIMITS, PLANNED, RecordedDrive, STAMPED, TWIST
 from recordings import header_stamp, read_with_rosbags, READERS, stamp_of, velocities
@@ -32,8 +37,9 @@ from strategies import UNHURRIED
 pytestmark = pytest.mark.needs('mcap')
 
 PATH = '/kachaka_simple_control/planned_path'
+FACTOR = '/kachaka_simple_control/speed_factor'
 TYPES = ['geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped', 'nav_msgs/msg/Odometry',
-         'nav_msgs/msg/Path']
+         'nav_msgs/msg/Path', 'std_msgs/msg/Float64']
 
 TIMES = st.floats(1.0, 1e6)
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
@@ -124,6 +130,21 @@ def test_the_path_leads_from_where_the_robot_is_to_where_the_plan_ends(read, tmp
     assert path.message.header.frame_id == 'odom'
 
 
+@pytest.mark.parametrize('read', READERS)
+@pytest.mark.parametrize(('before', 'first'), [([], (10.0, 1.0)), (
+    [SpeedFactorChanged(9.0, {'override': 0.5})], (9.0, 0.5))])
+def test_the_speed_factor_is_recorded_from_the_start_on(read, before, first, tmp_path):
+    drive = RecordedDrive(tmp_path)
+    drive.publish(*before)
+    drive.send(10.0, 3)
+    drive.publish(SpeedFactorChanged(10.25, {'override': 0.5, 'pause': 0.0}),
+                  SpeedFactorChanged(11.0, {'override': 0.5, 'obstacle': 0.4}))
+    assert drive.recorder.finish() is None
+    found = [(one.stamp, one.message.data) for one in read(drive.file) if one.topic == FACTOR]
+    assert found == [
+        (stamp_of(TWIST, time), factor) for time, factor in (first, (10.25, 0.0), (11.0, 0.2))]
+
+
 def test_the_folder_is_a_bag_with_all_that_rosbag2_requires(tmp_path):
     rosbag2 = pytest.importorskip('rosbags.rosbag2')
     drive = RecordedDrive(tmp_path, STAMPED)
@@ -132,13 +153,14 @@ def test_the_folder_is_a_bag_with_all_that_rosbag2_requires(tmp_path):
     assert drive.recorder.finish() is None
     (tmp_path / 'report.html').write_text('other files do no harm')
     with rosbag2.Reader(tmp_path) as reader, rosbag2.Reader(drive.file) as file:
-        assert reader.message_count == file.message_count == 22
+        assert reader.message_count == file.message_count == 23
         assert (reader.start_time, reader.duration) == (file.start_time, file.duration)
         assert reader.duration == 1_900_000_001
         counts = {one.topic: (one.msgtype, one.msgcount) for one in reader.connections}
         assert counts == {
             '/cmd_vel': ('geometry_msgs/msg/TwistStamped', 20),
-            '/odom': ('nav_msgs/msg/Odometry', 1), PATH: ('nav_msgs/msg/Path', 1)}
+            '/odom': ('nav_msgs/msg/Odometry', 1), PATH: ('nav_msgs/msg/Path', 1),
+            FACTOR: ('std_msgs/msg/Float64', 1)}
         for ours, theirs in zip(sorted(reader.connections), sorted(file.connections)):
             assert ours.ext == theirs.ext
             assert ours.msgdef == theirs.msgdef
@@ -146,7 +168,8 @@ def test_the_folder_is_a_bag_with_all_that_rosbag2_requires(tmp_path):
         assert qualities['/cmd_vel'].reliability.name == 'RELIABLE'
         assert qualities['/cmd_vel'].durability.name == 'VOLATILE'
         assert qualities['/odom'].reliability.name == 'BEST_EFFORT'
-        assert qualities[PATH].durability.name == 'TRANSIENT_LOCAL'
+        for topic in (PATH, FACTOR):
+            assert qualities[topic].durability.name == 'TRANSIENT_LOCAL'
 
 
 def test_the_file_has_its_metadata(tmp_path):
@@ -160,11 +183,11 @@ def test_the_file_has_its_metadata(tmp_path):
         summary = reader.get_summary()
         assert {schema.encoding for schema in summary.schemas.values()} == {'ros2msg'}
         assert {channel.message_encoding for channel in summary.channels.values()} == {'cdr'}
-        assert summary.statistics.message_count == 3
+        assert summary.statistics.message_count == 4
         assert summary.chunk_indexes
         (metadata,) = reader.iter_metadata()
         assert metadata.name == 'rosbag2'
-        assert 'message_count: 3' in metadata.metadata['serialized_metadata']
+        assert 'message_count: 4' in metadata.metadata['serialized_metadata']
 
 
 def test_a_minute_at_50_hz_takes_little_space(tmp_path):

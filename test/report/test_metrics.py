@@ -13,6 +13,7 @@
 # limitations under the License.
 """The figures of a drive: displacements, and the table."""
 
+from dataclasses import replace
 import math
 
 from hypothesis import given
@@ -155,6 +156,26 @@ def test_the_table_shows_each_movement_and_where_it_ended():
     assert len(lines) == 2 + len(STEPS) + 2
     assert lines[-2] == 'Stop: confirmed by odometry after 0.03 s'
     assert lines[-1].startswith('Final pose by odometry: x ')
+
+
+@pytest.mark.parametrize('widest, columns', [
+    (None, 'movement requested sent odometry'), (80, 'movement sent odometry'),
+    (60, 'movement odometry'), (40, 'movement odometry')])
+def test_a_narrow_terminal_gets_fewer_columns(widest, columns):
+    lines = drive_table(record_of(STEPS), 0.034, widest).splitlines()
+    assert max(map(len, lines)) <= (widest or 99)
+    assert lines[0].split() == columns.split()
+    assert lines[2 + len(STEPS)].startswith('Stop: confirmed by odometry')
+
+
+def test_what_rounds_to_zero_has_no_minus_in_the_table():
+    log = record_of([Move(-1e-7, -1e-7, 1.0)])
+    log.odometry[:] = [replace(seen, pose=Pose(-1e-6, -1e-6, -1e-6)) for seen in log.odometry]
+    table = drive_table(log, 0.034)
+    _, _, *rows, _, end = table.splitlines()
+    assert end == 'Final pose by odometry: x 0.0000 m, y 0.0000 m, heading 0.00 degrees'
+    assert [row.count(' 0.0000 m') for row in rows] == [3], 'all three columns round to zero'
+    assert '-0.0000' not in table
 
 
 def test_without_odometry_the_table_says_so():

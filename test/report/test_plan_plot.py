@@ -13,6 +13,7 @@
 # limitations under the License.
 """The plot of a plan."""
 
+import errno
 from itertools import combinations
 import math
 import os
@@ -25,9 +26,11 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
 from kachaka_simple_control.report import plot_style
 from kachaka_simple_control.report.plan_plot import check_plot_file, draw_plans, save_plot
+from kachaka_simple_control.report.text_tables import plan_table
 from plans import (
     ABRUPT,
     BACK,
+    BOX,
     DISC,
     EIGHT,
     EMPTY,
@@ -77,6 +80,21 @@ def test_an_impossible_path_is_refused_before_anything_is_drawn(tmp_path, monkey
     with pytest.raises(UsageError) as refusal:
         save_plot(str(tmp_path / 'plan.svg'), [preview(SQUARE)])
     assert str(refusal.value) == f'{tmp_path}/plan.svg: this is a folder; name a file in it'
+
+
+def test_a_full_disk_leaves_the_old_plot_and_nothing_else(tmp_path, monkeypatch):
+    file, write = tmp_path / 'plan.svg', Path.write_bytes
+
+    def write_a_part(path, data):
+        write(path, data[:100])
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    file.write_text('old')
+    monkeypatch.setattr(Path, 'write_bytes', write_a_part)
+    with pytest.raises(UsageError, match='plan.svg: it cannot be written: No space left on'):
+        save_plot(file, [preview(SQUARE)])
+    assert [found.name for found in tmp_path.iterdir()] == ['plan.svg']
+    assert file.read_text() == 'old'
 
 
 def test_a_folder_without_write_permission_is_refused(tmp_path, monkeypatch):
@@ -132,6 +150,28 @@ def test_every_step_is_drawn(matplotlib, motion):
     assert data_of(figure, 'end') == [[pytest.approx((one.plan.pose.x, one.plan.pose.y))]]
 
 
+@pytest.mark.parametrize('motion, footprint', [
+    (SQUARE, BOX), (BACK, BOX), (SPIN, DISC), (EIGHT, None)], ids=lambda part: repr(part)[:25])
+def test_the_floor_of_the_table_is_drawn_and_told(matplotlib, motion, footprint):
+    one = preview(motion, footprint=footprint)
+    figure = draw_plans([one])
+    (floor,) = marked(figure, 'floor')
+    left, bottom, width, height = floor.get_bbox().bounds
+    for robots in marked(figure, 'robots'):
+        for x, y in (corner for path in robots.get_paths() for corner in path.vertices):
+            assert left - 1e-9 <= x <= left + width + 1e-9
+            assert bottom - 1e-9 <= y <= bottom + height + 1e-9
+    (told,) = (text for text in (text.get_text() for text in figure.texts) if 'needs' in text)
+    size = re.search(r'needs (\S+) m x (\S+) m', told)
+    assert [float(number) for number in size.groups()] == pytest.approx(
+        [width + 0.005, height + 0.005], abs=0.0051), 'rounded up to a centimetre'
+    assert f'Floor: {size[0].removeprefix("needs ")}, ' in plan_table([one])
+    assert ('and the robot' in told) == (footprint is None)
+    (left, right), (bottom, top) = figure.axes[0].get_xlim(), figure.axes[0].get_ylim()
+    assert left < floor.get_x() < floor.get_x() + width < right
+    assert bottom < floor.get_y() < floor.get_y() + height < top
+
+
 def test_boundaries_stand_where_steps_end(matplotlib):
     one = preview(LESSON)
     for lines in marked(draw_plans([one]), 'boundaries'):
@@ -166,7 +206,7 @@ def test_limits_are_dashed_where_they_matter(matplotlib, motion, limits, expecte
     lines = marked(figure, 'limit')
     assert all(line.get_linestyle() == '--' for line in lines)
     assert [line.get_ydata()[0] for line in lines] == expected
-    texts = [text.get_text() for axes in figure.axes for text in axes.texts]
+    texts = [text.get_text() for axes in figure.axes[1:] for text in axes.texts]
     units = ['m/s' if abs(value) < 0.5 else 'rad/s' for value in expected]
     assert texts == [f'limit {value:g} {unit}' for value, unit in zip(expected, units)] + far
 
@@ -211,6 +251,15 @@ def test_no_text_is_clipped_or_overlaps(matplotlib, previews):
     # The legend is beside the pictures, not in them.
     key = figure.legends[0].get_window_extent(renderer)
     assert not any(key.overlaps(axes.get_window_extent()) for axes in figure.axes)
+
+
+def test_negative_numbers_have_the_minus_of_the_tables(matplotlib):
+    figure = draw_plans([preview(BACK)])
+    with plot_style.default_style():  # as it is saved
+        figure.canvas.draw()
+    shown = ' '.join(text.get_text() for text in words(figure))
+    assert shown.count(' -') > 10, 'it goes backwards and to the right'
+    assert '\N{MINUS SIGN}' not in shown
 
 
 def words(figure):

@@ -17,16 +17,19 @@ import math
 import re
 
 from hypothesis import given
-from kachaka_simple_control.control.plan_runner import TickScheduler
+from hypothesis import strategies as st
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.motion.geometry import Disc
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 from kachaka_simple_control.report.plan_view import PlanView
-from kachaka_simple_control.report.text_tables import plan_table
+from kachaka_simple_control.report.text_tables import fold, Gap, plan_table
 from plans import ABRUPT, BOX, EIGHT, EMPTY, GENTLE, HOUR, LESSON, preview, SPIN, SQUARE, SQUARE_CW
+from program import COMMAND
 import pytest
 from strategies import LIMITS, MOTIONS, RATES
+from terminals import at_terminal
 
 
 def lines_of(*previews):
@@ -85,7 +88,7 @@ def test_messages_and_limits_are_below_the_table():
 ])
 def test_the_floor_is_what_path_and_outline_need(motion, footprint, width, depth):
     view = preview(motion, footprint=footprint)
-    assert view.floor == pytest.approx((width, depth), abs=0.002)
+    assert view.floor[2:] == pytest.approx((width, depth), abs=0.002)
     (line,) = (line for line in lines_of(view) if line.startswith('Floor: '))
     assert float(line.split()[1]) == pytest.approx(width + 0.005, abs=0.0051)
     assert ('not known' in line) == (footprint is None)
@@ -122,6 +125,25 @@ def test_a_long_motion_without_repeats_is_cut_in_the_middle():
     assert '... 262 steps, from 19.000 s to 281.000 s ...' in lines
     numbers = [int(cells(line)[0]) for line in lines if 'move' in line]
     assert numbers == [*range(1, 20), *range(282, 301)]
+
+
+@given(st.lists(st.sampled_from('abcd') | st.integers(0, 99), max_size=60), st.integers(5, 40))
+def test_a_folded_table_accounts_for_every_step(keys, most):
+    entries = fold(keys, most)
+    assert len(entries) <= max(most, len(set(keys))), 'it has at most so many lines'
+    if len(keys) <= most:
+        assert entries == list(range(len(keys))), 'a short one shows all'
+    covered = []
+    for entry in entries:
+        if isinstance(entry, Gap):
+            above = {keys[index] for index in entries[:entries.index(entry)]
+                     if not isinstance(index, Gap)}
+            inside = range(entry.before + 1, entry.after)
+            assert entry.again == all(keys[index] in above for index in inside)
+            covered += inside
+        else:
+            covered.append(entry)
+    assert covered == list(range(len(keys))), 'each is shown or in a gap, in order'
 
 
 def test_only_steps_shown_before_are_called_as_above():
@@ -197,6 +219,31 @@ def test_any_table_fits_a_terminal(motion, limits, rate):
         assert max(map(len, lines)) <= 99
         assert len(lines) <= 60
         assert not re.search(r'-0\.0+(?![0-9.])', ' '.join(lines))
+
+
+@pytest.mark.parametrize('widest, head', [
+    (None, 'step start takes length x y heading linear angular'),
+    (200, 'step start takes length x y heading linear angular'),
+    (60, 'step takes length x y heading'), (40, 'step takes x y')])
+def test_a_narrow_terminal_gets_fewer_columns(widest, head):
+    """What it still says is whole; the velocities are not explained where they are left out."""
+    for previews in ([preview(SQUARE)], [preview(HOUR)], [preview(SQUARE), preview(SPIN)]):
+        lines = plan_table(previews, widest).splitlines()
+        assert max(map(len, lines)) <= (widest or 99)
+        text = ' '.join(lines)
+        assert ('Velocities' in text) == ('linear' in text)
+    lines = plan_table([preview(SQUARE)], widest).splitlines()
+    assert lines[2].split() == head.split()
+    assert '...' not in ' '.join(lines)
+    assert ('linear' in head) == (lines == lines_of(preview(SQUARE)))
+
+
+def test_a_table_at_a_terminal_does_not_wrap():
+    pytest.importorskip('yaml', reason='needs PyYAML')
+    pytest.importorskip('jsonschema', reason='needs jsonschema')
+    with at_terminal([*COMMAND, 'square', '--plan'], columns=60, rows=30) as shown:
+        assert shown.end() == 0
+    assert shown.screen.above[4] == '-  -------------  ------  ------  -----  -----  -------'
 
 
 @given(MOTIONS, LIMITS, RATES)

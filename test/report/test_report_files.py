@@ -25,9 +25,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn
+from kachaka_simple_control.motion.steps import Forward, Motion, Move, Repeat, Turn
 from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.html_page import render_page
+from kachaka_simple_control.report.html_page import MAX_ROWS, render_page
 from kachaka_simple_control.report.json_export import fields, run_json
 from kachaka_simple_control.report.report_directory import missing_libraries
 from kachaka_simple_control.report.report_process import try_write_report, write_report
@@ -226,6 +226,48 @@ def test_what_comes_from_outside_is_escaped(tmp_path):
     assert json.loads((tmp_path / 'run.json').read_text())['title'] == EVIL
 
 
+#: What is left for a picture of a telephone's 400 pixels: margin, frame and padding are 19 each.
+ON_A_TELEPHONE = 400.0 - 2.0 * 19.0
+
+
+@pytest.mark.parametrize('drive', [done, lesson, faulted, never_began])
+def test_the_texts_of_plots_are_large_enough_on_a_telephone(drive, tmp_path):
+    drawn()
+    write_report(drive(), tmp_path, None)
+    page = (tmp_path / 'report.html').read_text()
+    plots = dict(re.findall(r'<figure id="(\w+)">\s*(<svg.*?</svg>)', page, re.DOTALL))
+    assert {'path', 'velocities'} <= set(plots)
+    for name, plot in plots.items():
+        width = float(re.search(r'viewBox="0 0 ([0-9.]+) ', plot)[1])
+        sizes = [float(size) for size in re.findall(
+            r'<text[^>]*style="[^"]*font(?:-size)?: *(?:[0-9]+ )?([0-9.]+)px', plot)]
+        assert len(sizes) == plot.count('<text') > 3, f'{name}: a text without a size'
+        assert min(sizes) * ON_A_TELEPHONE / width >= 10.0, f'{name}: too small to read'
+
+
+def shown_texts(page):
+    """Return what a page shows: the texts between its tags, those of its plots included."""
+    return html.unescape('\n'.join(re.findall(r'>([^<>]+)<', page.partition('</style>')[2])))
+
+
+def test_there_is_one_minus_sign_and_zero_has_none(tmp_path):
+    drawn()
+    simulated = SimulatedDrive(20.0)
+    # Backwards to the right, and less than what rounds to zero.
+    simulated.drive(Motion('back', [Forward(-0.4), Turn(-0.5), Move(-1e-7, -1e-7, 0.5)]))
+    write_report(simulated.close(), tmp_path, None)
+    page = (tmp_path / 'report.html').read_text()
+    texts = shown_texts(page)
+    for name, found in [
+            ('page', texts),
+            *((name, shown_texts(f'</style>{figure}')) for name, figure in re.findall(
+                r'<figure id="(path|velocities)">(.*?)</figure>', page, re.DOTALL))]:
+        assert re.search(r'(?<!\S)-[0-9.]*[1-9]', found), f'{name}: no negative number'
+        assert '\N{MINUS SIGN}' not in found, f'{name}: another minus sign than that of tables'
+    zeros = re.findall(r'(?<![\w.])-0(?:\.0*)?(?![\w.])', texts)
+    assert zeros == [], 'what rounds to zero has no sign'
+
+
 def headings(record):
     """Return the headings in the table of where a drive ended [degrees]."""
     text = render_page(Summary(record), {}, None, None)
@@ -245,16 +287,61 @@ def test_headings_are_shown_without_full_turns():
     assert odometry == pytest.approx(182.1, abs=0.2)
 
 
-def test_of_very_many_steps_the_first_and_the_last_are_shown(tmp_path):
+def many_steps(*steps):
+    """Return the log of a drive of very short steps."""
     simulated = SimulatedDrive(10.0, odometry_period=0.2)
-    simulated.drive(Motion('many', [Move(0.1, 0.0, 0.1), Turn(0.0)] * 200))
-    record = simulated.close()
-    text = render_page(Summary(record), {}, None, None)
-    assert '<td class="n">150</td>' in text
-    assert '<td class="n">151</td>' not in text
-    assert '100 steps left out here' in text
-    assert '<td class="n">400</td>' in text
-    assert len(fields(Summary(record), None)['steps']) == 400
+    simulated.drive(Motion('many', steps))
+    return simulated.close()
+
+
+def step_tables(log):
+    """Return the rows of the table of steps and of the one with all steps, folded away."""
+    page = render_page(Summary(log), {}, None, None)
+    section = page.partition('Step by step')[2].partition('</section>')[0]
+    shown, _, rest = section.partition('<details class="rows"><summary>')
+    return [[' '.join(shown_texts(f'</style>{row}').split()) for row in re.findall(
+        r'<tr.*?</tr>', part, re.DOTALL) if '<td' in row] for part in (shown, rest)]
+
+
+def test_repeated_steps_are_folded_and_can_be_unfolded():
+    log = many_steps(Repeat(500, [Move(0.1, 0.0, 0.1), Turn(0.0)]))
+    folded, all_steps = step_tables(log)
+    assert len(folded) == 5, 'of both steps the first and the last, and what is left out'
+    assert folded[0].startswith('1 1. 0.1 m/s, 0 rad/s for 0.1 s 1 of 500, from 0.00 s')
+    assert folded[2] == '996 steps, from 0.10 s to 49.90 s, as above'
+    assert folded[4].startswith('1000 1000. turn 0 deg 500 of 500, from 50.00 s')
+    assert len(all_steps) == len(Summary(log).steps) == 1000
+    page = render_page(Summary(log), {}, None, None)
+    assert '<summary>All 1000 steps</summary>' in page
+
+
+def test_a_few_steps_are_not_folded():
+    folded, all_steps = step_tables(done())
+    assert len(folded) == 8
+    assert '2 of 4' in folded[2]
+    assert all_steps == []
+
+
+def test_a_step_that_was_cut_short_is_not_folded_away():
+    simulated = SimulatedDrive(20.0, odometry_period=0.2)
+    motion = Motion('many', [Repeat(20, [Move(0.1, 0.0, 0.1)])])
+    simulated.drive(motion, 0.95, 'stopped by a test')
+    simulated.drive(motion)
+    folded, _ = step_tables(simulated.close())
+    assert [row for row in folded if 'cut short' in row and row.startswith('10 ')], folded
+
+
+def test_of_very_many_steps_the_first_and_the_last_are_on_the_page(monkeypatch):
+    monkeypatch.setattr('kachaka_simple_control.report.html_page.SHOWN', 150)
+    log = many_steps(*[Move(0.1, 0.0, 0.1), Turn(0.0)] * 200)
+    folded, all_steps = step_tables(log)
+    assert len(folded) <= MAX_ROWS, 'cut in the middle, where nothing is repeated'
+    assert [row.split()[0] for row in all_steps] == [
+        *map(str, range(1, 151)), '100', *map(str, range(251, 401))]
+    assert all_steps[150] == '100 steps, from 7.50 s to 12.50 s'
+    page = render_page(Summary(log), {}, None, None)
+    assert 'The first 150 and the last 150 steps; run.json has all 400<' in page
+    assert len(fields(Summary(log), None)['steps']) == 400
 
 
 @pytest.mark.slow

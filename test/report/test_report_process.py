@@ -83,6 +83,12 @@ def wait_for_file(file, size):
         time.sleep(0.02)
 
 
+def test_a_line_about_a_report_is_printed_escaped(capsys):
+    report_process.print_line('a\x1b[31m\n\u202e\udcff/report.html')
+    assert capsys.readouterr().err == (
+        'report: a\\x1b[31m\\n\\u202e\\udcff/report.html\n')
+
+
 def test_all_published_events_are_recorded(tmp_path, capfd):
     events = [
         *BEGINNING, *drive(1000, 10.1), MotionEnded(30.0), SessionEnded(31.0, still_after=0.1)]
@@ -154,7 +160,8 @@ def test_an_event_reaches_the_disk_even_if_none_follows(tmp_path):
     size = (tmp_path / 'run.mcap').stat().st_size
     process.send(VelocitySent(time.monotonic(), Velocity(0.1)))
     wait_for_file(tmp_path / 'run.mcap', size)
-    assert len(READERS[0](tmp_path / 'run.mcap')) == 1
+    assert [found.topic for found in READERS[0](tmp_path / 'run.mcap')] == [
+        '/kachaka_simple_control/speed_factor', OPENED.velocity_topic]
     process.close(PATIENCE)
 
 

@@ -81,7 +81,7 @@ def test_ticks_due_after_the_stop_are_not_lost():
 @given(MOTIONS, st.sampled_from([5.0, 20.0, 37.0]))
 @UNHURRIED
 def test_due_times_are_those_of_the_tick_scheduler(motion, rate):
-    from kachaka_simple_control.control.plan_runner import TickScheduler
+    from kachaka_simple_control.control.tick_scheduler import TickScheduler
     planned = plan(motion, Limits(5.0, 10.0), rate)
     scheduler, now, asked = TickScheduler(planned), 0.0, []
     while (due := scheduler.due(now)) is not None:

@@ -1,0 +1,207 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The plot of a drive's path: as planned, as sent, as odometry saw it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import chain, pairwise
+import math
+from typing import Any, TYPE_CHECKING
+
+from kachaka_simple_control.motion.geometry import (
+    Footprint,
+    front_point,
+    ORIGIN,
+    outline,
+    Point,
+    Pose,
+    transform_point,
+)
+from kachaka_simple_control.report.odometry_alignment import AlignedDrive
+from kachaka_simple_control.report.path_marks import draw_arrows, draw_step_numbers, step_places
+from kachaka_simple_control.report.paths import ArcSegment, distinct, simplify, step_segments
+from kachaka_simple_control.report.plan_plot import (
+    GRAIN,
+    MARGIN,
+    MAX_MARKS,
+    PLACE,
+    SMALLEST,
+    TICK,
+)
+from kachaka_simple_control.report.plan_view import Area
+from kachaka_simple_control.report.plot_style import (
+    add_axes,
+    GREEN,
+    GREY,
+    ODOMETRY,
+    PLANNED,
+    SENT,
+    set_map_limits,
+    style_axes,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Sizes and places [inch].
+#: So narrow that texts of 9 points are larger than 10 pixels on a telephone of 400 pixels.
+WIDTH = 4.2
+#: Above all axes.
+TOP = 0.1
+#: The legend's bottom.
+LEGEND = 0.02
+PATH_LEFT, PATH_RIGHT, PATH_BOTTOM = 0.72, 0.12, 1.12
+#: The proportions of height to width that a map may have.
+FLATTEST, TALLEST = 0.42, 1.15
+#: About so many ticks on a map's longer axis.
+TICKS = 6.0
+#: The robot where it ended, and where it started.
+AT_END: dict[str, Any] = {
+    'edgecolor': '#222222', 'linewidth': 1.4, 'facecolor': (0, 0, 0, 0.06), 'zorder': 2.0}
+AT_START: dict[str, Any] = {
+    'edgecolor': GREEN, 'linewidth': 1.6, 'facecolor': 'none', 'linestyle': (0, (4, 2)),
+    'zorder': 2.2}
+#: More points than these on one line make a page large.
+MAX_POINTS = 5000
+#: A line with more points than these is thin and solid, for dashes on dashes would be a wall.
+MANY = 1000
+THIN: dict[str, Any] = {'linewidth': 0.6, 'linestyle': '-'}
+
+#: The paths of the steps of a motion.
+PlannedPath = list[list[ArcSegment]]
+
+
+def draw_drive_path(figure: Figure, path: AlignedDrive, footprint: Footprint | None) -> None:
+    """
+    Draw the path of a drive, and set the size of the figure.
+
+    :param figure: the figure, empty
+    :param path: the drive
+    :param footprint: the robot's outline; None if it is not known
+    """
+    planned = [step_segments(start.motion.plan, start.pose) for start in path.motion_starts]
+    lines = _path_lines(path, planned)
+    end = path.odometry[-1].pose if path.odometry else (
+        path.dead_reckoning.end if path.sent else path.planned_end)
+    area = _extent([*(point for points in lines.values() for point in points),
+                    *_corners(footprint, (ORIGIN, end))])
+    width = WIDTH - PATH_LEFT - PATH_RIGHT
+    height = width * area.height / area.width
+    figure.set_size_inches(WIDTH, PATH_BOTTOM + height + TOP)
+    axes = add_axes(figure, PATH_LEFT, PATH_BOTTOM, width, height)
+    size = max(area.width, area.height)
+    set_map_limits(axes, *area, tick_distance=size / TICKS)
+    style_axes(axes)
+    for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
+        kept = simplify(points, size * GRAIN, MAX_POINTS)
+        thin = THIN if name == 'odometry' and len(kept) > MANY else {}
+        axes.plot([x for x, _ in kept], [y for _, y in kept], **{**look, **thin}, label=name,
+                  gid=name)
+    _draw_robots(axes, footprint, end, size * TICK)
+    middles = (segment.middle for steps in planned for segment in chain(*steps)
+               if segment.distance)
+    draw_arrows(axes, distinct(middles, size * PLACE, MAX_MARKS), SENT['color'])
+    draw_step_numbers(axes, step_places(enumerate(_begun(path, planned), 1), size * PLACE))
+    draw_legend(figure, PATH_LEFT, 2)
+
+
+def _path_lines(
+        path: AlignedDrive, planned: Sequence[PlannedPath]) -> dict[str, list[Point]]:
+    lines = {'planned': [(ORIGIN.x, ORIGIN.y)]}
+    for start, steps in zip(path.motion_starts, planned):
+        lines['planned'].append((start.pose.x, start.pose.y))
+        for segment in chain(*steps):
+            lines['planned'] += segment.points()
+    if path.sent:
+        poses = (*_sent_poses(path), path.dead_reckoning.end)
+        lines['sent'] = [(pose.x, pose.y) for pose in poses]
+    if path.odometry:
+        lines['odometry'] = [(sample.pose.x, sample.pose.y) for sample in path.odometry]
+    return lines
+
+
+def _begun(path: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[list[ArcSegment]]:
+    """Return the paths of the steps that began, as in the table of steps; of all if none did."""
+    for start, steps in zip(path.motion_starts, planned):
+        if not path.sent:
+            yield from steps
+            continue
+        # Of a motion that was cut short the first steps began.
+        for segments, step in zip(steps, start.motion.steps):
+            if step.sent:
+                yield segments
+
+
+def _sent_poses(path: AlignedDrive) -> Iterator[Pose]:
+    """Return the poses along what was sent, close enough to each other to show arcs."""
+    reckoning = path.dead_reckoning
+    for (begin, end), (one, two) in zip(pairwise(reckoning.times), pairwise(reckoning.poses)):
+        yield one
+        if one.x == two.x and one.y == two.y:
+            continue
+        count = min(math.ceil(abs(two.theta - one.theta) / 0.1), 100)
+        for part in range(1, count):
+            yield reckoning.at(begin + (end - begin) * part / count)
+    yield from reckoning.poses[-1:]
+
+
+def _corners(footprint: Footprint | None, poses: Sequence[Pose]) -> list[Point]:
+    if footprint is None:
+        return [(pose.x, pose.y) for pose in poses]
+    return [corner for pose in poses for corner in outline(footprint, pose)]
+
+
+def _extent(points: Sequence[Point]) -> Area:
+    finite = [point for point in points if math.isfinite(point[0] + point[1])]
+    xs, ys = [x for x, _ in finite], [y for _, y in finite]
+    free = 1.0 + 2.0 * MARGIN
+    width = max((max(xs) - min(xs)) * free, SMALLEST)
+    height = max((max(ys) - min(ys)) * free, SMALLEST)
+    width, height = max(width, height / TALLEST), max(height, width * FLATTEST)
+    return Area((min(xs) + max(xs) - width) / 2.0, (min(ys) + max(ys) - height) / 2.0,
+                width, height)
+
+
+def _draw_robots(axes: Axes, footprint: Footprint | None, end: Pose, reach: float) -> None:
+    from matplotlib.collections import PolyCollection
+
+    for pose, look, name in ((ORIGIN, AT_START, 'at the start'), (end, AT_END, 'at the end')):
+        colour = look['edgecolor']
+        tip = (reach, 0.0)
+        if footprint is not None:
+            axes.add_collection(PolyCollection(
+                [outline(footprint, pose)], **look, label=f'robot {name}'))
+            front = front_point(footprint, ORIGIN)
+            tip = front if front[0] > 0.0 else tip
+        x, y = transform_point(tip, pose)
+        axes.plot([pose.x, x], [pose.y, y], color=colour, linewidth=1.4, zorder=2.5)
+        axes.plot(pose.x, pose.y, linestyle='', marker='o', markersize=4.0, color=colour,
+                  markeredgecolor=GREY, markeredgewidth=0.0, zorder=5.0,
+                  label=None if footprint is not None else name)
+
+
+def draw_legend(figure: Figure, left: float, ncol: int, *artists: Any) -> None:
+    """
+    Draw a legend below the axes of a drive's plot.
+
+    :param left: where [inch]
+    :param ncol: in how many columns
+    :param artists: its handles and labels; by default those of all axes
+    """
+    figure.legend(
+        *artists, loc='lower left', ncol=ncol, frameon=False, borderpad=0.2, borderaxespad=0.0,
+        bbox_to_anchor=(left / WIDTH, LEGEND / figure.get_figheight()), handlelength=2.6,
+        columnspacing=1.8)

@@ -1,0 +1,126 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""When a motion was where on its plan: the clock and the plan differ after a pause."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
+
+from kachaka_simple_control.telemetry.events import VelocitySent
+
+#: A message is not early if it is by less than this [s]: times are sums, and rounded.
+ROUNDING = 1e-6
+
+
+class PlanTimeline:
+    """
+    Converts between the clock and the time of a plan, by the messages of a motion.
+
+    Between two messages time is interpolated.  A plan that was held at a time of its own is there
+    at the first of the times on the clock.
+
+    :param began: when the first message of the motion was sent [s on the steady clock]
+    :param messages: every message since it was planned, in order
+    """
+
+    def __init__(self, began: float, messages: Sequence[VelocitySent]) -> None:
+        self._began = began
+        self._messages = messages
+        delayed = [index for index, message in enumerate(messages)
+                   if message.plan_time is not None]
+        #: whether any of it was not driven as planned
+        self.is_delayed = bool(delayed)
+        #: the index of the last message that was not sent as planned; -1 if there is none
+        self.last_delayed = delayed[-1] if delayed else -1
+        # A motion as planned needs no lists, however long it is.
+        self._times: list[float] = []
+        self._plan_times: list[float] = []
+        if delayed:
+            self._times = [message.time for message in messages]
+            # Where a plan is comes by a bisection of its own, and is rounded.
+            self._plan_times = list(accumulate(self._message_plan_times(), max))
+
+    def _message_plan_times(self) -> Iterator[float]:
+        moving = max((index for index, message in enumerate(self._messages)
+                      if message.plan_time is None and not message.velocity.is_zero), default=-1)
+        last = self._messages[self.last_delayed]
+        for index, message in enumerate(self._messages):
+            if message.plan_time is not None:
+                yield message.plan_time
+            elif index > self.last_delayed > moving and last.plan_time is not None:
+                # The zeros of the stop, from where the plan was left.
+                yield last.plan_time + message.time - last.time
+            else:
+                yield message.time - self._began
+
+    def first(self, plan_time: float) -> int:
+        """
+        Return the index of the first message at a time of the plan, or after it.
+
+        :param plan_time: the time [s of the plan]
+        :returns: the index; the number of messages if there is none
+        """
+        if self.is_delayed:
+            return bisect_left(self._plan_times, plan_time - ROUNDING)
+        return bisect_left(self._messages, self._began + plan_time - ROUNDING, key=_time)
+
+    def message_plan_time(self, index: int) -> float:
+        """Return where on the plan a message was sent [s of the plan], by its index."""
+        if self.is_delayed:
+            return self._plan_times[index]
+        return self._messages[index].time - self._began
+
+    def time(self, plan_time: float) -> float:
+        """
+        Return when the plan was at a time of its own first, or will be.
+
+        :param plan_time: the time [s of the plan]
+        :returns: when [s on the steady clock]
+        """
+        if not self.is_delayed:
+            return self._began + plan_time
+        return _interpolated(self._plan_times, self._times, plan_time, self.first(plan_time))
+
+    def plan_time(self, time: float) -> float:
+        """
+        Return where on the plan the motion was.
+
+        :param time: when [s on the steady clock]
+        :returns: where [s of the plan]
+        """
+        if not self.is_delayed:
+            return time - self._began
+        return _interpolated(self._times, self._plan_times, time, bisect_right(self._times, time))
+
+
+def _interpolated(
+        arguments: Sequence[float], values: Sequence[float], argument: float, index: int,
+) -> float:
+    """
+    Return the value at an argument, before the first and after the last with a slope of one.
+
+    :param index: of the first argument that is not before it
+    """
+    if index in (0, len(arguments)):
+        nearest = max(0, index - 1)
+        return values[nearest] + argument - arguments[nearest]
+    before, after = arguments[index - 1], arguments[index]
+    part = min(1.0, (argument - before) / (after - before))
+    return values[index - 1] + part * (values[index] - values[index - 1])
+
+
+def _time(sent: VelocitySent) -> float:
+    return sent.time
