@@ -226,6 +226,7 @@ def _be_robot() -> None:
     done = pb2.SetRobotVelocityResponse(result=pb2.Result(success=True))
 
     class Servicer(pb2_grpc.KachakaApiServicer):  # type: ignore[misc]
+
         def SetRobotVelocity(self, request: Any, context: Any) -> Any:  # noqa: ARG002, N802
             with lock:
                 rows.append((time.monotonic(), request.linear))

@@ -22,7 +22,9 @@ PROGRAM_PREFIX = re.compile(r'^(kachaka_simple_control: |kachaka_simple_control\
 COLOUR = re.compile(r'\x1b\[[\d;]*m')
 MAX_LENGTH = 100
 #: Lines that each program logs.
-ROUTINE = ('Robot control node has started', 'Robot has stopped', 'Movement completed')
+ROUTINE = (
+    'Robot control node has started', 'Robot has stopped', 'Movement completed', 'Paused: ',
+    'Resumed')
 
 
 def last_message(text: str, namespace: str, traceback_expected: bool) -> str:

@@ -21,10 +21,9 @@ import threading
 import time
 
 from geometry_msgs.msg import Twist
-from listener import KNOWS_SOURCE_TIME, QUALITY, SentVelocity
+from listener import InfoExecutor, QUALITY, SentVelocity
 from nav_msgs.msg import Odometry
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
@@ -74,12 +73,10 @@ class RobotRecorder:
         self._velocities: list[SentVelocity] = []
         self._odometry: list[bytes] = []
         self._subscriptions = [
-            node.create_subscription(
-                Twist, self._topic,
-                self._on_velocity_with_info if KNOWS_SOURCE_TIME else self._on_velocity, QUALITY),
+            node.create_subscription(Twist, self._topic, self._on_velocity, QUALITY),
             # Raw: there are many messages, and few are read.
             node.create_subscription(
-                Odometry, f'/{namespace}/odometry/odometry', self._odometry.append,
+                Odometry, f'/{namespace}/odometry/odometry', self._on_odometry,
                 qos_profile_sensor_data, raw=True)]
         self._set_enabled = node.create_client(
             SetBool, f'/{namespace}/manual_control/set_enabled')
@@ -143,12 +140,12 @@ class RobotRecorder:
         """Return another publisher of velocities for the robot."""
         return OtherPublisher(self._node, self._topic)
 
-    def _on_velocity(self, message: Twist) -> None:
-        self._velocities.append(SentVelocity(time.time(), message.linear.x, message.angular.z))
-
-    def _on_velocity_with_info(self, message: Twist, info: dict[str, int]) -> None:
+    def _on_velocity(self, message: Twist, info: dict[str, int]) -> None:
         self._velocities.append(SentVelocity(
             info['source_timestamp'] / 1e9, message.linear.x, message.angular.z))
+
+    def _on_odometry(self, message: bytes, _info: dict[str, int]) -> None:
+        self._odometry.append(message)
 
 
 class Observer:
@@ -160,7 +157,7 @@ class Observer:
         self._node = Node(
             'observer', context=self._context, enable_rosout=False,
             start_parameter_services=False)
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = InfoExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._clock = self._node.create_publisher(Clock, '/clock', 1)

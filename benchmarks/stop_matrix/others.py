@@ -20,10 +20,8 @@ import contextlib
 import time
 
 from benchmarks.stop_matrix.faults import MAX_STOP_DURATION, no_fault
-from benchmarks.stop_matrix.trial_setup import TrialContext
+from benchmarks.stop_matrix.trial_setup import OTHER_VELOCITY, TrialContext
 
-#: Velocity of other publishers [m/s].
-OTHER_VELOCITY = 0.05
 #: The graph lists a new publisher after this time [s].
 DISCOVERY_TIME = 0.6
 #: Another publisher sends for so long [s], with this period [s].
@@ -71,10 +69,9 @@ def never_publish(context: TrialContext) -> float:
     return no_fault(context)
 
 
-def check_zeros_ended(context: TrialContext, fault: float) -> list[str]:
+def check_zeros_ended(context: TrialContext, _fault: float) -> list[str]:
     """Check that our zeros ended, and the other could drive."""
-    zeros = [velocity.time for velocity in context.recorder.sent_since(fault)
-             if not velocity.moves]
+    zeros = context.stop_zeros()
     fought = bool(zeros) and zeros[-1] - zeros[0] > MAX_STOP_DURATION
     return ['it fought the other with zeros'] if fought else []
 

@@ -87,11 +87,16 @@ class Program:
 
     def go(self) -> None:
         """Start its motion."""
+        self.tell('')
+
+    def tell(self, line: str) -> None:
+        """Write a line to its standard input."""
+        data = f'{line}\n'.encode()
         if self._output_kind == 'terminal':
-            os.write(self._descriptor, b'\n')
+            os.write(self._descriptor, data)
         else:
             assert self.process.stdin is not None
-            self.process.stdin.write(b'\n')
+            self.process.stdin.write(data)
             self.process.stdin.flush()
 
     def close_output(self) -> float:

@@ -16,9 +16,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
-from benchmarks.stop_matrix import faults, others, scripts
+from benchmarks.stop_matrix import faults, others, pauses, scripts
 from benchmarks.stop_matrix.expectation import Expectation, Zero
+from benchmarks.stop_matrix.pauses import State
 from benchmarks.stop_matrix.trial_setup import Row, TrialContext
 
 NODE, GUARDIAN, NOTHING = 'the node', 'the guardian', 'nothing to stop: it runs on'
@@ -56,7 +58,7 @@ def _user(what: str, script: str, code: int = 1) -> Row:
     return Row(Expectation(what, NODE, (code,)), faults.own_fault, script)
 
 
-ROWS = (
+IN_MOTION = (
     Row(Expectation('normal end', NODE, (0,), Zero.AT_END), faults.no_fault, duration=0.6),
     _ends('SIGINT (Ctrl+C)', SIGNAL, (130,), 'SIGINT'),
     _ends('SIGINT twice', SIGNAL, (130,), 'SIGINT', 'SIGINT'),
@@ -153,6 +155,35 @@ ROWS = (
     Row(Expectation('a bridge that takes 250 ms a call, SIGINT', NODE, (130,), limit=SIGNAL),
         faults.send_signals('SIGINT'), check=faults.check_execution_order, slow_robot=True,
         robot_reusable=False),
+)
+#: What may also happen around a pause, with the same bars.
+AROUND_PAUSE = (
+    'SIGINT (Ctrl+C)', 'SIGKILL', 'SIGSTOP', 'listener leaves',
+    'somebody else comes, and sends velocities')
+#: Of those the quick form tries these; the others take as long, and tell little more.
+QUICK_AROUND_PAUSE = {
+    State.PAUSED: AROUND_PAUSE[:3], State.BRAKING: AROUND_PAUSE[1:2], State.RESUMING: ()}
+
+
+def _at(state: State, row: Row) -> Row:
+    what = row.expectation.what
+    checks = [check for check in (
+        row.check, pauses.check_no_velocity if state is State.PAUSED else None) if check]
+    return replace(
+        row, expectation=replace(row.expectation, what=f'{what}, while {state.value}'),
+        inject=pauses.at(state, row.inject), script=scripts.PAUSED, full=10,
+        check=lambda context, fault: [
+            text for check in checks for text in check(context, fault)],
+        quick=int(what in QUICK_AROUND_PAUSE[state]))
+
+
+ROWS = (
+    *IN_MOTION,
+    *(_at(state, row) for state in State for row in IN_MOTION
+      if row.expectation.what in AROUND_PAUSE),
+    Row(Expectation('frozen for 1 s while paused, then resumed', GUARDIAN, (1,), limit=FROZEN),
+        pauses.at(State.PAUSED, faults.send_signals('SIGSTOP')), scripts.PAUSED,
+        after=pauses.resume_thawed(1.0), check=pauses.check_not_resumed, full=10, quick=0),
 )
 #: Also tried with a robot over gRPC: rows in which its bridge behaves as that of the others.
 CORE = ('normal end', 'SIGINT (Ctrl+C)', 'SIGTERM', 'SIGKILL', 'SIGSTOP', 'frozen for 1 s')

@@ -47,6 +47,30 @@ command.play_lesson = short_lesson
 sys.exit(command.main())
 """
 
+#: The command; while it drives, each line that it reads is a method to call: pause or resume.
+PAUSED = BEGIN + """
+from kachaka_simple_control import ControlError
+from kachaka_simple_control import kachaka_simple_control as command
+
+def obey(robot):
+    # Not sys.stdin: its lock would be held while Python ends.
+    while names := os.read(0, 100).decode().split():
+        for name in names:
+            try:
+                getattr(robot, name)()
+            except ControlError as error:
+                print(f'{name}: {error}', file=sys.stderr, flush=True)
+
+def short_lesson(robot):
+    robot.move_robot(0.0, 0.0, 0.2)
+    wait_for_go()
+    threading.Thread(target=obey, args=(robot,), daemon=True).start()
+    robot.move_robot(0.3, 0.0, DURATION)
+
+command.play_lesson = short_lesson
+sys.exit(command.main())
+"""
+
 USER = BEGIN + """
 import rclpy
 from kachaka_simple_control import ControlError, KachakaSimpleControl

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from itertools import pairwise
 import time
 from typing import TYPE_CHECKING
 
@@ -32,8 +33,10 @@ if TYPE_CHECKING:
     from benchmarks.stop_matrix.observer import OtherPublisher
     from benchmarks.stop_matrix.robot_pool import PooledRobot
 
-#: Velocity of our programs, which tells theirs from those of others [m/s].
-VELOCITY = 0.1
+#: Velocity of other publishers [m/s].
+OTHER_VELOCITY = 0.05
+#: Velocity of a program beside another one that drives the same robot [m/s].
+SECOND_VELOCITY = 0.08
 #: A program may take so long from its fault, and what followed, to its end [s].
 EXIT_TIMEOUT = 6.0
 #: A killed program sends nothing later than this [s].
@@ -42,6 +45,9 @@ SEND_LATENCY = 0.02
 SETTLING_TIME = 0.5
 #: The first velocity is not counted as sent after the start, nor rounded to before it [s].
 START_TOLERANCE = 0.01
+#: The zeros with which a stop begins follow each other sooner than this; those of a pause do not
+#: [s].
+BURST_GAP = 0.005
 
 
 @dataclass(frozen=True)
@@ -103,6 +109,10 @@ class TrialContext:
         self.violations: list[str] = []
         #: when the first velocity was sent [s, system clock]
         self.first = 0.0
+        #: from when on what is sent belongs to the stop [s, system clock]
+        self.counted_from = 0.0
+        #: whether the program sends zeros by itself when the fault comes
+        self.was_paused = False
         #: when something else happened to the robot [s, system clock]
         self.changed = 0.0
         #: another publisher of velocities
@@ -142,6 +152,13 @@ class TrialContext:
                 self.violations.append('it never moved')
             else:
                 self.first = first.time
+        self.counted_from = self.first + START_TOLERANCE
+
+    def stop_zeros(self) -> list[float]:
+        """Return when the zeros of the stop were sent [s, system clock]."""
+        zeros = [one.time for one in self.recorder.sent_since(self.counted_from)
+                 if not one.moves]
+        return from_burst_on(zeros) if self.was_paused else zeros
 
     def end(self) -> None:
         """End the programs that still run, and remove their files."""
@@ -164,9 +181,19 @@ def inject_fault(context: TrialContext, pause: Callable[[], float]) -> float:
     fault = row.inject(context)
     if row.exclusive and row.expectation.zero is not Zero.NONE:
         context.recorder.wait_for(
-            lambda velocity: not velocity.moves, context.first + START_TOLERANCE,
+            lambda velocity: not velocity.moves, context.counted_from,
             fault - time.time() + 0.5)
     return fault
+
+
+def from_burst_on(zeros: list[float]) -> list[float]:
+    """
+    Return the zeros of a stop, which begins with several at once, without those of a pause.
+
+    :param zeros: when they were sent [s]
+    """
+    begin = (number for number, (one, two) in enumerate(pairwise(zeros)) if two - one < BURST_GAP)
+    return zeros[next(begin, len(zeros)):]
 
 
 def finish_trial(context: TrialContext, fault: float) -> Trial:
@@ -186,15 +213,16 @@ def finish_trial(context: TrialContext, fault: float) -> Trial:
     text = context.program.text
     if not context.program.end():
         context.violations.append('its guardian outlived it')
-    velocities = recorder.sent_since(context.first + START_TOLERANCE)
-    zeros = [one.time for one in velocities if not one.moves]
+    velocities, zeros = recorder.sent_since(context.counted_from), context.stop_zeros()
     # A program that is killed may be sending a velocity at that moment.
     stopped = zeros[0] if zeros else fault + SEND_LATENCY
     distance = row.measures_distance and row.expectation.zero is not Zero.AT_END
     return Trial(
         zero=zeros[0] - fault if zeros else None,
         zeros=len(zeros),
-        late=sum(one.linear_x == VELOCITY and one.time > stopped for one in velocities),
+        late=sum(
+            one.moves and one.linear_x not in (OTHER_VELOCITY, SECOND_VELOCITY)
+            and one.time > stopped for one in velocities),
         metres=recorder.distance_since(fault) if distance else None,
         code=code,
         message=last_message(text, recorder.namespace, 'rclpy.init()' in row.script),

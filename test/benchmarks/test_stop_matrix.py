@@ -18,6 +18,7 @@ import json
 from pathlib import Path
 import re
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -41,9 +42,11 @@ from benchmarks.stop_matrix.expectation import (  # noqa: E402
     Zero,
 )
 from benchmarks.stop_matrix.message import last_message  # noqa: E402
-from benchmarks.stop_matrix.rows import CORE, ROWS  # noqa: E402
+from benchmarks.stop_matrix.pauses import State  # noqa: E402
+from benchmarks.stop_matrix.rows import AROUND_PAUSE, CORE, ROWS  # noqa: E402
 from benchmarks.stop_matrix.table import HEAD, matrix, row  # noqa: E402
 from benchmarks.stop_matrix.trial import Trial  # noqa: E402
+from benchmarks.stop_matrix.trial_setup import from_burst_on  # noqa: E402
 
 EXPECTATION = Expectation('SIGTERM', 'the node', (143,), limit=0.02)
 GOOD = Trial(zero=0.001, zeros=20, late=0, metres=0.002, code=143, message='ended')
@@ -136,6 +139,31 @@ kachaka_simple_control: the robot left: nobody subscribes to /stop_3/manual_cont
     trace = f'Traceback (most recent call last):\n  File "a"\n{text}'
     assert last_message(trace, 'stop_3', True) == said
     assert last_message(trace, 'stop_3', False).startswith('Traceback: ')
+
+
+def test_the_stop_of_a_paused_program_begins_where_zeros_come_at_once():
+    pause, burst = [0.0, 0.1, 0.2], [0.23, 0.2301, 0.2302, 0.27]
+    assert from_burst_on(pause + burst) == burst
+    assert from_burst_on(burst) == burst
+    assert from_burst_on(pause) == []
+    assert from_burst_on([]) == []
+
+
+def test_what_happens_in_motion_happens_around_a_pause_with_the_same_bars():
+    rows = {row.expectation.what: row for row in ROWS}
+    for what in AROUND_PAUSE:
+        for state in State:
+            one = rows[f'{what}, while {state.value}']
+            assert replace(one.expectation, what=what) == rows[what].expectation
+            assert one.full >= 10
+    assert sum(rows[f'{what}, while {State.PAUSED.value}'].quick for what in AROUND_PAUSE) == 3
+
+
+@pytest.mark.parametrize('state, velocity, shown', [
+    (State.PAUSED, 0.0, True), (State.PAUSED, 0.01, False), (State.BRAKING, 0.2, True),
+    (State.BRAKING, 0.3, False), (State.BRAKING, 0.0, False), (State.RESUMING, 0.01, True)])
+def test_a_fault_comes_in_its_state(state, velocity, shown):
+    assert state.shows(SimpleNamespace(linear_x=velocity, moves=velocity != 0.0)) == shown
 
 
 def test_rows_have_unique_names_and_are_tried():
