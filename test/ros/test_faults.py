@@ -20,6 +20,7 @@ import time
 from optional_libraries import MISSING, optional_imports
 from program import COMMAND, program, script
 import pytest
+from ros_support import wait_until
 
 qos_profile_sensor_data = MISSING
 with optional_imports():
@@ -48,6 +49,11 @@ class Odometer:
         self._publisher = listener._node.create_publisher(
             Odometry, 'odometry/odometry', qos_profile_sensor_data)
         self._timer = listener._node.create_timer(0.02, self._publish)
+
+    def wait_until_heard(self):
+        """Wait until a program has had time to receive some of it."""
+        assert wait_until(self._publisher.get_subscription_count)
+        time.sleep(0.3)
 
     def silence(self):
         """Publish no more, as a robot that crashed."""
@@ -237,6 +243,8 @@ def test_zeros_go_on_beside_a_publisher_that_is_silent(listener, tmp_path):
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
         listener.wait_for(lambda heard: heard.angular_z != 0.0)
         odometer.velocity = 0.1
+        # A program that never received odometry has none to confirm its stop by.
+        odometer.wait_until_heard()
         started.send(signal.SIGINT)
         assert started.end() == 130
     assert listener.heard[-1].time - end_of_motion(listener) > 1.0
