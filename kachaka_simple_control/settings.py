@@ -57,12 +57,19 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
     :param options: of the command
     :param motion_file: the motion; None for the lesson
     :raises UsageError: if an option and ``-p`` differ, or a value is invalid
+    :raises MotionFileError: if the rate of the file cannot be used
     """
+    given = _given(options)
     values = {'robot': NodeParameters.robot, 'rate': NodeParameters.rate,
-              **_in_file(motion_file), **_given(options)}
+              **_in_file(motion_file), **given}
     robot, rate = str(values['robot']), require_number('rate', values['rate'], 'Hz')
     profile = find_robot(robot)
-    check_rate(rate, profile)
+    try:
+        check_rate(rate, profile)
+    except UsageError as error:
+        if motion_file is None or motion_file.rate is None or 'rate' in given:
+            raise
+        raise motion_file.error_at('rate', str(error)) from None
     return Settings(robot, rate, profile)
 
 

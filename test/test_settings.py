@@ -19,6 +19,7 @@ import contextlib
 
 from kachaka_simple_control.cli import parse
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import loads
 from kachaka_simple_control.ros.node_parameters import require_parameters_only
 from kachaka_simple_control.settings import choose_settings, chosen_speed, describe_overrides
@@ -79,6 +80,15 @@ def test_what_cannot_be_is_refused_in_one_line(words, line):
     with pytest.raises(UsageError) as caught:
         settings(words, FAST)
     assert str(caught.value) == line
+
+
+def test_a_rate_of_a_file_that_cannot_be_is_refused_with_its_line():
+    file = ('steps: [wait: 1 s]\nrate: 2 Hz', 'slow.yaml')
+    line = 'rate: 2 Hz; for kachaka it must be from 5 to 1000 Hz'
+    with pytest.raises(MotionFileError) as caught:
+        settings('', file)
+    assert str(caught.value) == f'slow.yaml:2: {line}'
+    assert settings('--rate 20', file)[0].rate == 20.0
 
 
 @pytest.mark.parametrize('words, refused', [

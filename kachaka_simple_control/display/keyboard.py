@@ -68,6 +68,8 @@ class Keyboard:
         self._end.set()
         if self._thread.ident is not None:
             with self._setting_modes, contextlib.suppress(OSError, termios.error):
+                # Who leaves the foreground just now must not be suspended by this.
+                signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
                 if _is_foreground():
                     set_line_modes(STDIN, is_on=True)
 

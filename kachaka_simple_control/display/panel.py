@@ -48,7 +48,7 @@ _STYLES = {
 _OTHER_STYLE = 'bold reverse'
 _TEXTS = {
     DriveState.READY: 'nothing to drive yet',
-    DriveState.WAITING: 'for the robot to listen',
+    DriveState.WAITING: 'for the robot to be ready',
     DriveState.CONNECTING: 'the robot is there; zeros first',
     DriveState.STOPPING: 'zeros are sent until the robot stands still',
     DriveState.STOPPED: 'the stop was sent',
@@ -126,7 +126,7 @@ def _bar(status: DriveStatus, done_sign: str, rest_sign: str, width: int) -> Tex
         return Text()
     figures = (
         f'  {100.0 * status.fraction:3.0f} %   {format_fixed(status.time_left, 1)} s left of '
-        f'{format_fixed(status.duration, 1)} s')
+        f'{format_fixed(status.duration, 1)} s{" planned" if status.factors else ""}')
     room = max(1, width - len(figures))
     done = min(room, max(0, round(status.fraction * room)))
     # Two signs, for there may be no colours.

@@ -85,48 +85,43 @@ class MotionFile:
         :returns: the limits to plan with: the file's own where it has some, else the robot's
         :raises MotionFileError: if it cannot, with a line for each problem
         """
-        tightened = self.tighten(limits, robot)
-        errors = find_errors(self.motion, tightened)
-        if errors:
-            raise self.located(errors, robot)
+        tightened = self._tighten(limits)
+        # The limit of a step may be one of the file.
+        whose = 'the' if self.limits else f"{robot}'s"
+        problems = [
+            *(self._problem(error, f"{robot}'s") for error in self._excesses(limits)),
+            *(self._problem(error, whose) for error in find_errors(self.motion, tightened))]
+        if problems:
+            raise MotionFileError(self.source, problems)
         return tightened
 
-    def tighten(self, limits: Limits, robot: str = 'the robot') -> Limits:
+    def error_at(self, path: str, message: str) -> MotionFileError:
         """
-        Return the limits of a robot, lowered to those of the file.
+        Return an error of one value, with its line.
 
-        :param limits: of the robot
-        :param robot: its name in errors
-        :raises MotionFileError: if the file allows more than the robot can do
+        :param path: its path, as in ``rate``
+        :param message: what is wrong
         """
-        bounds = {name: _bound(limits, name) for name in self.limits}
-        errors = [
-            InvalidMotionError(
-                f'{self.limits[name]} {unit} is above the limit of {bound} {unit}',
-                f'limits.{name}')
-            for name, bound in bounds.items() if self.limits[name] > bound
-            for unit in [LIMIT_QUANTITIES[name].unit]]
-        if errors:
-            raise MotionFileError(self.source, [self._problem(e, f"{robot}'s") for e in errors])
-        tightened = replace(limits, **self.limits)
-        if limits.max_backward_velocity is None or 'max_backward_velocity' in self.limits:
+        return MotionFileError(
+            self.source, [self._problem(InvalidMotionError(message, path), 'the')])
+
+    def _excesses(self, limits: Limits) -> Iterator[InvalidMotionError]:
+        """Return an error for each limit of the file that is above the robot's."""
+        for name, value in self.limits.items():
+            bound, unit = _bound(limits, name), LIMIT_QUANTITIES[name].unit
+            if value > bound:
+                yield InvalidMotionError(
+                    f'{value} {unit} is above the limit of {bound} {unit}', f'limits.{name}')
+
+    def _tighten(self, limits: Limits) -> Limits:
+        """Return the limits of a robot, lowered to those of the file."""
+        own = {name: min(value, _bound(limits, name)) for name, value in self.limits.items()}
+        tightened = replace(limits, **own)
+        if limits.max_backward_velocity is None or 'max_backward_velocity' in own:
             return tightened
         # A lower forward limit also holds backwards.
         return replace(tightened, max_backward_velocity=min(
-            limits.max_backward_velocity, self.limits.get('max_linear_velocity', math.inf)))
-
-    def located(
-            self, errors: Iterable[InvalidMotionError], robot: str = 'the robot'
-            ) -> MotionFileError:
-        """
-        Return errors of planning as one error with their lines in the file.
-
-        :param errors: from ``find_errors()``, with paths such as ``steps[2].turn.speed``
-        :param robot: the name of the robot whose limits are meant
-        """
-        # The limit may be one of the file.
-        whose = 'the' if self.limits else f"{robot}'s"
-        return MotionFileError(self.source, [self._problem(error, whose) for error in errors])
+            limits.max_backward_velocity, own.get('max_linear_velocity', math.inf)))
 
     def _problem(self, error: InvalidMotionError, whose: str) -> Problem:
         path = error.path or ''

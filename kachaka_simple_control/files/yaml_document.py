@@ -204,9 +204,22 @@ def parse_yaml(text: str) -> Document:
     return builder.document()
 
 
+#: What to do about common errors of YAML, by what PyYAML or its library says of them.
+_YAML_ADVICE = {
+    "expected key|expected '-'|expected <block end>|indentation":
+        'this line does not belong to those above; indent it as they are, and close all quotes',
+    'mapping values are not allowed':
+        "no ':' can be here; indent this line as those above, or put the text in quotes",
+    "expected ':'": "a key is followed by ': '",
+}
+
+
 def _not_yaml(error: Any, text: str) -> Problem:
     mark = getattr(error, 'problem_mark', None) or getattr(error, 'context_mark', None)
     reason = getattr(error, 'problem', None) or getattr(error, 'context', None) or 'no reason'
+    for pattern, advice in _YAML_ADVICE.items():
+        if re.search(pattern, reason):
+            reason = advice
     lines = re.split('\r\n|\r|\n', text)[mark.line:mark.line + 1] if mark else []
     found = ''.join(lines)[mark.column:mark.column + 1] if mark else ''
     if 'cannot start any token' in reason and found:

@@ -168,7 +168,11 @@ def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
     results = summary.steps
     keys = [(result.motion, result.log.planned.path, result.log.step, result.log.is_complete,
              result.log.is_delayed) for result in results]
-    repeats = repeat_labels(keys)
+    # Of the whole plan: a drive that was cut short began only some of its steps.
+    repeats = [label for motion in summary.log.motions if motion.has_begun
+               for label, step in zip(
+                   repeat_labels([step.path for step in motion.plan.steps]), motion.steps)
+               if step.sent]
 
     def row(entry: int | Gap) -> StepRow:
         if isinstance(entry, int):

@@ -333,7 +333,7 @@ def test_who_waits_for_a_robot_sees_how_long_and_where():
     pytest.importorskip('rclpy', reason='needs ROS 2')
     words = ['--ros-args', '-p', 'robot_timeout:=60.0', '-p', 'robot_namespace:=/absent']
     with at_terminal([*COMMAND, *words], 130, 30) as shown:
-        shown.wait_for_text('for the robot to listen, 5')
+        shown.wait_for_text('for the robot to be ready, 5')
         shown.wait_for_text('topic       /absent/manual_control/cmd_vel')
         shown.press(b'\x03')
         began = time.monotonic()

@@ -318,8 +318,8 @@ def test_a_panel_has_all_figures(drawn, columns):
 def test_a_panel_counts_down_while_it_waits_and_names_the_topic(drawn):
     shown = [drawn(waiting().status_at(START + elapsed), 60)[1:3] for elapsed in (0.0, 2.5, 10.5)]
     assert [state.split('  ')[-1].strip() for state, _ in shown] == [
-        'for the robot to listen, 10 s left', 'for the robot to listen, 8 s left',
-        'for the robot to listen']  # and for manual control, which has a time of its own
+        'for the robot to be ready, 10 s left', 'for the robot to be ready, 8 s left',
+        'for the robot to be ready']  # and for manual control, which has a time of its own
     assert {topic for _, topic in shown} == {'topic       /kachaka/cmd_vel'}
 
 

@@ -137,6 +137,13 @@ def test_a_radius_of_zero_is_refused_by_the_step_itself():
      r"bad.yaml:2: this is not YAML: nothing can begin with '\t' here; indent with spaces"),
     ('steps: []\nname: @me',
      "bad.yaml:2: this is not YAML: nothing can begin with '@' here; put the text in quotes"),
+    ('steps:\n  - forward: 1 m\n - turn: 20 deg',
+     ('bad.yaml:3: this is not YAML: this line does not belong to those above; indent it as they '
+      'are, and close all quotes')),
+    ('steps:\n- forward: 1 m\n   turn: 20 deg',
+     ("bad.yaml:3: this is not YAML: no ':' can be here; indent this line as those above, or put "
+      'the text in quotes')),
+    ('name: a\nsteps\n- forward: 1 m', "bad.yaml:3: this is not YAML: a key is followed by ': '"),
     ('steps: [{repeat: {times: 1000, steps: [{repeat: {times: 1001, steps: [wait: 0]}}]}}]',
      'bad.yaml:1: steps: 1002001 steps, with all repeats; at most 1000000 are read'),
     ('steps: [{repeat: {times: 1e6, steps: [{repeat: {times: 1e6, steps: []}}]}}]',

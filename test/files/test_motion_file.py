@@ -24,7 +24,6 @@ from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import MotionFileError
 from kachaka_simple_control.files.motion_file import dump, load, loads
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.planner import find_errors
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 from motion_texts import EVERYTHING, MOTIONS
 import pytest
@@ -144,7 +143,9 @@ def test_an_error_of_planning_has_its_line_and_the_robots_name():
 
 def test_errors_of_planning_can_be_given_their_lines():
     file = loads(TOO_FAST, 'fast.yaml')
-    error = file.located(find_errors(file.motion, KACHAKA))
+    with pytest.raises(MotionFileError) as caught:
+        file.check(KACHAKA)
+    error = caught.value
     assert str(error).startswith('fast.yaml:8: step 2: repeat: step 1: turn.speed: 2.0 rad/s is '
                                  "above the robot's limit of 1.57 rad/s")
     assert isinstance(error, InvalidMotionError)
@@ -157,6 +158,16 @@ def test_the_files_own_limits_hold_too():
         file.check(KACHAKA, 'kachaka')
     assert str(caught.value) == (
         'slow.yaml:2: step 1: forward.speed: 0.2 m/s is above the limit of 0.1 m/s')
+
+
+def test_wrong_limits_and_wrong_steps_are_said_at_once():
+    file = loads('limits: {max_linear_velocity: 9 m/s}\n'
+                 'steps:\n- forward: {distance: 1 m, speed: 5 m/s}', 'fast.yaml')
+    with pytest.raises(MotionFileError) as caught:
+        file.check(KACHAKA, 'kachaka')
+    assert str(caught.value).splitlines() == [
+        "fast.yaml:1: limits.max_linear_velocity: 9.0 m/s is above kachaka's limit of 0.3 m/s",
+        'fast.yaml:3: step 1: forward.speed: 5.0 m/s is above the limit of 0.3 m/s']
 
 
 def test_what_can_be_done_is_planned_with_the_tighter_limits():
@@ -173,14 +184,14 @@ def test_what_can_be_done_is_planned_with_the_tighter_limits():
 ])
 def test_a_lower_velocity_limit_holds_backwards_too(robot, text, expected):
     file = loads(f'limits: {{{text}}}\nsteps: []')
-    assert file.tighten(robot).backward_velocity == expected
+    assert file.check(robot).backward_velocity == expected
 
 
 def test_a_file_cannot_allow_what_the_robot_does_not():
     file = loads('limits:\n  max_angular_velocity: 90 deg/s\n  max_linear_velocity: 31 cm/s\n'
                  '  max_backward_velocity: 0.4\n  max_linear_deceleration: 2\nsteps: []', 'a.yaml')
     with pytest.raises(MotionFileError) as caught:
-        file.tighten(Limits(0.3, 1.57, max_linear_acceleration=1.0), 'kachaka')
+        file.check(Limits(0.3, 1.57, max_linear_acceleration=1.0), 'kachaka')
     assert str(caught.value).splitlines() == [
         ("a.yaml:2: limits.max_angular_velocity: 1.5707963267948966 rad/s is above kachaka's "
          'limit of 1.57 rad/s'),

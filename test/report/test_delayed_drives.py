@@ -21,6 +21,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn, Wait
+from kachaka_simple_control.report.html_page import render_page
 from kachaka_simple_control.report.json_export import run_json
 from kachaka_simple_control.report.metrics import timing
 from kachaka_simple_control.report.report_process import write_report
@@ -202,6 +203,13 @@ def test_the_page_shows_pauses_and_nothing_of_them_where_there_was_none(tmp_path
         assert ('pause' in page) == is_shown
         for field in ('speed', 'unjudged', 'plan_start_s'):
             assert (f'"{field}"' in told) == is_shown
+
+
+def test_a_drive_that_was_never_as_planned_is_not_judged():
+    pytest.importorskip('jinja2', reason='needs Jinja2')
+    page = render_page(Summary(drive([(0.0, {'override': 0.5})])), {}, None, None)
+    assert 'not judged<small>' in page
+    assert 'of 0 messages due' not in page
 
 
 def test_pauses_are_shaded():

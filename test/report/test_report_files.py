@@ -331,6 +331,16 @@ def test_a_step_that_was_cut_short_is_not_folded_away():
     assert [row for row in folded if 'cut short' in row and row.startswith('10 ')], folded
 
 
+def test_a_step_is_one_of_all_repeats_of_its_plan():
+    simulated = SimulatedDrive(20.0, odometry_period=0.2)
+    motion = Motion('many', [Repeat(4, [Move(0.1, 0.0, 0.5), Move(0.1, 0.5, 0.5)])])
+    simulated.drive(motion, 1.7, 'stopped by a test')
+    simulated.drive(motion)
+    shown, _ = step_tables(simulated.close())
+    assert all(f'{number // 2 + 1} of 4' in row
+               for number, row in zip([*range(4), *range(8)], shown)), shown
+
+
 def test_of_very_many_steps_the_first_and_the_last_are_on_the_page(monkeypatch):
     monkeypatch.setattr('kachaka_simple_control.report.html_page.SHOWN', 150)
     log = many_steps(*[Move(0.1, 0.0, 0.1), Turn(0.0)] * 200)
