@@ -30,11 +30,15 @@ SDK_MISSING = (
     "pip install 'kachaka_simple_control[kachaka]' && pip install --no-deps kachaka-api")
 #: Of each option that is a field of ``SimulationParameters``: name, unit, help.
 PARAMETER_OPTIONS = (
+    ('dead_time', 'S', 'how long after a command the drive begins to follow it'),
     ('lag', 'S', 'time constant of the drive'),
     ('linear_acceleration', 'M/S2', 'largest change of the forward velocity'),
     ('angular_acceleration', 'RAD/S2', 'largest change of the turning velocity'),
     ('linear_gain', 'F', 'true over demanded forward velocity'),
+    ('backward_gain', 'F', 'that gain backwards, over the one forwards'),
     ('angular_gain', 'F', 'true over demanded turning velocity'),
+    ('right_gain', 'F', 'that gain to the right, over the one to the left'),
+    ('veer', 'RAD/M', 'how much the robot turns to the left on each metre forwards'),
     ('velocity_noise', 'F', 'standard deviation of the velocity, as a part of it'),
     ('odometry_noise', 'M', 'standard deviation of the position in odometry'),
     ('heading_noise', 'RAD', 'standard deviation of the heading in odometry'),

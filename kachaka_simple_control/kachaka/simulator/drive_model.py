@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, fields, replace
 import math
 import random
@@ -30,11 +31,15 @@ class SimulationParameters:
     The maker publishes none of these figures: the defaults are those of an ideal robot, except
     for undocking, which takes some time and is chosen.
 
+    :param dead_time: how long after a command the drive begins to follow it [s]
     :param lag: time constant of the drive, first order [s]
     :param linear_acceleration: largest forward acceleration [m/s^2]
     :param angular_acceleration: largest turning acceleration [rad/s^2]
     :param linear_gain: true over commanded forward velocity
+    :param backward_gain: that gain backwards, over the one forwards
     :param angular_gain: true over commanded turning velocity
+    :param right_gain: that gain to the right, over the one to the left
+    :param veer: how much it turns to the left on each metre forwards [rad/m]
     :param velocity_noise: relative standard deviation of both velocities; drawn each millisecond
         of motion
     :param odometry_noise: standard deviation of x and of y in odometry [m]; drawn every 20 ms;
@@ -43,14 +48,18 @@ class SimulationParameters:
     :param undock_distance: distance that the robot drives straight off its dock [m]
     :param undock_velocity: velocity of that motion [m/s]
     :raises ValueError: if a figure is not finite (an acceleration may be infinite), is negative
-        (a gain may be), or is 0 where nothing would ever move
+        (a gain or the veer may be), or is 0 where nothing would ever move
     """
 
+    dead_time: float = 0.0
     lag: float = 0.0
     linear_acceleration: float = math.inf
     angular_acceleration: float = math.inf
     linear_gain: float = 1.0
+    backward_gain: float = 1.0
     angular_gain: float = 1.0
+    right_gain: float = 1.0
+    veer: float = 0.0
     velocity_noise: float = 0.0
     odometry_noise: float = 0.0
     heading_noise: float = 0.0
@@ -71,7 +80,7 @@ class SimulationParameters:
 
 
 def _check(name: str, value: float) -> None:
-    if name.endswith('gain'):
+    if name.endswith('gain') or name == 'veer':
         is_valid, rule = math.isfinite(value), 'a finite number'
     elif name.endswith('acceleration'):
         is_valid, rule = value > 0.0, 'above 0'
@@ -158,23 +167,42 @@ class DriveModel:
         self._random = random.Random(seed)
         self._state = _State(start, ORIGIN, ZERO)
         self._target = ZERO
+        #: commands that the drive does not follow yet, and when it will [s]
+        self._commands: deque[tuple[float, Velocity]] = deque()
         self._tick = 0
-        self._gain = Velocity(parameters.linear_gain, parameters.angular_gain)
+        self._noise = Velocity(1.0, 1.0)
 
     def set_target(self, target: Velocity, now: float) -> None:
-        """Command a velocity from now on."""
-        self._advance(now)
-        self._state = self._state_at(now)
-        self._target = target
+        """Command a velocity from now on; the drive follows after its dead time."""
+        self._commands.append((now + self._parameters.dead_time, target))
+        self._follow(now)
 
     def state_at(self, now: float) -> tuple[Pose, Velocity]:
         """Return the true pose and velocity."""
+        self._follow(now)
         self._advance(now)
         state = self._state_at(now)
-        velocity = Velocity(
-            state.velocity.linear_x * self._gain.linear_x,
-            state.velocity.angular_z * self._gain.angular_z)
-        return state.pose, velocity
+        return state.pose, Velocity(
+            *self._true(state.velocity.linear_x, state.velocity.angular_z))
+
+    def _follow(self, now: float) -> None:
+        """Follow the commands whose dead time is over."""
+        while self._commands and self._commands[0][0] <= now:
+            time, target = self._commands.popleft()
+            self._advance(time)
+            self._state = self._state_at(time)
+            self._target = target
+
+    def _true(self, linear: float, angular: float) -> tuple[float, float]:
+        """Return what becomes of velocities, or of distance and angle, of the drive."""
+        parameters = self._parameters
+        true_linear = linear * (parameters.linear_gain * self._noise.linear_x)
+        true_angular = angular * (parameters.angular_gain * self._noise.angular_z)
+        if linear < 0.0:
+            true_linear *= parameters.backward_gain
+        if angular < 0.0:
+            true_angular *= parameters.right_gain
+        return true_linear, true_angular + parameters.veer * true_linear
 
     @property
     def _is_at_rest(self) -> bool:
@@ -189,7 +217,7 @@ class DriveModel:
             self._tick += 1
             self._settle()
             if not self._is_at_rest:
-                self._draw_gain()
+                self._draw_noise()
         if self._is_at_rest and now > self._state.time:
             self._tick = int((now - self._start) / GRID_PERIOD)
             self._state = replace(self._state, time=now)
@@ -204,12 +232,10 @@ class DriveModel:
         if self._target.is_zero and fastest < STANDSTILL:
             self._state = replace(self._state, velocity=ZERO)
 
-    def _draw_gain(self) -> None:
+    def _draw_noise(self) -> None:
         noise = self._parameters.velocity_noise
         if noise > 0.0:
-            self._gain = Velocity(
-                self._parameters.linear_gain * self._random.gauss(1.0, noise),
-                self._parameters.angular_gain * self._random.gauss(1.0, noise))
+            self._noise = Velocity(self._random.gauss(1.0, noise), self._random.gauss(1.0, noise))
 
     def _state_at(self, now: float) -> _State:
         duration = now - self._state.time
@@ -220,8 +246,7 @@ class DriveModel:
         angular_z, angle = first_order_response(
             velocity.angular_z, self._target.angular_z, duration,
             parameters.lag, parameters.angular_acceleration)
-        pose = advance(
-            self._state.pose, distance * self._gain.linear_x, angle * self._gain.angular_z)
+        pose = advance(self._state.pose, *self._true(distance, angle))
         return _State(now, pose, Velocity(linear_x, angular_z))
 
 

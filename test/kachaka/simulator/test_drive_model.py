@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple, replace
 import math
 
 from hypothesis import given
@@ -31,6 +32,7 @@ import pytest
 REAL = SimulationParameters(
     lag=0.15, linear_acceleration=0.4, angular_acceleration=3.0, linear_gain=0.97,
     angular_gain=1.04, velocity_noise=0.1)
+LATE = replace(REAL, dead_time=0.2, veer=0.05, right_gain=0.95)
 velocities = st.builds(Velocity, st.floats(-0.3, 0.3), st.floats(-1.57, 1.57))
 commands = st.lists(st.tuples(st.floats(0.0, 0.4), velocities | st.just(ZERO)), max_size=5)
 questions = st.lists(st.floats(0.0, 2.5), max_size=20)
@@ -50,7 +52,7 @@ def drive_and_ask(parameters, commands, questions, start=0.0):
     return drive.state_at(start + 2.5)
 
 
-@pytest.mark.parametrize('parameters', [IDEAL, REAL], ids=['ideal', 'real'])
+@pytest.mark.parametrize('parameters', [IDEAL, REAL, LATE], ids=['ideal', 'real', 'late'])
 @given(commands=commands, questions=questions)
 def test_pose_does_not_depend_on_the_number_of_queries(parameters, commands, questions):
     """To the last bit: a report must not depend on other clients."""
@@ -130,6 +132,43 @@ def test_gain_errors_change_the_distance():
     pose, velocity = drive.state_at(2.0)
     assert (pose.x, pose.theta) == pytest.approx((0.09, 0.55))
     assert velocity.angular_z == pytest.approx(0.55)
+
+def test_dead_time_shifts_the_drive_and_changes_nothing_else():
+    commands = [(0.0, Velocity(0.2, 0.0)), (0.4, Velocity(0.1, 0.5)), (1.1, ZERO)]
+    prompt = SimulationParameters(lag=0.1, linear_gain=0.95)
+    late = replace(prompt, dead_time=0.25)
+    for time in (0.1, 0.25, 0.3, 0.7, 1.2, 2.0, 3.0):
+        drives = [DriveModel(parameters, 0.0, 0) for parameters in (prompt, late)]
+        for drive, shift in zip(drives, (0.25, 0.0)):
+            for at, target in commands:
+                if at + shift <= time:
+                    drive.set_target(target, at + shift)
+        (pose, velocity), (late_pose, late_velocity) = (
+            drive.state_at(time) for drive in drives)
+        assert astuple(late_pose) == pytest.approx(astuple(pose), abs=1e-6)
+        assert astuple(late_velocity) == pytest.approx(astuple(velocity), abs=1e-6)
+
+
+def test_gains_may_differ_with_the_direction():
+    drive = DriveModel(SimulationParameters(
+        linear_gain=0.9, backward_gain=0.8, angular_gain=1.1, right_gain=0.5), 0.0, 0)
+    seen = []
+    for number, target in enumerate([
+            Velocity(0.1, 0.0), Velocity(-0.1, 0.0), Velocity(0.0, 0.2), Velocity(0.0, -0.2)]):
+        drive.set_target(target, float(number))
+        seen.append(drive.state_at(number + 0.5)[1])
+    assert [*map(astuple, seen)] == [
+        pytest.approx(pair) for pair in [(0.09, 0.0), (-0.072, 0.0), (0.0, 0.22), (0.0, -0.11)]]
+
+
+def test_veer_bends_a_straight_line():
+    drive = DriveModel(SimulationParameters(linear_gain=0.95, veer=0.035), 0.0, 0)
+    drive.set_target(Velocity(0.2, 0.0), 0.0)
+    pose, velocity = drive.state_at(5.0)
+    assert pose.theta == pytest.approx(0.035 * 0.95)
+    assert velocity.angular_z == pytest.approx(0.035 * 0.19)
+    drive.set_target(Velocity(-0.2, 0.0), 5.0)
+    assert drive.state_at(10.0)[0].theta == pytest.approx(0.0, abs=1e-12)
 
 
 def test_spiral_is_close_to_a_fine_integration():
