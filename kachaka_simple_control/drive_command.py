@@ -165,7 +165,7 @@ def _motion_file(options: Options) -> MotionFile | None:
             f'--sim and --address bring a kachaka along, not a {profile.name}: leave out that '
             'option, or --robot')
     if motion_file is not None:
-        motion_file.check(profile.limits, profile.name)
+        motion_file.check(profile.planning_limits, profile.name)
     return motion_file
 
 
@@ -193,7 +193,7 @@ def _run(
             play_lesson(robot_control)
         return
     profile = robot_control.profile
-    limits = motion_file.check(profile.limits, profile.name)
+    limits = motion_file.check(profile.planning_limits, profile.name)
     if wait:
         service = RunService(robot_control, motion_file.motion, limits)
         with _keyboard(robot_control, {**keys, '\n': service.start}):

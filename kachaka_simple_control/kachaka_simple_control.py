@@ -124,6 +124,8 @@ class KachakaSimpleControl(Node):
             super().destroy_node()
             raise
         self.get_logger().info('Robot control node has started')
+        if self.profile.calibration is not None:
+            self.get_logger().info(f'Calibrated: {escaped(self.profile.calibration.describe())}')
 
     def _set_up(self, defaults: Mapping[str, Any], sim: bool) -> None:
         self.profile, self.node_parameters = declare_parameters(self, defaults)
@@ -180,7 +182,7 @@ class KachakaSimpleControl(Node):
         """
         step = Move(linear_x, angular_z, duration)
         # The planner would name the step's place in a motion that the caller never wrote.
-        self.profile.limits.check(step.velocity)
+        self.profile.planning_limits.check(step.velocity)
         self._drive(Motion('move_robot', (step,)), None, self.session.request())
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
@@ -275,7 +277,7 @@ class KachakaSimpleControl(Node):
         super().destroy_node()
 
     def _drive(self, motion: Motion, limits: Limits | None, request: DriveRequest) -> Plan:
-        limits = limits or self.profile.limits
+        limits = limits or self.profile.planning_limits
         with self.session.exclusive(request):
             planned = plan(motion, limits, self.node_parameters.rate)
             self._introspection.on_plan(planned)
@@ -299,7 +301,10 @@ class KachakaSimpleControl(Node):
 
     def _on_sent(self, now: float, velocity: Velocity, plan_time: float | None) -> None:
         if self.event_bus:
-            self.event_bus.publish(VelocitySent(now, velocity, plan_time))
+            calibration = self.profile.calibration
+            self.event_bus.publish(VelocitySent(
+                now, velocity, plan_time,
+                None if calibration is None else calibration.response(velocity)))
 
     def _on_speed_factor(self, now: float, factors: Mapping[str, float]) -> None:
         self.event_bus.publish(SpeedFactorChanged(now, dict(factors)))

@@ -79,7 +79,7 @@ def _preview(name: str, options: Options) -> PlanView:
         for line in describe_overrides(options, motion_file, settings.robot, settings.rate):
             print(line, file=sys.stderr)
     profile = settings.profile
-    limits = motion_file.check(profile.limits, profile.name)
+    limits = motion_file.check(profile.planning_limits, profile.name)
     return PlanView(
         motion_file.motion.name, profile.name, plan(motion_file.motion, limits, settings.rate),
         limits, profile.footprint)

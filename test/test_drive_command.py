@@ -106,6 +106,25 @@ def test_the_name_of_a_motion_is_logged_escaped(listener, tmp_path):
     assert r'Motion completed: a\x1b[31m\n\u202e\x9b, 1 step' in started.text
 
 
+def test_a_calibrated_robot_is_sent_what_makes_it_do_what_was_planned(listener, tmp_path):
+    robot, motion = tmp_path / 'own.yaml', tmp_path / 'straight.yaml'
+    robot.write_text('extends: kachaka\ncalibration: {forward_gain: 0.8, veer: 0.1 rad/m}')
+    motion.write_text(
+        'steps: [move: {linear_x: 0.1 m/s, angular_z: 0 rad/s, duration: 1 s}]')
+    with program([*COMMAND, str(motion), '--robot', str(robot)], tmp_path) as started:
+        assert started.end() == 0, started.text
+    (move,) = listener.moves()
+    assert (move.linear_x, move.angular_z) == pytest.approx((0.125, -0.01))
+    assert 'Calibrated: forward 0.8, backward 1, left 1, right 1, veer 5.7296 deg/m' in (
+        started.text)
+    # What is within the robot's limits may not be within those that are left.
+    motion.write_text(
+        'steps: [move: {linear_x: 0.25 m/s, angular_z: 0 rad/s, duration: 1 s}]')
+    with program([*COMMAND, str(motion), '--robot', str(robot)], tmp_path) as started:
+        assert started.end() == 2, started.text
+    assert 'straight.yaml:1: step 1: move.linear_x: 0.25 m/s, outside' in started.text
+
+
 @pytest.mark.parametrize('source, rate', [
     ('the file', 20), ('--rate', 40), ('-p', 40), ('parameter file', 40)])
 def test_what_the_user_says_wins_over_the_file(source, rate, listener, tmp_path):

@@ -67,9 +67,13 @@ class Run:
         self.ended_by: ControlError | None = None
 
 
+def _unchanged(velocity: Velocity) -> Velocity:
+    return velocity
+
+
 class VelocityGate:
     """
-    The only publisher of velocities: latch, gap, limits, publish, telemetry.
+    The only publisher of velocities: calibration, latch, gap, limits, publish, telemetry.
 
     Checking and publishing happen under one lock.  Once a stop has sent its first zero, no
     velocity of the run that it stopped can follow, from any thread.
@@ -80,6 +84,7 @@ class VelocityGate:
     :param sending: set while DDS takes a message or answers a question
     :param clock: the steady clock [s]
     :param gap_clock: the clock for gaps [s]; it also counts while the machine sleeps
+    :param command: returns what to send for a velocity, by the robot's calibration
     """
 
     def __init__(
@@ -89,7 +94,8 @@ class VelocityGate:
             latch: Latch,
             sending: SharedFlag | None = None,
             clock: Callable[[], float] = time.monotonic,
-            gap_clock: Callable[[], float] = boottime) -> None:
+            gap_clock: Callable[[], float] = boottime,
+            command: Callable[[Velocity], Velocity] = _unchanged) -> None:
         self._transmit = transmit
         self._limits = limits
         self._within_limits = ZERO
@@ -97,6 +103,7 @@ class VelocityGate:
         self._sending = sending or SharedFlag()
         self._clock = clock
         self._gap_clock = gap_clock
+        self._command = command
         self._lock = threading.Lock()
         self._state = GateState.NOT_OPENED
         self._run: Run | None = None
@@ -162,15 +169,17 @@ class VelocityGate:
         """
         Publish a velocity of a run.
 
+        :param velocity: what the robot is to do; what is sent follows by its calibration
         :param plan_time: where on the plan that is [s of the plan]; None: as planned
         :raises ControlError: if the run may not send any more or the gap was too long, or the
             velocity is beyond the limits; nothing was published
         """
+        command = self._command(velocity)
         with self._lock:
-            self._require_limits(velocity)
+            self._require_limits(command)
             self._check(run)
             self._require_no_gap(run)
-            sent = self._publish(velocity, plan_time)
+            sent = self._publish(command, plan_time)
             if run.last_sent is None:
                 run.began = sent
                 self.on_began(sent)

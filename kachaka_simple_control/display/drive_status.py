@@ -287,7 +287,7 @@ class DriveTracker:
         self._clock.on_sent(event)
         self._detect_stop(before, event)
         if self._commanded_odometer is not None:
-            held, velocity = event.time - before.time, before.velocity
+            held, velocity = event.time - before.time, before.expected or before.velocity
             self._commanded_odometer.update(before.time, event.time, Displacement(
                 velocity.linear_x * held, velocity.angular_z * held))
 

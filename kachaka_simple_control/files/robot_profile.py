@@ -15,20 +15,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 import os
 from pathlib import PurePath
+from typing import Any
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
+from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.document import (
     Document,
     FileError,
     UnreadableFileError,
 )
-from kachaka_simple_control.motion.geometry import Box, Disc, Footprint
+from kachaka_simple_control.motion.calibration import Calibration
+from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Velocity
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
-from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE
+from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE, VEER
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,7 @@ class RobotProfile:
     :param message_type: the type of its velocities: Twist or TwistStamped, of geometry_msgs
     :param frame: the frame in the header of a TwistStamped
     :param footprint: its outline, for pictures; None if it is not known
+    :param calibration: how its velocities differ from those that it is sent; None: they do not
     """
 
     name: str
@@ -61,6 +65,16 @@ class RobotProfile:
     message_type: str = 'Twist'
     frame: str = 'base_link'
     footprint: Footprint | None = None
+    calibration: Calibration | None = None
+
+    @property
+    def planning_limits(self) -> Limits:
+        """Return the limits to plan with: what is sent for it, too, is within the robot's."""
+        return self.limits if self.calibration is None else self.calibration.reduce(self.limits)
+
+    def command(self, velocity: Velocity) -> Velocity:
+        """Return what to send for a velocity."""
+        return velocity if self.calibration is None else self.calibration.command(velocity)
 
 
 #: Kachaka of Preferred Robotics, under the names of its maker's ROS 2 bridge; no file need be read
@@ -85,6 +99,15 @@ KACHAKA = RobotProfile(
 
 
 SCHEMA = 'robots/robot.schema.json'
+#: What a file must say, unless it extends what is known of another robot.
+REQUIRED = ('velocity_topic', 'command_timeout', 'limits')
+#: The keys whose text is a field of the profile.
+TEXTS = ('name', 'namespace', 'velocity_topic', 'odometry_topic', 'message_type', 'frame')
+#: A robot of which nothing is known but what its file says.
+PLAIN = RobotProfile(
+    name='', namespace='/', velocity_topic='', odometry_topic=None, manual_control_service=None,
+    manual_control_timeout=math.inf, command_timeout=math.inf,
+    limits=Limits(math.inf, math.inf))
 
 
 class RobotFileError(FileError, UsageError):
@@ -119,24 +142,57 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
 
 def _read(document: Document, source: str) -> RobotProfile:
     data = document.root.data if isinstance(document.root.data, dict) else {}
+    base = _base(document, data)
     numbers = document.read_quantities([], {'command_timeout': COMMAND_TIMEOUT})
     timeout = document.read_quantities(['manual_control'], {'timeout': COMMAND_TIMEOUT})
-    limits = _limits(document)
-    footprint = _footprint(document)
-    if document.problems or limits is None:
+    values: dict[str, Any] = {
+        name: read(document) for name, read in (
+            ('limits', _limits), ('footprint', _footprint), ('calibration', _calibration))
+        if name in data}
+    if document.problems or base is None:
         raise UnreadableFileError(*document.problems)
-    return RobotProfile(
-        name=data.get('name', PurePath(source).stem),
-        namespace=data.get('namespace', '/'),
-        velocity_topic=data['velocity_topic'],
-        odometry_topic=data.get('odometry_topic'),
-        manual_control_service=(data.get('manual_control') or {}).get('service'),
-        manual_control_timeout=timeout.get('timeout', math.inf),
-        command_timeout=numbers['command_timeout'],
-        limits=limits,
-        message_type=data.get('message_type', 'Twist'),
-        frame=data.get('frame', 'base_link'),
-        footprint=footprint)
+    values.update({name: data[name] for name in TEXTS if name in data}, **numbers)
+    if 'manual_control' in data:
+        values['manual_control_service'] = (data['manual_control'] or {}).get('service')
+        values['manual_control_timeout'] = timeout.get('timeout', math.inf)
+    profile = replace(base, **{'name': PurePath(source).stem, **values})
+    try:
+        profile.planning_limits  # noqa: B018
+    except InvalidMotionError as error:
+        document.add_error(['calibration'], error)
+        raise UnreadableFileError(*document.problems) from None
+    return profile
+
+
+def _base(document: Document, data: dict[str, Any]) -> RobotProfile | None:
+    """Return what is true of a robot as long as its file does not say otherwise."""
+    from kachaka_simple_control.files.schema import did_you_mean, missing, read_schema
+    name = data.get('extends')
+    if name is None:
+        # The schema cannot say that another key stands in for these.
+        for key in REQUIRED:
+            if key not in data:
+                document.add_problem([], missing(key, read_schema(SCHEMA)))
+        return PLAIN
+    if document.root.at(['extends']).has_problem:
+        return None
+    if name not in robots():
+        document.add_problem(
+            ['extends'], f'there is no robot {quoted(name)}; {did_you_mean(name, robots())}')
+        return None
+    return find_robot(name)
+
+
+def _calibration(document: Document) -> Calibration | None:
+    node = document.root.at(['calibration'])
+    numbers = document.read_quantities(['calibration'], {'veer': VEER})
+    if node.has_problem:
+        return None
+    try:
+        return Calibration(**{**node.data, **numbers})
+    except InvalidMotionError as error:
+        document.add_error(['calibration'], error)
+        return None
 
 
 def _limits(document: Document) -> Limits | None:

@@ -138,7 +138,16 @@ def _unknown(error: Any) -> _Messages:
 def _missing(error: Any) -> _Messages:
     for key in error.validator_value:
         if key not in error.instance:
-            yield None, f'{key!r} is missing: {_expected(error.schema["properties"][key])}'
+            yield None, missing(key, error.schema)
+
+
+def missing(key: str, schema: Mapping[str, Any]) -> str:
+    """
+    Return the message for a key that a mapping lacks.
+
+    :param schema: of the mapping
+    """
+    return f'{key!r} is missing: {_expected(schema["properties"][key])}'
 
 
 def _too_few(error: Any) -> _Messages:

@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 import math
 
@@ -201,7 +201,9 @@ class DriveLog:
         """Log an event; no velocity comes before the first plan."""
         match event:
             case VelocitySent():
-                self.motions[-1].sent.append(event)
+                # The report compares ways: what the robot should have done, not how it was told.
+                self.motions[-1].sent.append(
+                    event if event.expected is None else replace(event, velocity=event.expected))
             case OdometryReceived():
                 self.odometry.append(event)
             case SpeedFactorChanged():

@@ -109,7 +109,9 @@ def session_started(
         message_type=profile.message_type,
         frame=profile.frame,
         footprint=profile.footprint,
-        settings={**asdict(parameters), 'domain': node.context.get_domain_id()},
+        settings={**asdict(parameters), 'domain': node.context.get_domain_id(),
+                  **({} if profile.calibration is None else
+                     {'calibration': profile.calibration.describe()})},
         versions=_versions(),
         **about)
 

@@ -90,7 +90,8 @@ class Session:
         self._guardian = _start_guardian(
             node, publisher, profile, parameters, self._claim.fileno())
         self.gate = VelocityGate(
-            publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending)
+            publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending,
+            command=profile.command)
         self._manual_control = ManualControlClient(
             node, names.manual_control, self._require_wanted, profile.manual_control_timeout)
         self._discovery = RobotDiscovery(

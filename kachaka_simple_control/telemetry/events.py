@@ -103,11 +103,13 @@ class VelocitySent:
     :param time: when [s on the steady clock]
     :param plan_time: where on the plan that is [s of the plan]; None: as planned, the time since
         t = 0, or no message of a plan
+    :param expected: what the robot makes of it by its calibration; None: the velocity itself
     """
 
     time: float
     velocity: Velocity
     plan_time: float | None = None
+    expected: Velocity | None = None
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.latch import Latch, SharedFlag
 from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
+from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 import pytest
@@ -70,6 +71,26 @@ def test_after_the_gate_is_closed_nothing_is_sent(gate, wire):
     with pytest.raises(MotionRefusedError, match='not ours'):
         gate.begin(0.2)
     assert wire.sent == []
+
+
+def test_what_is_sent_follows_by_the_calibration(time, wire, latch):
+    calibration = Calibration(0.95, 0.9, 0.97, 1.05, 0.035)
+    gate = VelocityGate(wire.transmit, Limits(0.3, 1.57), latch, None, time.clock, time.clock,
+                        command=calibration.command)
+    logged = []
+    gate.on_sent = lambda _, velocity, plan_time: logged.append(velocity)
+    gate.open()
+    run = gate.begin(0.2)
+    velocities = [Velocity(0.19, 0.0), Velocity(-0.18, -0.5), Velocity(0.0, 0.97), ZERO]
+    for velocity in velocities:
+        gate.send(run, velocity)
+    gate.send_zero(after=run)
+    sent = [velocity for _, velocity in wire.sent]
+    assert sent == logged == [*map(calibration.command, velocities), ZERO]
+    assert sent[0] == Velocity(0.2, pytest.approx(-0.035 * 0.19 / 1.05))
+    # Within the limits before it was corrected, and beyond them after that.
+    with pytest.raises(RunFaultError, match='not sent: linear_x is 0.31'):
+        gate.send(gate.begin(0.2), Velocity(0.295, 0.0))
 
 
 @pytest.mark.parametrize('velocity', [

@@ -146,6 +146,16 @@ def test_the_remaining_distance_is_by_odometry_while_that_is_new():
     assert (remaining.distance, remaining.by_odometry) == (pytest.approx(0.075), False)
 
 
+def test_by_commands_a_calibrated_robot_does_what_was_planned():
+    tracker = started()
+    for tick in range(11):
+        tracker.on_event(VelocitySent(
+            START + tick / 10, Velocity(0.3), expected=Velocity(0.25)))
+    status = tracker.status_at(START + 1.0)
+    assert status.step.remaining.distance == pytest.approx(0.25)
+    assert status.commanded == Velocity(0.3)
+
+
 def test_a_displacement_over_two_steps_is_shared_between_them():
     tracker = started()
     tracker.on_event(OdometryReceived(START + 1.9, Pose(0.475), Velocity(0.25)))

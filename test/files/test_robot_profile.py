@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.resources import files
 import math
 import re
@@ -27,7 +28,8 @@ from kachaka_simple_control.files.robot_profile import (
     RobotProfile,
     robots,
 )
-from kachaka_simple_control.motion.geometry import Box, Disc
+from kachaka_simple_control.motion.calibration import Calibration
+from kachaka_simple_control.motion.geometry import Box, Disc, Velocity
 from kachaka_simple_control.motion.limits import Limits
 import pytest
 
@@ -133,6 +135,54 @@ def test_what_a_robot_does_not_have_is_null(robot, line):
     assert robot(LEAST + line) == robot(LEAST)
 
 
+def test_a_robot_may_extend_one_that_is_known(robot):
+    own = robot('extends: kachaka\ncommand_timeout: 0.4 s\n')
+    assert own == replace(KACHAKA, name='robot', command_timeout=0.4)
+    limited = robot('extends: turtlebot3\nlimits: {max_linear_velocity: 0.1 m/s, '
+                    'max_angular_velocity: 1 rad/s}\nmanual_control: null\n')
+    assert limited.limits == Limits(0.1, 1.0)
+    assert limited.velocity_topic == find_robot('turtlebot3').velocity_topic
+
+
+def test_a_calibration_is_read_and_lowers_the_limits_to_plan_with(robot):
+    own = robot('extends: kachaka\ncalibration: {forward_gain: 0.95, left_gain: 0.97, '
+                'veer: 2 deg/m, date: 2026-11-23, floor: carpet}\n')
+    assert own.calibration == Calibration(
+        0.95, left_gain=0.97, veer=math.radians(2.0), date='2026-11-23', floor='carpet')
+    assert own.calibration.describe() == (
+        'forward 0.95, backward 1, left 0.97, right 1, veer 2 deg/m, 2026-11-23, carpet')
+    assert own.limits == KACHAKA.limits
+    assert own.planning_limits == own.calibration.reduce(KACHAKA.limits)
+    assert own.command(Velocity(0.095, 0.0)).linear_x == pytest.approx(0.1)
+    assert KACHAKA.planning_limits is KACHAKA.limits
+    velocity = Velocity(0.1, 0.2)
+    assert KACHAKA.command(velocity) is velocity
+
+
+@pytest.mark.parametrize('text, line', [
+    ('extends: kachka',
+     "1: extends: there is no robot 'kachka'; did you mean 'kachaka'?"),
+    ('extends: [kachaka]', '1: extends: a list; it must be the name of a robot, such as kachaka'),
+    ('extends: kachaka\ncalibration: {forward_gain: 0.4}',
+     '2: calibration.forward_gain: 0.4; it must be at least 0.5'),
+    ('extends: kachaka\ncalibration: {veer: 2}',
+     ('2: calibration.veer: 2 has no unit; a veer needs one: write 2 deg/m or 2 rad/m')),
+    ('extends: kachaka\ncalibration: {veer: 2 rad/m}',
+     '2: calibration.veer: 2.0 rad/m; it must be from -1 to 1 rad/m'),
+    (('extends: kachaka\nlimits: {max_linear_velocity: 1 m/s, max_angular_velocity: 0.1 rad/s}\n'
+      'calibration: {veer: 1 rad/m}'),
+     ('3: calibration.veer: 1.0 rad/m, which needs all of max_angular_velocity, 0.1')),
+    ('extends: kachaka\ncalibration: {}',
+     '2: calibration: nothing; it must be keys with gains, such as forward_gain: 0.95'),
+    ('extends: kachaka\ncalibration: {left: 1}',
+     "2: calibration.left: there is no such key; did you mean 'left_gain'?"),
+])
+def test_an_error_of_a_calibration_is_one_line(robot, tmp_path, text, line):
+    with pytest.raises(RobotFileError) as caught:
+        robot(text)
+    assert str(caught.value) == f'{tmp_path}/robot.yaml:{line}'
+
+
 def test_an_outline_may_be_round(robot):
     assert robot(LEAST + 'footprint: {radius: 22 cm}').footprint == Disc(0.22)
 
@@ -158,9 +208,9 @@ def test_an_outline_may_be_round(robot):
      ("4: odometry_topic: '/odom'; it must be a ROS name without a slash before it, such as odom, "
       'or null')),
     ('max_speed: 1',
-     ('4: max_speed: there is no such key; known are name, description, namespace, '
+     ('4: max_speed: there is no such key; known are name, description, extends, namespace, '
       'velocity_topic, message_type, frame, odometry_topic, manual_control, command_timeout, '
-      'limits, footprint')),
+      'limits, footprint, calibration')),
     ('command_timeout: 1', '4: command_timeout: this key is here twice, first in line 2'),
 ])
 def test_an_error_of_a_robot_is_one_line(robot, tmp_path, more, line):

@@ -89,3 +89,17 @@ def test_the_step_that_was_cut_short_is_marked_in_the_table():
     rows = drive_table(stopped_square(), 0.1).splitlines()[2:-2]
     assert [row.count('; cut short') for row in rows] == [0] * (len(rows) - 1) + [1]
     assert 'cut short' not in drive_table(done(), 0.1)
+
+
+def test_a_calibrated_drive_is_logged_as_what_the_robot_makes_of_it():
+    """A report compares ways: by 2 cm more is sent to a robot that drives 2 cm too short."""
+    log = DriveLog()
+    log.on_event(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0))
+    log.on_event(MotionStarted(100.0))
+    for tick in range(31):
+        velocity = MOTION.steps[min(tick // 10, 2)].velocity if tick < 30 else ZERO
+        log.on_event(VelocitySent(
+            100.0 + tick / 10, Velocity(velocity.linear_x / 0.8, velocity.angular_z), None,
+            velocity))
+    log.on_event(MotionEnded(103.0))
+    assert '0.1000 m  0.0000 rad   0.1000 m  0.0000 rad' in drive_table(log, 0.1)
