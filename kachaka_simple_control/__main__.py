@@ -19,9 +19,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import sys
+from typing import TYPE_CHECKING
 
 from kachaka_simple_control.cli import exit_code, Options, parse
 from kachaka_simple_control.errors import UsageError
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.report.drive_log import DriveLog
+
+
+def drive(options: Options) -> DriveLog:
+    """
+    Drive, and return the log of the drive; it is empty unless the options ask for one.
+
+    :raises UsageError: if there is no ROS
+    :raises ControlError: if the drive could not be completed; the robot was stopped
+    """
+    try:
+        # Imported here: previews need no ROS, and by now Ctrl+C is handled.
+        from kachaka_simple_control.drive_command import drive as drive_by_ros
+    except ModuleNotFoundError as error:
+        raise UsageError(
+            f'to drive a robot needs ROS 2, and its {error.name} is not here: source it first, '
+            'as in `source /opt/ros/jazzy/setup.bash`, or use the environment that `make setup` '
+            'makes') from None
+    return drive_by_ros(options)
 
 
 def _run(options: Options) -> None:
@@ -29,14 +51,6 @@ def _run(options: Options) -> None:
         from kachaka_simple_control.preview_command import preview
         preview(options)
         return
-    try:
-        # Imported here: previews need no ROS, and by now Ctrl+C is handled.
-        from kachaka_simple_control.drive_command import drive
-    except ModuleNotFoundError as error:
-        raise UsageError(
-            f'to drive a robot needs ROS 2, and its {error.name} is not here: source it first, '
-            'as in `source /opt/ros/jazzy/setup.bash`, or use the environment that `make setup` '
-            'makes') from None
     drive(options)
 
 

@@ -26,7 +26,7 @@ import re
 import shlex
 import sys
 import traceback
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
@@ -84,6 +84,7 @@ class Options:
     :param quiet: whether to print only the node's log lines while the robot drives
     :param address: the real robot to start a bridge for; None for no bridge
     :param simulation: options of the simulated robot, as they are written
+    :param calibrates: whether the drive is one to calibrate by: its log is kept, not printed
     :param command: the whole command line, for reports
     """
 
@@ -101,6 +102,7 @@ class Options:
     report: str | None = None
     quiet: bool = False
     simulation: tuple[str, ...] = ()
+    calibrates: bool = False
     command: str = field(default=NAME, compare=False)
 
     @property
@@ -128,12 +130,7 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         _complete(parser)
     values = vars(parser.parse_args(own))
     values.pop('ros_args', None)
-    simulation = simulation_words(values)
-    if simulation and not values['sim']:
-        parser.error(f'{simulation[0].partition("=")[0]} is about the simulated robot of --sim')
-    simulation_parameters(parser, argparse.Namespace(**values))
-    for name in SIMULATION_NAMES:
-        values.pop(name)
+    simulation = take_simulation(parser, values)
     if values.pop('version'):
         from kachaka_simple_control.version import installed_version
         print(f'{NAME} {installed_version()}')
@@ -153,6 +150,22 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     return options
 
 
+def take_simulation(parser: OneLineParser, values: dict[str, Any]) -> tuple[str, ...]:
+    """
+    Take the options of the simulated robot out of those of a command; end if one is wrong.
+
+    :param values: the options by name
+    :returns: those that were given, as they are written
+    """
+    simulation = simulation_words(values)
+    if simulation and not values['sim']:
+        parser.error(f'{simulation[0].partition("=")[0]} is about the simulated robot of --sim')
+    simulation_parameters(parser, argparse.Namespace(**values))
+    for name in SIMULATION_NAMES:
+        values.pop(name)
+    return simulation
+
+
 def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog=NAME, epilog=f'{EXAMPLES}{PRECEDENCE}{HELP}', allow_abbrev=False,
@@ -170,6 +183,23 @@ def _parser() -> OneLineParser:
     parser.add_argument(
         '--plot', metavar='FILE',
         help='draw what the motions will do, as .png, .svg or .pdf; likewise')
+    parser.add_argument(
+        '--wait', action='store_true',
+        help='stand by: Enter, or the service ~/run, starts the motion; ~/stop ends it')
+    parser.add_argument(
+        '--quiet', action='store_true',
+        help="show nothing while the robot drives but the node's log lines")
+    parser.add_argument(
+        '--speed', type=_speed, metavar='PERCENT',
+        help='drive slower than planned, as in --speed 50%%, on the same way; for a careful '
+             'first drive')
+    add_drive_options(parser)
+    parser.add_argument('--version', action='store_true', help='print the version')
+    return parser
+
+
+def add_drive_options(parser: OneLineParser) -> None:
+    """Add the options of all commands that drive: which robot, at which rate, with a report."""
     robot = parser.add_mutually_exclusive_group()
     robot.add_argument(
         '--sim', action='store_true',
@@ -178,15 +208,6 @@ def _parser() -> OneLineParser:
         '--address', type=lambda text: str(address_argument(text)), metavar='HOST',
         help='do the same with the real Kachaka at this address, HOST or HOST:PORT')
     parser.add_argument(
-        '--wait', action='store_true',
-        help='stand by: Enter, or the service ~/run, starts the motion; ~/stop ends it')
-    parser.add_argument(
-        '--report', metavar='DIR',
-        help='leave a report and a recording of the drive in this new folder')
-    parser.add_argument(
-        '--quiet', action='store_true',
-        help="show nothing while the robot drives but the node's log lines")
-    parser.add_argument(
         '--robot', metavar='NAME',
         help='kachaka, turtlebot3, generic, or the path of a profile (default: what the motion '
              'says, or kachaka)')
@@ -194,17 +215,14 @@ def _parser() -> OneLineParser:
         '--rate', type=float, metavar='HZ',
         help='how often a velocity is sent (default: what the motion says, or 10)')
     parser.add_argument(
-        '--speed', type=_speed, metavar='PERCENT',
-        help='drive slower than planned, as in --speed 50%%, on the same way; for a careful '
-             'first drive')
+        '--report', metavar='DIR',
+        help='leave a report and a recording of the drive in this new folder')
     add_simulation_options(
         parser.add_argument_group('errors of the simulated robot, with --sim'),
         'the simulated robot')
-    parser.add_argument('--version', action='store_true', help='print the version')
     parser.add_argument(
         '--ros-args', action='store_true', default=argparse.SUPPRESS,
         help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')
-    return parser
 
 
 def _speed(text: str) -> float:
@@ -259,10 +277,11 @@ def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]
     return own, ros
 
 
-def exit_code(body: Callable[[], None]) -> int:
+def exit_code(body: Callable[[], None], name: str = NAME) -> int:
     """
     Run a program, and turn the error that ends it into one line and an exit code.
 
+    :param name: the name of the program
     :returns: the exit code; after a signal that of the signal, whatever followed from it
     """
     code = DONE
@@ -274,7 +293,7 @@ def exit_code(body: Callable[[], None]) -> int:
         code = code_of(error)
         # After a signal an expected error only says that it stopped the motion.
         if signal_dispatcher.signum is None or not _is_expected(error):
-            print(_message(error), file=sys.stderr)
+            print(_message(error, name), file=sys.stderr)
     return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
 
 
@@ -282,13 +301,13 @@ def _is_expected(error: Exception) -> bool:
     return isinstance(error, ControlError)
 
 
-def _message(error: Exception) -> str:
+def _message(error: Exception, name: str) -> str:
     if isinstance(error, FileError) and error.problems[0].line is not None:
         # File and line come first: there editors look for a link.
         return escaped_lines(error)
     if _is_expected(error):
-        return f'{NAME}: {escaped(error, MAX_LINE_LENGTH)}'
+        return f'{name}: {escaped(error, MAX_LINE_LENGTH)}'
     frame = traceback.extract_tb(error.__traceback__)[-1]
     text = escaped(error, MAX_LINE_LENGTH)
-    return (f'{NAME}: unexpected {type(error).__name__}: {text} '
+    return (f'{name}: unexpected {type(error).__name__}: {text} '
             f'({frame.filename}:{frame.lineno}); the robot was stopped')

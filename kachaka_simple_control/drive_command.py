@@ -66,14 +66,15 @@ if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.bridge_process import BridgeProcess
     from kachaka_simple_control.motion.limits import Limits
     from kachaka_simple_control.motion.steps import Motion
+    from kachaka_simple_control.report.drive_log import DriveLog
 
 #: By how much a key changes the speed factor.
 KEY_STEP = 0.1
 
 
-def drive(options: Options) -> None:
+def drive(options: Options) -> DriveLog:
     """
-    Drive a motion or the lesson, or offer a service that does.
+    Drive a motion or the lesson, or offer a service that does; return the log of the drive.
 
     :raises ControlError: if the drive could not be completed; the robot was stopped
     :raises InvalidMotionError: if the robot cannot do the motion; nothing has moved
@@ -126,10 +127,11 @@ def drive(options: Options) -> None:
                 subscribers.still_after = still_after = robot_control.stop_confirmed_after
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
-    if options.starts_bridge and robot_control.drive_log.steps:
+    if options.starts_bridge and not options.calibrates and robot_control.drive_log.steps:
         print(drive_table(robot_control.drive_log, still_after, terminal_columns()))
     if reporter is not None and reporter.exit_code:
         raise RunFaultError(f'the report in {options.report} is incomplete')
+    return robot_control.drive_log
 
 
 def _start_subscribers(
@@ -179,7 +181,8 @@ def _count_movements() -> int | None:
 
 def _parameters(options: Options) -> dict[str, object]:
     # Table and report need the odometry that ``summary`` records.
-    summary = options.starts_bridge or options.report is not None or None
+    summary = (options.starts_bridge or options.calibrates
+               or options.report is not None or None)
     values = {'robot': options.robot, 'rate': options.rate, 'summary': summary,
               'speed_factor': chosen_speed(options)}
     return {name: value for name, value in values.items() if value is not None}

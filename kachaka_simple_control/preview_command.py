@@ -44,7 +44,7 @@ def preview(options: Options) -> None:
     if options.list:
         _print(_listing(options))
     if options.plan or options.plot is not None:
-        previews = [_preview(name, options) for name in options.motions or ['lesson']]
+        previews = [plan_view(name, options) for name in options.motions or ['lesson']]
         if options.plan:
             _print(plan_table(previews, terminal_columns()))
         if options.plot is not None:
@@ -55,7 +55,7 @@ def _listing(options: Options) -> str:
     """Return a line for each motion of the package: name, duration, description."""
     rows = []
     for name in library():
-        preview = _preview(name, options)
+        preview = plan_view(name, options)
         rows.append((name, f'{preview.plan.duration:.1f} s', find(name).motion.description))
     width = max(len(name) for name, _, _ in rows)
     return '\n'.join(
@@ -72,7 +72,14 @@ def _print(text: str) -> None:
             raise UsageError(f'it cannot be printed: {error.strerror}') from None
 
 
-def _preview(name: str, options: Options) -> PlanView:
+def plan_view(name: str, options: Options) -> PlanView:
+    """
+    Return what a motion will do.
+
+    :param name: of the library, or the path of a file
+    :raises InvalidMotionError: if it is invalid, or there is none of that name
+    :raises UsageError: if an option is invalid
+    """
     motion_file = find(name)
     settings = choose_settings(options, motion_file)
     if not options.list:

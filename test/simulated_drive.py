@@ -60,11 +60,11 @@ class SimulatedDrive:
     def __init__(
             self, rate: float = 10.0, lateness: Callable[[int], float] | None = None,
             parameters: SimulationParameters = IMPERFECT, odometry_period: float | None = 0.02,
-            title: str = 'simulated') -> None:
+            title: str = 'simulated', seed: int = 0) -> None:
         """Open the record; the robot stands somewhere and looks somewhere."""
         self.drive_log, self.events, self.now = DriveLog(), [], 5000.0
         self._rate, self._late = rate, lateness or jitter()
-        self._robot = SimulatedKachaka(self.now, parameters)
+        self._robot = SimulatedKachaka(self.now, parameters, seed=seed)
         self._robot.set_manual_control(True, self.now)
         self._odometry = math.inf if odometry_period is None else self.now
         self._period = odometry_period

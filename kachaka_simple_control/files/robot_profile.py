@@ -15,7 +15,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+import json
 import math
 import os
 from pathlib import PurePath
@@ -26,12 +27,13 @@ from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.document import (
     Document,
     FileError,
+    is_path,
     UnreadableFileError,
 )
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Velocity
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
-from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE, VEER
+from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE, TIME, VEER
 
 
 @dataclass(frozen=True)
@@ -140,6 +142,31 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
         raise RobotFileError(source, error.problems) from None
 
 
+def calibrated_text(robot: str, calibration: Calibration) -> str:
+    """
+    Return the text of a file for a robot with a calibration.
+
+    :param robot: a name that the package knows, or the path of a profile without a calibration
+    :raises RobotFileError: if that cannot be read
+    """
+    if is_path(robot):
+        from kachaka_simple_control.files.yaml_document import read_text
+        try:
+            lines = read_text(robot).splitlines()
+        except UnreadableFileError as error:
+            raise RobotFileError(robot, error.problems) from None
+    else:
+        lines = [f'extends: {robot}']
+    lines.append('calibration:')
+    for name, value in asdict(calibration).items():
+        unit = {'veer': ' rad/m', 'delay': ' s'}.get(name, '')
+        if value not in (None, ''):
+            # A text in quotes as JSON has them is one of YAML, too.
+            text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value
+            lines.append(f'  {name}: {text}{unit}')
+    return '\n'.join(lines) + '\n'
+
+
 def _read(document: Document, source: str) -> RobotProfile:
     data = document.root.data if isinstance(document.root.data, dict) else {}
     base = _base(document, data)
@@ -185,7 +212,7 @@ def _base(document: Document, data: dict[str, Any]) -> RobotProfile | None:
 
 def _calibration(document: Document) -> Calibration | None:
     node = document.root.at(['calibration'])
-    numbers = document.read_quantities(['calibration'], {'veer': VEER})
+    numbers = document.read_quantities(['calibration'], {'veer': VEER, 'delay': TIME})
     if node.has_problem:
         return None
     try:

@@ -43,6 +43,7 @@ class Calibration:
     :param left_gain: true over sent angular velocity, to the left
     :param right_gain: the same to the right
     :param veer: how much it turns to the left on each metre forwards [rad/m]
+    :param delay: how late it follows, dead time and lag together [s]; nothing corrects it yet
     :param date: when that was measured, for people
     :param floor: on which floor that was measured, for people
     """
@@ -52,6 +53,7 @@ class Calibration:
     left_gain: float = 1.0
     right_gain: float = 1.0
     veer: float = 0.0
+    delay: float | None = None
     date: str = ''
     floor: str = ''
 
@@ -131,7 +133,8 @@ class Calibration:
             f"{item.name.removesuffix('_gain')} {format_number(getattr(self, item.name))}"
             for item in fields(self) if item.name.endswith('gain'))
         veer = f'veer {format_number(math.degrees(self.veer))} deg/m'
-        return ', '.join([gains, veer, *filter(None, (self.date, self.floor))])
+        delay = '' if self.delay is None else f'delay {format_number(self.delay)} s'
+        return ', '.join([gains, veer, *filter(None, (delay, self.date, self.floor))])
 
     def _linear_gain(self, linear: float) -> float:
         return self.forward_gain if linear >= 0.0 else self.backward_gain

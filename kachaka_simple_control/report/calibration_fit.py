@@ -1,0 +1,257 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Calibrates a robot: what it made of a known drive, by its odometry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from kachaka_simple_control.errors import RunFaultError
+from kachaka_simple_control.motion.calibration import Calibration, MAX_GAIN, MIN_GAIN
+from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.report.drive_log import DriveLog, StepLog
+from kachaka_simple_control.report.odometry_alignment import DeadReckoning
+
+#: The motion of the library that is driven.
+MOTION = 'calibration'
+#: How long before the end of a rest the robot stands still [s].
+REST = 1.0
+#: The fewest samples of odometry in that time.
+MIN_SAMPLES = 10
+#: The largest standard errors of a gain, and of the delay [s], that a calibration may have.
+MAX_GAIN_ERROR = 0.0025
+MAX_DELAY_ERROR = 0.01
+#: By how much the gains of two drives alike may differ; more is slip, or a floor that is uneven.
+MAX_SPREAD = 0.01
+#: How many standard errors chance explains.
+CHANCE = 4.0
+
+
+class CalibrationError(RunFaultError):
+    """The drive cannot tell how the robot is calibrated; the message says why."""
+
+
+class Estimate(NamedTuple):
+    """A value and its standard error."""
+
+    value: float
+    error: float
+
+
+@dataclass(frozen=True)
+class CalibrationFit:
+    """
+    What a drive tells of a robot.
+
+    :param gains: true over sent velocity, by direction: forward, backward, left, right
+    :param veer: how much it turns to the left on each metre forwards [rad/m]
+    :param delay: how late it follows a velocity, dead time and lag together [s]
+    :param position_noise: standard deviation of the position in odometry [m]
+    :param heading_noise: standard deviation of the heading in odometry [rad]
+    """
+
+    gains: dict[str, Estimate]
+    veer: Estimate
+    delay: Estimate
+    position_noise: float
+    heading_noise: float
+
+    def calibration(self, date: str, floor: str) -> Calibration:
+        """Return the calibration that corrects it."""
+        gains = {f'{name}_gain': round(gain.value, 5) for name, gain in self.gains.items()}
+        return Calibration(
+            **gains, veer=round(self.veer.value, 5), delay=round(self.delay.value, 4), date=date,
+            floor=floor)
+
+
+class _Rest(NamedTuple):
+    """Where odometry sees a robot that stands still, how often, and how much that varies."""
+
+    pose: Pose
+    samples: int
+    position_noise: float
+    heading_noise: float
+
+
+class _Drive(NamedTuple):
+    """What odometry saw of one step."""
+
+    direction: str
+    gain: Estimate
+    veer: Estimate | None
+    delay: Estimate
+
+
+def fit_calibration(log: DriveLog) -> CalibrationFit:
+    """
+    Return what a drive of the motion ``calibration`` tells.
+
+    The gain of a step is the way between the rests before and after it, over the way that was
+    sent.  The delay is the area between the two over time, over that way: a dead time and the
+    time constant of a lag of any order add up to it.
+
+    :param log: the drive; each of its steps that moves stands between two rests
+    :raises CalibrationError: if it cannot tell
+    """
+    steps = log.steps
+    if not steps or not all(step.is_complete for step in steps):
+        raise CalibrationError('the drive was not completed: begin again')
+    if any(step.is_delayed for step in steps):
+        raise CalibrationError('the drive was paused or slowed down: begin again')
+    command_timeout = math.inf if log.session_started is None else (
+        log.session_started.command_timeout)
+    sent = DeadReckoning(log.sent, command_timeout)
+    rests = [_rest(log, step) if _is_rest(step) else None for step in steps]
+    drives = []
+    for index, step in enumerate(steps):
+        before, after = rests[max(0, index - 1)], rests[min(index + 1, len(rests) - 1)]
+        if before is not None and after is not None and not _is_rest(step):
+            end = steps[index + 1].began + _duration(steps[index + 1])
+            drives.append(_drive(log, sent, step, before, after, end))
+    gains = {
+        direction: _gain(direction, [drive.gain for drive in drives
+                                     if drive.direction == direction])
+        for direction in dict.fromkeys(drive.direction for drive in drives)}
+    known = [rest for rest in rests if rest is not None]
+    delay = _mean([drive.delay for drive in drives])
+    if delay.error > MAX_DELAY_ERROR:
+        raise CalibrationError(
+            f'the delay is {delay.value:.3f} s, give or take {delay.error:.3f} s: odometry has '
+            'too much noise, or the robot follows too irregularly')
+    return CalibrationFit(
+        gains, _mean([drive.veer for drive in drives if drive.veer is not None]), delay,
+        math.sqrt(sum(rest.position_noise ** 2 for rest in known) / len(known)),
+        math.sqrt(sum(rest.heading_noise ** 2 for rest in known) / len(known)))
+
+
+def _is_rest(step: StepLog) -> bool:
+    displacement = step.step.displacement
+    return displacement.distance == displacement.angle == 0.0
+
+
+def _duration(step: StepLog) -> float:
+    return step.planned.end - step.planned.start
+
+
+def _rest(log: DriveLog, step: StepLog) -> _Rest:
+    end = step.began + _duration(step)
+    poses = [sample.pose for sample in log.odometry if end - REST <= sample.time <= end]
+    if len(poses) < MIN_SAMPLES:
+        raise CalibrationError(
+            f'odometry told where the robot stood {len(poses)} times in {REST:g} s; at least '
+            f'{MIN_SAMPLES} are needed: is its odometry there, at 10 Hz or more?')
+    first = poses[0].theta
+    turned = [math.remainder(pose.theta - first, math.tau) for pose in poses]
+    count, half = len(poses), len(poses) // 2
+    x, y = _average([pose.x for pose in poses]), _average([pose.y for pose in poses])
+    position = math.sqrt(_average(
+        [((pose.x - x) ** 2 + (pose.y - y) ** 2) / 2.0 for pose in poses]))
+    heading = math.sqrt(_average([(angle - _average(turned)) ** 2 for angle in turned]))
+    moved = math.hypot(*(
+        _average([getattr(pose, axis) for pose in poses[half:]])
+        - _average([getattr(pose, axis) for pose in poses[:half]]) for axis in 'xy'))
+    if moved > 2.0 * CHANCE * position / math.sqrt(half) + 0.001:
+        raise CalibrationError(
+            f'the robot still moved, by {1e3 * moved:.1f} mm, when it should have stood still: '
+            'does something push it, or is it slower than 1 s?')
+    return _Rest(Pose(x, y, first + _average(turned)), count, position, heading)
+
+
+def _drive(
+        log: DriveLog, sent: DeadReckoning, step: StepLog, before: _Rest, after: _Rest,
+        end: float) -> _Drive:
+    asked = step.step.displacement
+    is_straight = asked.distance != 0.0
+    start = step.began
+    origin = sent.at(start)
+    chord = (after.pose.x - before.pose.x, after.pose.y - before.pose.y)
+    way = math.hypot(*chord)
+    turned = after.pose.theta - before.pose.theta
+    position_error = math.hypot(*(rest.position_noise / math.sqrt(rest.samples)
+                                  for rest in (before, after)))
+    heading_error = math.hypot(*(rest.heading_noise / math.sqrt(rest.samples)
+                                 for rest in (before, after)))
+    if is_straight:
+        direction = 'forward' if asked.distance > 0.0 else 'backward'
+        total, done, error = abs(asked.distance), way, position_error
+    else:
+        direction = 'left' if asked.angle > 0.0 else 'right'
+        total, error = abs(asked.angle), heading_error
+        # By whole turns as near to what was sent as can be.
+        done = total + math.remainder(math.copysign(1.0, asked.angle) * turned - total, math.tau)
+    gain = done / total
+    if not MIN_GAIN <= gain <= MAX_GAIN:
+        unit = 'm' if is_straight else 'rad'
+        raise CalibrationError(
+            f'{step.step.describe()}: odometry saw {done:.3f} {unit}: is the robot held, or is '
+            'its odometry wrong?')
+
+    def far(pose: Pose, of: Pose, along: tuple[float, float]) -> float:
+        if is_straight:
+            return (pose.x - of.x) * along[0] + (pose.y - of.y) * along[1]
+        return math.copysign(1.0, asked.angle) * (pose.theta - of.theta)
+
+    cosine, sine = chord[0] / max(way, 1e-9), chord[1] / max(way, 1e-9)
+    forwards = math.copysign(1.0, asked.distance)
+    along = (forwards * math.cos(origin.theta), forwards * math.sin(origin.theta))
+    area, last, height = 0.0, start, 0.0
+    theta = before.pose.theta
+    for sample in log.odometry:
+        if start < sample.time <= end:
+            theta += math.remainder(sample.pose.theta - theta, math.tau)
+            seen = far(Pose(sample.pose.x, sample.pose.y, theta), before.pose, (cosine, sine))
+            value = far(sent.at(sample.time), origin, along) - seen / gain
+            area += 0.5 * (height + value) * (sample.time - last)
+            last, height = sample.time, value
+    delay_error = error / gain * (end - start) / total
+    veer = None
+    if is_straight:
+        bend = math.remainder(turned, math.tau) * forwards / done
+        veer = Estimate(bend, heading_error / done)
+    return _Drive(direction, Estimate(gain, error / total), veer,
+                  Estimate(area / total, delay_error))
+
+
+def _gain(direction: str, gains: Sequence[Estimate]) -> Estimate:
+    mean = _mean(gains)
+    values = [gain.value for gain in gains]
+    spread = max(values) - min(values)
+    if spread > MAX_SPREAD + CHANCE * max(gain.error for gain in gains):
+        raise CalibrationError(
+            f'two drives {direction} differ by {1e2 * spread:.1f} %: do the wheels slip, or is '
+            'the floor uneven?')
+    if mean.error > MAX_GAIN_ERROR:
+        raise CalibrationError(
+            f'the gain {direction} is {mean.value:.4f}, give or take {mean.error:.4f}: odometry '
+            'has too much noise, or no two drives are alike')
+    return mean
+
+
+def _mean(estimates: Sequence[Estimate]) -> Estimate:
+    """Return the mean of estimates alike; its error is that of chance, or of their spread."""
+    count = len(estimates)
+    value = _average([estimate.value for estimate in estimates])
+    chance = math.sqrt(sum(estimate.error ** 2 for estimate in estimates)) / count
+    if count < 2:
+        return Estimate(value, chance)
+    spread = math.sqrt(sum((estimate.value - value) ** 2 for estimate in estimates)
+                       / (count - 1) / count)
+    return Estimate(value, max(chance, spread))
+
+
+def _average(values: Sequence[float]) -> float:
+    return math.fsum(values) / len(values)
