@@ -66,6 +66,7 @@ setup(
         'console_scripts': [
             'kachaka_simple_control = kachaka_simple_control.__main__:main',
             'kachaka_calibrate = kachaka_simple_control.calibrate_command:main',
+            'kachaka_compare = kachaka_simple_control.compare_command:main',
             'kachaka_bridge = kachaka_simple_control.kachaka.bridge_command:main',
             'kachaka_sim = kachaka_simple_control.kachaka.sim_command:main',
         ],

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 import math
+import os
 from pathlib import Path
 import shlex
 import sys
@@ -105,9 +106,15 @@ def calibrate(options: Options, more: CalibrateOptions) -> None:
         raise UsageError(
             f'{escaped(settings.robot)} is calibrated already; name the robot without its '
             'calibration')
+    if settings.profile.odometry_topic is None:
+        raise UsageError(
+            f'{escaped(settings.robot)} has no odometry to measure by; its file names none')
     if more.output.exists():
         raise UsageError(
             f'{escaped(str(more.output))} is there already; name another file by --output')
+    if not os.access(more.output.parent, os.W_OK):
+        raise UsageError(f'{escaped(str(more.output))} cannot be written; name another file by '
+                         '--output')
     view = plan_view(MOTION, options)
     print(plan_table([view], terminal_columns()), flush=True)
     if more.is_dry:

@@ -33,6 +33,7 @@ from program import ROOT
 PROGRAMS = {
     'kachaka_simple_control': 'kachaka_simple_control',
     'kachaka_calibrate': 'kachaka_simple_control.calibrate_command',
+    'kachaka_compare': 'kachaka_simple_control.compare_command',
     'kachaka_bridge': 'kachaka_simple_control.kachaka.bridge_command',
     'kachaka_sim': 'kachaka_simple_control.kachaka.sim_command',
 }

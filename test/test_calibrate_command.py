@@ -108,12 +108,19 @@ def test_a_real_robot_is_driven_only_after_somebody_has_confirmed(run, monkeypat
 
 def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path):
     (tmp_path / 'there.yaml').write_text('extends: kachaka\ncalibration: {left_gain: 0.9}')
+    (tmp_path / 'blind.yaml').write_text('extends: kachaka\nodometry_topic: null')
     for words, line in (
             (['--sim', '--output', 'there.yaml'],
              'kachaka_calibrate: there.yaml is there already; name another file by --output\n'),
             (['--sim', '--robot', './there.yaml'],
              ('kachaka_calibrate: ./there.yaml is calibrated already; name the robot without its '
               'calibration\n')),
+            (['--sim', '--output', 'no/folder.yaml'],
+             ('kachaka_calibrate: no/folder.yaml cannot be written; name another file by '
+              '--output\n')),
+            (['--yes', '--robot', './blind.yaml'],
+             ('kachaka_calibrate: ./blind.yaml has no odometry to measure by; its file names '
+              'none\n')),
             (['--lag', '0.1'], 'kachaka_calibrate: --lag is about the simulated robot of --sim\n'),
             (['square', '--sim'], 'kachaka_calibrate: unrecognized arguments: square\n')):
         code, told, errors, driven = run(*words)

@@ -172,7 +172,8 @@ def test_wheel_has_the_whole_package_and_nothing_else(wheel):
 def test_wheel_has_all_commands_where_pip_puts_commands(wheel):
     entry_points = next(name for name in wheel.namelist() if name.endswith('entry_points.txt'))
     commands = re.findall(r'^(\w+) = ', wheel.read(entry_points).decode(), re.MULTILINE)
-    assert sorted(commands) == ['kachaka_bridge', 'kachaka_calibrate', 'kachaka_sim', NAME]
+    assert sorted(commands) == [
+        'kachaka_bridge', 'kachaka_calibrate', 'kachaka_compare', 'kachaka_sim', NAME]
     # What setup.cfg says for colcon would put scripts below lib/.
     assert [name for name in wheel.namelist() if '.data/' in name and '/lib/' in name] == []
 

@@ -92,11 +92,11 @@ def draw_drive_path(figure: Figure, path: AlignedDrive, footprint: Footprint | N
     :param path: the drive
     :param footprint: the robot's outline; None if it is not known
     """
-    planned = [step_segments(start.motion.plan, start.pose) for start in path.motion_starts]
-    lines = _path_lines(path, planned)
+    planned = _planned(path)
+    lines = path_lines(path)
     end = path.odometry[-1].pose if path.odometry else (
         path.dead_reckoning.end if path.sent else path.planned_end)
-    area = _extent([*(point for points in lines.values() for point in points),
+    area = extent([*(point for points in lines.values() for point in points),
                     *_corners(footprint, (ORIGIN, end))])
     width = WIDTH - PATH_LEFT - PATH_RIGHT
     height = width * area.height / area.width
@@ -118,10 +118,14 @@ def draw_drive_path(figure: Figure, path: AlignedDrive, footprint: Footprint | N
     draw_legend(figure, PATH_LEFT, 2)
 
 
-def _path_lines(
-        path: AlignedDrive, planned: Sequence[PlannedPath]) -> dict[str, list[Point]]:
+def _planned(path: AlignedDrive) -> list[PlannedPath]:
+    return [step_segments(start.motion.plan, start.pose) for start in path.motion_starts]
+
+
+def path_lines(path: AlignedDrive) -> dict[str, list[Point]]:
+    """Return the path as planned, as sent and by odometry [m], as far as there is each."""
     lines = {'planned': [(ORIGIN.x, ORIGIN.y)]}
-    for start, steps in zip(path.motion_starts, planned):
+    for start, steps in zip(path.motion_starts, _planned(path)):
         lines['planned'].append((start.pose.x, start.pose.y))
         for segment in chain(*steps):
             lines['planned'] += segment.points()
@@ -164,7 +168,8 @@ def _corners(footprint: Footprint | None, poses: Sequence[Pose]) -> list[Point]:
     return [corner for pose in poses for corner in outline(footprint, pose)]
 
 
-def _extent(points: Sequence[Point]) -> Area:
+def extent(points: Sequence[Point]) -> Area:
+    """Return an area [m] that holds points with some room, neither too flat nor too high."""
     finite = [point for point in points if math.isfinite(point[0] + point[1])]
     xs, ys = [x for x, _ in finite], [y for _, y in finite]
     free = 1.0 + 2.0 * MARGIN

@@ -24,7 +24,9 @@ from typing import Any
 
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.report.drive_log import MotionLog
+from kachaka_simple_control.report.drive_path_plot import path_lines
 from kachaka_simple_control.report.metrics import Quantiles, StepResult
+from kachaka_simple_control.report.paths import simplify
 from kachaka_simple_control.report.speed_table import speed_rows
 from kachaka_simple_control.report.summary import PoseError, signal_name, Summary
 
@@ -32,6 +34,9 @@ from kachaka_simple_control.report.summary import PoseError, signal_name, Summar
 FORMAT = 1
 #: Digits behind the point: nanometres and nanoseconds.
 DIGITS = 9
+
+#: How far a point of a path may lie beside the line that replaces it [m], and the most points.
+PATH_GRAIN, MAX_PATH_POINTS = 0.001, 500
 
 Fields = dict[str, Any]
 
@@ -68,6 +73,7 @@ def fields(summary: Summary, recording: str | None) -> Fields:
         'verdict': _verdict(summary),
         'duration': {'planned_s': summary.planned_duration, 'driven_s': summary.driven_duration},
         'end': _end(summary),
+        'path': _path(summary),
         'stop': {'confirmed_after_s': None if end is None else end.still_after},
         'timing': _timing(summary),
         'lesson_loop': {
@@ -107,6 +113,14 @@ def _verdict(summary: Summary) -> Fields:
     return {
         'ending': outcome.kind.value.replace(' ', '_'), 'headline': outcome.headline,
         'why': outcome.reason, 'signal': None if signum is None else signal_name(signum)}
+
+
+def _path(summary: Summary) -> Fields:
+    """Return the path as planned and by odometry: points [m], simplified for pictures."""
+    lines = path_lines(summary.path)
+    return {name: [[round(value, 4) for value in point]
+                   for point in simplify(lines.get(name, []), PATH_GRAIN, MAX_PATH_POINTS)]
+            for name in ('planned', 'odometry')}
 
 
 def _end(summary: Summary) -> Fields:

@@ -244,7 +244,16 @@ def save_plot(file: str | os.PathLike[str], views: Sequence[PlanView]) -> None:
     :raises UsageError: if there is no such place, matplotlib is missing, or there are too many
     """
     path = check_plot_file(file)
-    figure = draw_plans(views)
+    save_figure(draw_plans(views), path)
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """
+    Save a figure; its suffix selects the format.
+
+    :param path: what ``check_plot_file`` returned
+    :raises UsageError: if it cannot be written
+    """
     data = io.BytesIO()
     suffix = path.suffix.lower()
     with default_style(), warnings.catch_warnings():

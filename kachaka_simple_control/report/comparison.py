@@ -1,0 +1,236 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Compares drives of the same motion by their reports: how exactly it ends, how alike they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import json
+import math
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.motion.geometry import Point
+from kachaka_simple_control.report.drive_path_plot import (
+    draw_legend,
+    extent,
+    PATH_BOTTOM,
+    PATH_LEFT,
+    PATH_RIGHT,
+    TICKS,
+    TOP,
+    WIDTH,
+)
+from kachaka_simple_control.report.json_export import FORMAT
+from kachaka_simple_control.report.plan_plot import save_figure
+from kachaka_simple_control.report.plan_view import format_fixed, pluralize
+from kachaka_simple_control.report.plot_style import (
+    add_axes,
+    default_style,
+    ODOMETRY,
+    PLANNED,
+    set_map_limits,
+    style_axes,
+)
+from kachaka_simple_control.report.text_tables import columns
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: By how much the planned ends of drives of the same motion may differ [m, rad].
+SAME = 1e-6
+HEAD = (('drive', ''), ('x', '[mm]'), ('y', '[mm]'), ('heading', '[deg]'), ('away', '[mm]'),
+        ('late', ''))
+
+
+@dataclass(frozen=True)
+class DriveEnd:
+    """
+    Where a drive ended, by its report.
+
+    :param name: the directory of the report
+    :param motion: what was driven: the names of its motions and the number of their steps
+    :param planned: where it was to end: x [m], y [m], heading [rad]
+    :param error: where it ended by odometry, less where it was to end: x [m], y [m], heading [rad]
+    :param late: how many messages were late or lost
+    :param paths: the path as planned and by odometry [m]
+    """
+
+    name: str
+    motion: tuple[tuple[str, int], ...]
+    planned: tuple[float, float, float]
+    error: tuple[float, float, float]
+    late: int
+    paths: dict[str, list[Point]]
+
+
+@dataclass(frozen=True)
+class Spread:
+    """
+    How exactly drives end, and how alike.
+
+    :param mean: the mean error: x [m], y [m], heading [rad]
+    :param deviation: the standard deviation of each of them
+    :param worst_distance: the largest distance of an end from the mean end [m]
+    :param worst_angle: the largest angle of an end from the mean heading [rad]
+    """
+
+    mean: tuple[float, float, float]
+    deviation: tuple[float, float, float]
+    worst_distance: float
+    worst_angle: float
+
+
+def read_drive(directory: Path) -> DriveEnd:
+    """
+    Return where a drive ended.
+
+    :param directory: of its report
+    :raises UsageError: if there is no report, or its drive was not completed
+    """
+    name = escaped(str(directory), 60)
+    try:
+        told = json.loads((directory / 'run.json').read_text('utf-8'))
+    except OSError as error:
+        raise UsageError(f'{name}: no report is here: run.json: {error.strerror}') from None
+    except ValueError:
+        raise UsageError(f'{name}: run.json is not that of a report') from None
+    if not isinstance(told, dict) or told.get('format') != FORMAT or 'path' not in told:
+        raise UsageError(
+            f'{name}: run.json is not that of a report of this version; drive once more')
+    if told['verdict']['ending'] != 'done':
+        raise UsageError(f"{name}: the drive was not completed: {told['verdict']['headline']}")
+    planned, seen = (_pose(told['end'][which]) for which in ('planned', 'odometry'))
+    if planned is None or seen is None:
+        raise UsageError(f'{name}: no odometry tells where the drive ended')
+    x, y, heading = (there - wanted for there, wanted in zip(seen, planned))
+    timing = told['timing']
+    return DriveEnd(
+        name, tuple((motion['name'], motion['steps']) for motion in told['motions']), planned,
+        (x, y, math.remainder(heading, math.tau)), timing['late'] + timing['lost'],
+        {line: [(float(x), float(y)) for x, y in points]
+         for line, points in told['path'].items()})
+
+
+def _pose(values: dict[str, Any] | None) -> tuple[float, float, float] | None:
+    if values is None or None in values.values():
+        return None
+    return values['x_m'], values['y_m'], values['heading_rad']
+
+
+def require_same(drives: Sequence[DriveEnd]) -> None:
+    """
+    Check that drives can be compared.
+
+    :raises UsageError: if there are fewer than two, or they are of different motions
+    """
+    if len(drives) < 2:
+        raise UsageError('two drives or more can be compared; name their reports')
+    first = drives[0]
+    for other in drives[1:]:
+        if other.motion != first.motion or any(
+                abs(one - two) > SAME for one, two in zip(first.planned, other.planned)):
+            raise UsageError(f'{first.name} and {other.name} are drives of different motions')
+
+
+def spread(drives: Sequence[DriveEnd]) -> Spread:
+    """Return how exactly drives of the same motion end, two or more, and how alike."""
+    errors = list(zip(*(drive.error for drive in drives)))
+    x, y, heading = (math.fsum(values) / len(values) for values in errors)
+    deviations = tuple(
+        math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1))
+        for values, mean in zip(errors, (x, y, heading)))
+    return Spread(
+        (x, y, heading), (deviations[0], deviations[1], deviations[2]),
+        max(math.hypot(drive.error[0] - x, drive.error[1] - y) for drive in drives),
+        max(abs(drive.error[2] - heading) for drive in drives))
+
+
+def comparison_table(drives: Sequence[DriveEnd], widest: int) -> str:
+    """
+    Return a table of where drives ended, from where they were to end, and what it says.
+
+    :param drives: of the same motion, two or more
+    :param widest: how many columns of text it may have
+    """
+    found = spread(drives)
+    rows = [(drive.name, *_row(drive.error), str(drive.late)) for drive in drives]
+    rows.append(('mean', *_row(found.mean), ''))
+    deviation = found.deviation
+    rows.append(('standard deviation', *_row(deviation), ''))
+    (name, steps), *others = drives[0].motion
+    what = f'{escaped(name)}, {pluralize(steps, "step")}' if not others else (
+        f'{pluralize(len(others) + 1, "motion")}')
+    lines = columns(HEAD, rows, widest=widest)
+    # The rows of all drives stand above the line, what follows from them below it.
+    lines.insert(len(lines) - 2, lines[2])
+    return '\n'.join([
+        f'{pluralize(len(drives), "drive")} of {what}: where they ended, from where they were to',
+        '', *lines, '',
+        (f'Accuracy: the mean end is {_length(math.hypot(*found.mean[:2]))} and '
+         f'{_angle(abs(found.mean[2]))} away.'),
+        (f'Repeatability: single ends are up to {_length(found.worst_distance)} and '
+         f'{_angle(found.worst_angle)} from the mean.')])
+
+
+def _row(error: tuple[float, float, float]) -> tuple[str, str, str, str]:
+    x, y, heading = error
+    return (format_fixed(1e3 * x, 1), format_fixed(1e3 * y, 1),
+            format_fixed(math.degrees(heading), 2), format_fixed(1e3 * math.hypot(x, y), 1))
+
+
+def _length(value: float) -> str:
+    return f'{format_fixed(1e3 * value, 1)} mm'
+
+
+def _angle(value: float) -> str:
+    return f'{format_fixed(math.degrees(value), 2)} degrees'
+
+
+def save_comparison(drives: Sequence[DriveEnd], path: Path) -> None:
+    """
+    Plot the paths of drives by odometry over the planned one.
+
+    :param path: what ``check_plot_file`` returned
+    :raises UsageError: if matplotlib is missing, or the file cannot be written
+    """
+    with default_style():
+        from matplotlib.figure import Figure
+        figure = Figure()
+        _draw(figure, drives)
+    save_figure(figure, path)
+
+
+def _draw(figure: Figure, drives: Sequence[DriveEnd]) -> None:
+    lines = [('planned', drives[0].paths['planned'], PLANNED)]
+    lines += [('odometry' if number == 0 else '', drive.paths['odometry'],
+               {**ODOMETRY, 'linewidth': 0.8, 'linestyle': '-'})
+              for number, drive in enumerate(drives)]
+    area = extent([point for _, points, _ in lines for point in points])
+    width = WIDTH - PATH_LEFT - PATH_RIGHT
+    height = width * area.height / area.width
+    figure.set_size_inches(WIDTH, PATH_BOTTOM + height + TOP)
+    axes = add_axes(figure, PATH_LEFT, PATH_BOTTOM, width, height)
+    set_map_limits(axes, *area, tick_distance=max(area.width, area.height) / TICKS)
+    style_axes(axes)
+    for name, points, look in lines:
+        axes.plot([x for x, _ in points], [y for _, y in points], **look,
+                  label=name or None, gid=name or 'odometry')
+    for drive in drives:
+        axes.plot(*drive.paths['odometry'][-1:][0], linestyle='', marker='o', markersize=3.0,
+                  color=ODOMETRY['color'])
+    draw_legend(figure, PATH_LEFT, 2)
