@@ -31,8 +31,8 @@ import pytest
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
-NAMES = ['circle', 'figure_eight', 'lesson', 'spin', 'square', 'square_cw', 'straight',
-         'umbmark_ccw', 'umbmark_cw']
+NAMES = ['calibration', 'circle', 'figure_eight', 'lesson', 'spin', 'square', 'square_cw',
+         'straight', 'umbmark_ccw', 'umbmark_cw']
 
 
 def drive(pose: Pose, steps: tuple[Step, ...]) -> Pose:
@@ -61,7 +61,8 @@ def test_the_library_has_these_motions():
 
 
 @pytest.mark.parametrize('name, end', [
-    ('circle', (0, 0, 360)), ('figure_eight', (0, 0, 0)), ('lesson', (0.1, 0, 0)),
+    ('calibration', (0, 0, 0)), ('circle', (0, 0, 360)), ('figure_eight', (0, 0, 0)),
+    ('lesson', (0.1, 0, 0)),
     ('spin', (0, 0, 360)), ('square', (0, 0, 360)), ('square_cw', (0, 0, -360)),
     ('straight', (1, 0, 0)), ('umbmark_ccw', (0, 0, 360)), ('umbmark_cw', (0, 0, -360))])
 def test_each_ends_where_its_name_says(name, end):
@@ -174,8 +175,8 @@ def test_the_profile_that_a_file_names_is_seen_from_the_file(
 
 
 @pytest.mark.parametrize('name, words', [
-    ('squar', "squar: there is no motion of this name; did you mean 'square'?  Known are circle"),
-    ('dance', 'dance: there is no motion of this name; known are circle, figure_eight, lesson, '),
+    ('squar', "squar: there is no motion of this name; did you mean 'square'?  Known are calibr"),
+    ('dance', 'dance: there is no motion of this name; known are calibration, circle, '),
     ('', "'': there is no motion of this name; known are "),
     ('motion', 'motion: there is no motion of this name'),
     ('squar.yaml', 'squar.yaml: there is no such file'),
