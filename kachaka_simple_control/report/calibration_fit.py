@@ -15,16 +15,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
 from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.motion.calibration import Calibration, MAX_GAIN, MIN_GAIN
-from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.report.drive_log import DriveLog, StepLog
-from kachaka_simple_control.report.odometry_alignment import DeadReckoning
+from kachaka_simple_control.report.odometry_alignment import DeadReckoning, is_plausible
+from kachaka_simple_control.telemetry.events import OdometryReceived
 
 #: The motion of the library that is driven.
 MOTION = 'calibration'
@@ -115,13 +116,14 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
     command_timeout = math.inf if log.session_started is None else (
         log.session_started.command_timeout)
     sent = DeadReckoning(log.sent, command_timeout)
-    rests = [_rest(log, step) if _is_rest(step) else None for step in steps]
+    odometry = [sample for sample in log.odometry if is_plausible(sample)]
+    rests = [_rest(odometry, step) if _is_rest(step) else None for step in steps]
     drives = []
     for index, step in enumerate(steps):
         before, after = rests[max(0, index - 1)], rests[min(index + 1, len(rests) - 1)]
         if before is not None and after is not None and not _is_rest(step):
             end = steps[index + 1].began + _duration(steps[index + 1])
-            drives.append(_drive(log, sent, step, before, after, end))
+            drives.append(_drive(odometry, sent, step, before, after, end))
     gains = {
         direction: _gain(direction, [drive.gain for drive in drives
                                      if drive.direction == direction])
@@ -147,9 +149,9 @@ def _duration(step: StepLog) -> float:
     return step.planned.end - step.planned.start
 
 
-def _rest(log: DriveLog, step: StepLog) -> _Rest:
+def _rest(odometry: Sequence[OdometryReceived], step: StepLog) -> _Rest:
     end = step.began + _duration(step)
-    poses = [sample.pose for sample in log.odometry if end - REST <= sample.time <= end]
+    poses = [sample.pose for sample in odometry if end - REST <= sample.time <= end]
     if len(poses) < MIN_SAMPLES:
         raise CalibrationError(
             f'odometry told where the robot stood {len(poses)} times in {REST:g} s; at least '
@@ -167,63 +169,97 @@ def _rest(log: DriveLog, step: StepLog) -> _Rest:
     if moved > 2.0 * CHANCE * position / math.sqrt(half) + 0.001:
         raise CalibrationError(
             f'the robot still moved, by {1e3 * moved:.1f} mm, when it should have stood still: '
-            'does something push it, or is it slower than 1 s?')
+            'does something push it, or does it follow too slowly?')
     return _Rest(Pose(x, y, first + _average(turned)), count, position, heading)
 
 
 def _drive(
-        log: DriveLog, sent: DeadReckoning, step: StepLog, before: _Rest, after: _Rest,
-        end: float) -> _Drive:
-    asked = step.step.displacement
-    is_straight = asked.distance != 0.0
-    start = step.began
-    origin = sent.at(start)
-    chord = (after.pose.x - before.pose.x, after.pose.y - before.pose.y)
-    way = math.hypot(*chord)
-    turned = after.pose.theta - before.pose.theta
-    position_error = math.hypot(*(rest.position_noise / math.sqrt(rest.samples)
-                                  for rest in (before, after)))
-    heading_error = math.hypot(*(rest.heading_noise / math.sqrt(rest.samples)
-                                 for rest in (before, after)))
-    if is_straight:
-        direction = 'forward' if asked.distance > 0.0 else 'backward'
-        total, done, error = abs(asked.distance), way, position_error
-    else:
-        direction = 'left' if asked.angle > 0.0 else 'right'
-        total, error = abs(asked.angle), heading_error
-        # By whole turns as near to what was sent as can be.
-        done = total + math.remainder(math.copysign(1.0, asked.angle) * turned - total, math.tau)
-    gain = done / total
+        odometry: Sequence[OdometryReceived], sent: DeadReckoning, step: StepLog, before: _Rest,
+        after: _Rest, end: float) -> _Drive:
+    """
+    Return what odometry saw of a step.
+
+    :param before: the rest before it
+    :param after: the rest after it, which ends at ``end`` [s]
+    """
+    is_straight = step.step.displacement.distance != 0.0
+    way = (_straight if is_straight else _turn)(
+        step.step.displacement, before, after, sent.at(step.began))
+    gain = way.seen / way.asked
     if not MIN_GAIN <= gain <= MAX_GAIN:
         unit = 'm' if is_straight else 'rad'
         raise CalibrationError(
-            f'{step.step.describe()}: odometry saw {done:.3f} {unit}: is the robot held, or is '
-            'its odometry wrong?')
-
-    def far(pose: Pose, of: Pose, along: tuple[float, float]) -> float:
-        if is_straight:
-            return (pose.x - of.x) * along[0] + (pose.y - of.y) * along[1]
-        return math.copysign(1.0, asked.angle) * (pose.theta - of.theta)
-
-    cosine, sine = chord[0] / max(way, 1e-9), chord[1] / max(way, 1e-9)
-    forwards = math.copysign(1.0, asked.distance)
-    along = (forwards * math.cos(origin.theta), forwards * math.sin(origin.theta))
-    area, last, height = 0.0, start, 0.0
-    theta = before.pose.theta
-    for sample in log.odometry:
-        if start < sample.time <= end:
+            f'{step.step.describe()}: odometry saw {way.seen:.3f} {unit}: is the robot held, or '
+            'is its odometry wrong?')
+    area, time, height, theta = 0.0, step.began, 0.0, before.pose.theta
+    for sample in odometry:
+        if time < sample.time <= end:
             theta += math.remainder(sample.pose.theta - theta, math.tau)
-            seen = far(Pose(sample.pose.x, sample.pose.y, theta), before.pose, (cosine, sine))
-            value = far(sent.at(sample.time), origin, along) - seen / gain
-            area += 0.5 * (height + value) * (sample.time - last)
-            last, height = sample.time, value
-    delay_error = error / gain * (end - start) / total
-    veer = None
-    if is_straight:
-        bend = math.remainder(turned, math.tau) * forwards / done
-        veer = Estimate(bend, heading_error / done)
-    return _Drive(direction, Estimate(gain, error / total), veer,
-                  Estimate(area / total, delay_error))
+            behind = way.far_sent(sent.at(sample.time)) - way.far_seen(
+                Pose(sample.pose.x, sample.pose.y, theta)) / gain
+            area += 0.5 * (height + behind) * (sample.time - time)
+            time, height = sample.time, behind
+    # An error of where it stood before is one of each height.
+    return _Drive(
+        way.direction, Estimate(gain, way.error / way.asked), way.veer,
+        Estimate(area / way.asked, way.error / gain * (end - step.began) / way.asked))
+
+
+class _Way(NamedTuple):
+    """
+    How far a step goes, in metres or radians, positive in its direction.
+
+    :param asked: in all
+    :param seen: by odometry, from rest to rest
+    :param error: the standard error of that
+    :param veer: what was seen of the veer; None of a turn
+    :param far_sent: how far a pose by what was sent is on the way
+    :param far_seen: how far a pose by odometry is on the way
+    """
+
+    direction: str
+    asked: float
+    seen: float
+    error: float
+    veer: Estimate | None
+    far_sent: Callable[[Pose], float]
+    far_seen: Callable[[Pose], float]
+
+
+def _straight(asked: Displacement, before: _Rest, after: _Rest, origin: Pose) -> _Way:
+    start, end = before.pose, after.pose
+    sign = math.copysign(1.0, asked.distance)
+    x, y = end.x - start.x, end.y - start.y
+    length = math.hypot(x, y)
+    ahead = sign * (x * math.cos(start.theta) + y * math.sin(start.theta))
+    # A veer bends the way a little; its chord is as long but for a few parts in 100 000.
+    seen = math.copysign(length, ahead)
+    along = (x / length, y / length) if length else (0.0, 0.0)
+    heading_error = _error(before, after, 'heading_noise')
+    turned = sign * math.remainder(end.theta - start.theta, math.tau)
+    return _Way(
+        'forward' if sign > 0.0 else 'backward', abs(asked.distance), seen,
+        _error(before, after, 'position_noise'),
+        Estimate(turned / seen, heading_error / length) if length else None,
+        lambda pose: sign * ((pose.x - origin.x) * math.cos(origin.theta)
+                             + (pose.y - origin.y) * math.sin(origin.theta)),
+        lambda pose: (pose.x - start.x) * along[0] + (pose.y - start.y) * along[1])
+
+
+def _turn(asked: Displacement, before: _Rest, after: _Rest, origin: Pose) -> _Way:
+    start, sign, total = before.pose.theta, math.copysign(1.0, asked.angle), abs(asked.angle)
+    # By whole turns as near to what was asked as can be.
+    seen = total + math.remainder(sign * (after.pose.theta - start) - total, math.tau)
+    return _Way(
+        'left' if sign > 0.0 else 'right', total, seen, _error(before, after, 'heading_noise'),
+        None, lambda pose: sign * (pose.theta - origin.theta),
+        lambda pose: sign * (pose.theta - start))
+
+
+def _error(before: _Rest, after: _Rest, noise: str) -> float:
+    """Return the standard error of a difference between the means of two rests."""
+    return math.hypot(*(
+        float(getattr(rest, noise)) / math.sqrt(rest.samples) for rest in (before, after)))
 
 
 def _gain(direction: str, gains: Sequence[Estimate]) -> Estimate:

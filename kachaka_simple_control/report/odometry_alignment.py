@@ -156,7 +156,7 @@ class AlignedDrive:
         self.motion_starts = self._motion_starts(log.motions)
         #: odometry from t = 0 on
         self.odometry = self._aligned([
-            sample for sample in log.odometry if _is_plausible(sample)])
+            sample for sample in log.odometry if is_plausible(sample)])
 
     @property
     def planned_end(self) -> Pose:
@@ -222,7 +222,8 @@ def _end_of(starts: Sequence[MotionStart]) -> Pose:
     return compose(starts[-1].pose, starts[-1].motion.plan.pose) if starts else ORIGIN
 
 
-def _is_plausible(sample: OdometryReceived) -> bool:
+def is_plausible(sample: OdometryReceived) -> bool:
+    """Return whether a sample of odometry has finite values that a robot may have."""
     pose, velocity = sample.pose, sample.velocity
     return math.isfinite(sample.time) and all(abs(value) < MAX_VALUE for value in (
         pose.x, pose.y, pose.theta, velocity.linear_x, velocity.angular_z))

@@ -162,7 +162,26 @@ def held(sample):
     return OdometryReceived(sample.time, Pose(0.0, 0.0, 0.0))
 
 
+def mirrored(sample):
+    """Return odometry of a robot that drives backwards where it should drive forwards."""
+    seen = sample.pose
+    return replace(sample, pose=Pose(-seen.x, -seen.y, seen.theta))
+
+
+def hostile(sample):
+    """Return one sample in ten with values that no robot has."""
+    odd = {0: math.nan, 1: math.inf, 2: 1e300}.get(round(50.0 * sample.time) % 30)
+    return sample if odd is None else replace(sample, pose=Pose(odd, 0.0, odd))
+
+
+def test_hostile_odometry_is_left_out():
+    fit = fit_calibration(drive(IDEAL, change=hostile))
+    assert fit.gains['forward'].value == pytest.approx(1.0, abs=1e-3)
+    assert fit.delay.value == pytest.approx(0.15, abs=0.01)
+
+
 @pytest.mark.parametrize(('change', 'reason'), [
+    (mirrored, r'forward 0.7 m: odometry saw -0.700 m: is the robot held, or is its odometry'),
     (slipping, r'two drives (forward|backward) differ by \d\.\d %: do the wheels slip'),
     (drifting, 'the robot still moved, by'),
     (rarely, r'odometry told where the robot stood \d times in 1 s; at least 10 are needed'),
