@@ -279,8 +279,8 @@ def test_a_rate_that_cannot_work_is_refused_before_anything_is_started(source, t
     option = ['--rate', '2'] if source == 'by option' else []
     with program([*COMMAND, str(file), '--sim', *option], tmp_path) as started:
         assert started.end() == 2
-    assert started.text == ('kachaka_simple_control: rate is 2 Hz; for kachaka it must be from 5 '
-                            'to 1000 Hz\n')
+    where = 'kachaka_simple_control: rate is' if option else f'{file}:3: rate:'
+    assert started.text == f'{where} 2 Hz; for kachaka it must be from 5 to 1000 Hz\n'
 
 
 def test_a_robot_may_take_velocities_with_a_stamp(tmp_path):
