@@ -38,6 +38,8 @@ from kachaka_simple_control.exit_codes import HELP, OneLineParser
 from kachaka_simple_control.files.robot_profile import calibrated_text
 from kachaka_simple_control.preview_command import plan_view
 from kachaka_simple_control.report.calibration_fit import CalibrationFit, fit_calibration, MOTION
+from kachaka_simple_control.report.calibration_plot import save_calibration_plot
+from kachaka_simple_control.report.plan_plot import check_plot_file
 from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.report_directory import write_atomically
 from kachaka_simple_control.report.text_tables import columns, plan_table, terminal_columns
@@ -54,12 +56,14 @@ class CalibrateOptions:
 
     :param output: the file of the robot to write
     :param floor: on which floor the robot drives, for people
+    :param plot: the file to plot the fit to; None for none
     :param is_confirmed: whether to drive without asking
     :param is_dry: whether to show what would be driven, and drive nothing
     """
 
     output: Path
     floor: str
+    plot: str | None
     is_confirmed: bool
     is_dry: bool
 
@@ -80,13 +84,15 @@ def parse(arguments: Sequence[str]) -> tuple[Options, CalibrateOptions]:
     add('--output', type=Path, default=Path('my_kachaka.yaml'), metavar='FILE',
         help='the file of the robot to write, which must not exist (default: %(default)s)')
     add('--floor', default='', metavar='TEXT', help='on which floor it drives, for people')
+    add('--plot', metavar='FILE',
+        help='draw what was sent, seen and fitted, as .png, .svg or .pdf')
     add('--yes', action='store_true', help='drive without asking; needed without a terminal')
     add('--dry-run', action='store_true', help='show what would be driven, and drive nothing')
     add_drive_options(parser)
     values = vars(parser.parse_args(own))
     values.pop('ros_args', None)
     more = CalibrateOptions(
-        values.pop('output'), values.pop('floor'), values.pop('yes'), values.pop('dry_run'))
+        *(values.pop(name) for name in ('output', 'floor', 'plot', 'yes', 'dry_run')))
     simulation = take_simulation(parser, values)
     return Options(
         motions=(MOTION,), ros_arguments=tuple(ros), simulation=simulation, calibrates=True,
@@ -115,18 +121,22 @@ def calibrate(options: Options, more: CalibrateOptions) -> None:
     if not os.access(more.output.parent, os.W_OK):
         raise UsageError(f'{escaped(str(more.output))} cannot be written; name another file by '
                          '--output')
+    plot = None if more.plot is None else check_plot_file(more.plot)
     view = plan_view(MOTION, options)
     print(plan_table([view], terminal_columns()), flush=True)
     if more.is_dry:
         return
     _confirm(options, more, view)
-    fit = fit_calibration(drive(options))
+    log = drive(options)
+    fit = fit_calibration(log)
     calibration = fit.calibration(datetime.now().astimezone().date().isoformat(), more.floor)
     try:
         write_atomically(
             more.output, calibrated_text(settings.robot, calibration).encode())
     except OSError as error:
         raise UsageError(f'{escaped(str(more.output))}: {error.strerror}') from None
+    if plot is not None:
+        save_calibration_plot(log, fit, plot)
     print('\n'.join(['', *_table(fit), '', (
         f'{more.output}: written; drive with --robot '
         f'{more.output if more.output.is_absolute() else f"./{more.output}"}')]))

@@ -121,6 +121,9 @@ def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path):
             (['--yes', '--robot', './blind.yaml'],
              ('kachaka_calibrate: ./blind.yaml has no odometry to measure by; its file names '
               'none\n')),
+            (['--sim', '--plot', 'fit.txt'],
+             ('kachaka_calibrate: fit.txt: a plot is .png, .svg or .pdf; take one of these as '
+              'its ending\n')),
             (['--lag', '0.1'], 'kachaka_calibrate: --lag is about the simulated robot of --sim\n'),
             (['square', '--sim'], 'kachaka_calibrate: unrecognized arguments: square\n')):
         code, told, errors, driven = run(*words)

@@ -21,6 +21,7 @@ from kachaka_simple_control.files.library import find
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.report.calibration_fit import CalibrationError, fit_calibration, MOTION
+from kachaka_simple_control.report.calibration_plot import save_calibration_plot
 from kachaka_simple_control.telemetry.events import OdometryReceived
 import pytest
 from simulated_drive import SimulatedDrive
@@ -190,6 +191,15 @@ def test_hostile_odometry_is_left_out():
 def test_what_the_drive_cannot_tell_is_refused_with_the_reason(change, reason):
     with pytest.raises(CalibrationError, match=reason):
         fit_calibration(drive(IDEAL, change=change))
+
+
+def test_the_plot_has_what_was_sent_seen_and_fitted(tmp_path):
+    pytest.importorskip('matplotlib', reason='needs matplotlib')
+    log = drive(replace(IDEAL, linear_gain=0.9))
+    save_calibration_plot(log, fit_calibration(log), tmp_path / 'fit.svg')
+    drawn = (tmp_path / 'fit.svg').read_text()
+    for name in ('sent', 'fit', 'odometry'):
+        assert drawn.count(f'id="{name}"') == 2
 
 
 def test_too_much_noise_is_refused():
