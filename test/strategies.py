@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 import math
 
-from hypothesis import settings
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 from kachaka_simple_control.motion.limits import Limits
@@ -46,9 +45,6 @@ def or_infinite(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[float]:
     """Return numbers, and sometimes infinity."""
     return st.one_of(numbers, numbers, numbers, st.just(math.inf))
 
-
-#: A plan has thousands of ticks, and the machine may be loaded.
-UNHURRIED = settings(deadline=None)
 
 #: From a very slow robot to a very fast one.
 LIMITS = st.builds(

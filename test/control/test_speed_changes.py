@@ -31,7 +31,7 @@ CHANGES = st.lists(
     max_size=12)
 #: As many random drives as the promise names; to make a failing one smaller takes too long.
 THOUSAND = settings(
-    deadline=None, max_examples=1000, phases=(Phase.explicit, Phase.reuse, Phase.generate))
+    max_examples=1000, phases=(Phase.explicit, Phase.reuse, Phase.generate))
 
 
 def drive(planned, changes):

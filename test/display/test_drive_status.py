@@ -37,7 +37,7 @@ from kachaka_simple_control.telemetry.events import (
     VelocitySent,
 )
 import pytest
-from strategies import LIMITS, MOTIONS, UNHURRIED
+from strategies import LIMITS, MOTIONS
 
 START = 100.0
 #: At full speed at once: 2 s forward, 1 s to the left, 1 s of rest.
@@ -93,7 +93,6 @@ def test_any_events_in_any_order_give_a_status(events, now):
                        for left in (status.step.remaining.distance, status.step.remaining.angle))
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, st.floats(5.0, 100.0))
 def test_when_steps_are_due_does_not_depend_on_the_rate(motion, limits, rate):
     try:
@@ -104,7 +103,6 @@ def test_when_steps_are_due_does_not_depend_on_the_rate(motion, limits, rate):
         (one.start, one.end) for one in coarse.steps]
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, st.floats(0.0, 1.0))
 def test_the_remaining_time_is_that_of_the_plan(motion, limits, part):
     try:
@@ -237,7 +235,6 @@ def test_motions_by_call_are_counted(count, labels):
                      f'{labels[1]}: move 0 m/s, 0.5 rad/s (1 s)']
 
 
-@UNHURRIED
 @given(st.lists(st.floats(0.01, 3.0), min_size=1, max_size=20))
 def test_each_step_has_one_line_and_lines_are_not_too_fast(durations):
     tracker = started(Motion('three', tuple(map(Wait, durations))))
@@ -333,7 +330,6 @@ def test_a_panel_counts_down_while_it_waits_and_names_the_topic(drawn):
     assert {topic for _, topic in shown} == {'topic       /kachaka/cmd_vel'}
 
 
-@UNHURRIED
 @given(columns=st.integers(60, 250), events=st.lists(EVENTS, max_size=8), now=TIMES,
        title=st.text(max_size=80))
 def test_no_line_of_a_panel_is_wider_than_the_terminal(columns, events, now, title):

@@ -42,7 +42,7 @@ limits: {max_linear_velocity: 0.3 m/s, max_angular_velocity: 90 deg/s}
 footprint: {length: 0.4 m, width: 0.3 m, ahead: 0 m}
 """
 #: The first of them loads jsonschema, which takes longer than an example may.
-SETTINGS = settings(max_examples=200, deadline=None)
+SETTINGS = settings(max_examples=200)
 #: Values for the places where motions and robots may be wrong.
 PIECES = st.sampled_from([
     '', ' ', '\n', '\t', '  ', '- ', ': ', '{', '}', '[', ']', ',', '"', "'", '#', '&a ', '*a',

@@ -206,13 +206,13 @@ def test_a_file_cannot_allow_what_the_robot_does_not():
 @example(Motion('no', ()))
 @example(Motion('', (Wait(0.0),), 'two\nlines: # "quoted" \\ \x00\x85\u2028\ufeff\U0001f600'))
 @example(Motion('true', (Forward(1), Wait(5e-324), Turn(-1.7976931348623157e308))))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_what_is_written_reads_back_as_the_same_motion(motion):
     assert loads(dump(motion)).motion == motion
 
 
 @given(MOTIONS)
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_what_is_written_is_what_any_yaml_reader_reads(motion):
     import yaml
     data = yaml.safe_load(dump(motion))

@@ -22,7 +22,7 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Turn
 import pytest
-from strategies import GOALS, LIMITS, line_or_circle, RATES, UNHURRIED
+from strategies import GOALS, LIMITS, line_or_circle, RATES
 
 #: What rounding does to a position, in parts of the distance: a few of the last bits.
 NOISE = 64.0 * sys.float_info.epsilon
@@ -43,7 +43,6 @@ def differences(values):
     return [after - before for before, after in pairwise(values)]
 
 
-@UNHURRIED
 @given(GOALS, LIMITS, RATES)
 def test_no_limit_of_a_robot_is_broken_from_tick_to_tick(goal, limits, rate):
     """Linear and angular ones at once, with rest before and after; (12) in docs/theory.md."""

@@ -33,7 +33,6 @@ from strategies import (
     MOTIONS,
     motions,
     RATES,
-    UNHURRIED,
 )
 
 
@@ -57,7 +56,6 @@ def sent(planned: Plan) -> list[tuple[float, float]]:
             for segment in planned.segments]
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_a_plan_ends_where_geometry_says(motion, limits, rate):
     planned = plan(motion, limits, rate)
@@ -66,7 +64,6 @@ def test_a_plan_ends_where_geometry_says(motion, limits, rate):
     assert close(expected, planned.pose, size(planned))
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_every_stage_ends_where_geometry_says(motion, limits, rate):
     planned = plan(motion, limits, rate)
@@ -78,7 +75,6 @@ def test_every_stage_ends_where_geometry_says(motion, limits, rate):
         assert close(pose, stage.pose, size(planned))
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_stages_and_segments_agree(motion, limits, rate):
     planned = plan(motion, limits, rate)
@@ -95,7 +91,6 @@ def test_stages_and_segments_agree(motion, limits, rate):
         planned.length == pytest.approx(math.fsum(stage.length for stage in planned.steps)))
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_segments_and_stages_follow_each_other_without_a_gap(motion, limits, rate):
     planned = plan(motion, limits, rate)
@@ -106,7 +101,6 @@ def test_segments_and_stages_follow_each_other_without_a_gap(motion, limits, rat
     assert all(segment.end > segment.start for segment in planned.segments)
 
 
-@UNHURRIED
 @given(motions(GOALS), LIMITS, RATES)
 def test_ticks_of_a_goal_are_equal_and_at_most_a_period(motion, limits, rate):
     planned = plan(motion, limits, rate)
@@ -117,7 +111,6 @@ def test_ticks_of_a_goal_are_equal_and_at_most_a_period(motion, limits, rate):
         assert not own or max(own) - min(own) <= 1e-6 * max(own)
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_the_velocity_gate_refuses_nothing_of_a_plan(motion, limits, rate):
     """It checks each velocity once more, and a refused velocity ends the run."""
@@ -144,7 +137,6 @@ def test_a_speed_is_reached_and_not_exceeded(step, linear, angular):
     assert planned.max_angular_velocity == pytest.approx(angular)
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, RATES, RATES)
 def test_the_rate_does_not_change_the_motion(motion, limits, rate, other):
     one, two = plan(motion, limits, rate), plan(motion, limits, other)
@@ -153,7 +145,6 @@ def test_the_rate_does_not_change_the_motion(motion, limits, rate, other):
     assert [stage.end for stage in one.steps] == [stage.end for stage in two.steps]
 
 
-@UNHURRIED
 @given(MOTIONS, MOTIONS, LIMITS, RATES)
 def test_durations_add_up(first, second, limits, rate):
     both = Motion('both', first.steps + second.steps)
@@ -161,7 +152,6 @@ def test_durations_add_up(first, second, limits, rate):
     assert durations[2] == pytest.approx(durations[0] + durations[1], rel=1e-12)
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, RATES, st.integers(0, 4))
 def test_a_repeat_equals_its_steps_written_out(motion, limits, rate, times):
     repeated = plan(Motion('many', (Repeat(times, motion.steps),)), limits, rate)
@@ -181,7 +171,6 @@ def mirrored(step):
     return replace(step, angle=-step.angle) if isinstance(step, Turn) else step
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_a_mirrored_motion_is_the_mirrored_plan(motion, limits, rate):
     there = plan(motion, limits, rate)
@@ -203,7 +192,6 @@ def reversed_(step):
     return replace(step, angle=-step.angle) if isinstance(step, (Arc, Turn)) else step
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, RATES)
 def test_backwards_is_forwards_with_the_other_sign(motion, limits, rate):
     limits = replace(limits, max_backward_velocity=None)
@@ -213,7 +201,6 @@ def test_backwards_is_forwards_with_the_other_sign(motion, limits, rate):
     assert there.duration == back.duration
 
 
-@UNHURRIED
 @given(GOALS, LIMITS, RATES)
 def test_an_arc_stays_an_arc_at_every_tick(goal, limits, rate):
     for linear, angular in sent(plan(Motion('one', (goal,)), limits, rate)):

@@ -26,7 +26,7 @@ from kachaka_simple_control.motion.planner import find_errors, MAX_STEPS
 from kachaka_simple_control.motion.step_base import MAX_DURATION
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 import pytest
-from strategies import KACHAKA, LIMITS, MOTIONS, RATES, UNHURRIED
+from strategies import KACHAKA, LIMITS, MOTIONS, RATES
 
 SLOW_BACKWARDS = replace(KACHAKA, max_backward_velocity=0.1)
 
@@ -167,7 +167,6 @@ def test_an_invalid_rate_is_refused(rate, text):
     assert text == str(caught.value)
 
 
-@UNHURRIED
 @given(MOTIONS, LIMITS, RATES, st.floats(0.01, 20.0))
 def test_a_motion_can_be_planned_exactly_if_no_error_is_found(motion, limits, rate, speed):
     motion = replace(motion, steps=(*motion.steps, Forward(-1.0, speed), Arc(0.2, 1.0, speed)))

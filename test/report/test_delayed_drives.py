@@ -65,7 +65,7 @@ def timed(changes):
     return [*factors, (time, FULL)]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(CHANGES, st.sampled_from([5.0, 20.0, 50.0]))
 @example([(3.0, 0.0), (2.0, 0.0)], 20.0)
 def test_each_step_was_sent_what_it_asks_for(changes, rate):
@@ -87,7 +87,7 @@ def test_each_step_was_sent_what_it_asks_for(changes, rate):
     assert found.due + found.unjudged == len(motion.own_messages) - 1
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(CHANGES)
 @example([(1.0, 1.0), (0.5, 0.0)])  # braked as planned, and resumed in time: no delay is left
 def test_run_json_agrees_with_itself(changes):

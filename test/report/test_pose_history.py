@@ -26,7 +26,7 @@ from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Motion, Move, Repeat, Turn
 from kachaka_simple_control.report.paths import PoseHistory, sample_path, SPACING, TURN
 import pytest
-from strategies import MOTIONS, UNHURRIED
+from strategies import MOTIONS
 
 POSES = st.builds(
     Pose, st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-10.0, 10.0))
@@ -37,7 +37,6 @@ def path_of(*steps, **more):
     return sample_path(plan(Motion('way', steps), KACHAKA.limits, 10.0), **more)
 
 
-@UNHURRIED
 @given(MOTIONS, POSES, st.integers(2, 50))
 def test_a_planned_path_begins_and_ends_where_the_robot_does(motion, start, most):
     drawn = plan(motion, KACHAKA.limits, 10.0)

@@ -44,7 +44,6 @@ from outcome_logs import done, faulted, hour, killed, lesson, never_began, stopp
 from plans import EMPTY, LESSON
 import pytest
 from simulated_drive import EPOCH, SimulatedDrive
-from strategies import UNHURRIED
 
 LIMITS = Limits(1.0, 2.0)
 SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
@@ -383,7 +382,6 @@ EVENTS = st.one_of(
 
 
 @given(st.lists(EVENTS, max_size=40))
-@UNHURRIED
 def test_whatever_happened_there_is_a_report(events):
     """Even what cannot happen, as messages back in time."""
     record = DriveLog()
@@ -397,7 +395,7 @@ def test_whatever_happened_there_is_a_report(events):
 
 
 @given(st.lists(EVENTS, max_size=30))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_whatever_happened_there_are_pictures(events):
     drawn()
     from kachaka_simple_control.report.drive_plots import draw_drive_plots

@@ -39,7 +39,7 @@ from kachaka_simple_control.telemetry.events import (
 )
 from plans import LESSON
 import pytest
-from strategies import MOTIONS, UNHURRIED
+from strategies import MOTIONS
 
 LIMITS = Limits(1.0, 2.0)
 SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
@@ -79,7 +79,6 @@ def test_ticks_due_after_the_stop_are_not_lost():
 
 
 @given(MOTIONS, st.sampled_from([5.0, 20.0, 37.0]))
-@UNHURRIED
 def test_due_times_are_those_of_the_tick_scheduler(motion, rate):
     from kachaka_simple_control.control.tick_scheduler import TickScheduler
     planned = plan(motion, Limits(5.0, 10.0), rate)
@@ -107,7 +106,6 @@ def test_the_loop_of_the_lesson_turns_too_far():
 
 
 @given(st.lists(st.floats(-50, 50), max_size=50))
-@UNHURRIED
 def test_the_histogram_counts_every_value(values):
     pytest.importorskip('matplotlib', reason='needs matplotlib')
     reach, counts = histogram(values)

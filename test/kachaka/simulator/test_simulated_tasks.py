@@ -82,7 +82,7 @@ def test_a_task_ends_at_its_goal(action, pose):
     assert results(robot, 20.0) == [('task', SUCCESS)]
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(parameters=ROUGH, distance=st.floats(-1.0, 1.0), angle=st.floats(-4.0, 4.0))
 def test_a_robot_with_imperfect_drive_arrives(parameters, distance, angle):
     """Within 1 mm and 1 mrad, by closed-loop control."""
@@ -113,7 +113,7 @@ def test_a_robot_that_drives_past_its_goal_has_not_arrived():
         assert controller.step(Pose(1.0), ZERO, 1.0) is True
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     x=st.floats(-1.0, 1.0), y=st.floats(-1.0, 1.0), theta=st.floats(-10.0, 10.0))
 def test_a_pose_is_reached_from_anywhere(x, y, theta):
