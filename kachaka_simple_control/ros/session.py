@@ -115,7 +115,7 @@ class Session:
         self._executor = BackgroundExecutor(node, self._on_callback_error)
         self._requests = DriveRequests(self.gate, 1.0 / parameters.rate)
         self._request: DriveRequest | None = None
-        self._closing = threading.Lock()
+        self._closing, self._logging = threading.Lock(), threading.Lock()
         #: why nothing may move any more; None as long as it may
         self._stopped_by: ControlError | None = None
         self._stopped = threading.Event()
@@ -205,7 +205,11 @@ class Session:
         """
         self._requests.on_stop(reason)
         if (failure := self._stop(reason)) is not None:
-            self._has_reported = True
+            # After a signal the program ends by that, whatever is raised: nobody prints an error.
+            if self._stopped_by is None:
+                self._has_reported = True
+            else:
+                self._log_once(failure)
             raise RunFaultError(failure)
         return self.gate.state is not GateState.NOT_OPENED
 
@@ -218,8 +222,14 @@ class Session:
         self._stopped_by = self._stopped_by or reason
         self._stopped.set()
         self._guardian.latch.trip()
-        if (failure := self._stop(reason)) is not None and not self._has_reported:
-            self._has_reported = True
+        if (failure := self._stop(reason)) is not None:
+            self._log_once(failure)
+
+    def _log_once(self, failure: str) -> None:
+        """Log what went wrong with a stop, unless an error has said so; from any thread."""
+        with self._logging:
+            has_reported, self._has_reported = self._has_reported, True
+        if not has_reported:
             self._node.get_logger().error(failure)
 
     def on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:

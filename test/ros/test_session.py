@@ -15,6 +15,7 @@
 
 import threading
 import time
+from types import SimpleNamespace
 
 from kachaka_simple_control.control import manual_control_lease
 from kachaka_simple_control.errors import InvalidMotionError, MotionRefusedError, RunFaultError
@@ -336,3 +337,30 @@ def test_a_closed_node_moves_no_more(listener, make):
     node.stop_robot()
     time.sleep(0.2)
     assert len(listener.heard) == count
+
+
+@pytest.mark.parametrize('first', ['the signal', 'the program'])
+def test_after_a_signal_a_stop_that_failed_is_logged_whoever_notices_first(
+        make, monkeypatch, first):
+    """A signal stops in its own thread, the program in its ``finally``; its error is not shown."""
+    node, logged = make(), []
+    session, reason = node.session, MotionRefusedError('stopped by SIGINT')
+    monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(error=logged.append))
+    monkeypatch.setattr(session, '_stop', lambda _: 'the stop is unconfirmed')
+    session._stopped_by = reason
+    if first == 'the signal':
+        session.stop_permanently(reason)
+    with pytest.raises(RunFaultError, match='unconfirmed'):
+        session.stop(reason)
+    session.stop_permanently(reason)
+    assert logged == ['the stop is unconfirmed']
+
+
+def test_without_a_signal_the_error_says_it_and_no_log_line(make, monkeypatch):
+    node, logged = make(), []
+    monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(error=logged.append))
+    monkeypatch.setattr(node.session, '_stop', lambda _: 'the stop is unconfirmed')
+    with pytest.raises(RunFaultError, match='unconfirmed'):
+        node.session.stop(MotionRefusedError('the movement was ended'))
+    node.session.stop_permanently(MotionRefusedError('the node is closed'))
+    assert logged == []
