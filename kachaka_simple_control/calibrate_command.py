@@ -129,6 +129,8 @@ def calibrate(options: Options, more: CalibrateOptions) -> None:
     _confirm(options, more, view)
     log = drive(options)
     fit = fit_calibration(log)
+    # First of all: what was measured is not lost if a file cannot be written.
+    print('\n'.join(['', *_table(fit), '']), flush=True)
     calibration = fit.calibration(datetime.now().astimezone().date().isoformat(), more.floor)
     try:
         write_atomically(
@@ -137,9 +139,8 @@ def calibrate(options: Options, more: CalibrateOptions) -> None:
         raise UsageError(f'{escaped(str(more.output))}: {error.strerror}') from None
     if plot is not None:
         save_calibration_plot(log, fit, plot)
-    print('\n'.join(['', *_table(fit), '', (
-        f'{more.output}: written; drive with --robot '
-        f'{more.output if more.output.is_absolute() else f"./{more.output}"}')]))
+    print(f'{more.output}: written; drive with --robot '
+          f'{more.output if more.output.is_absolute() else f"./{more.output}"}')
 
 
 def _confirm(options: Options, more: CalibrateOptions, view: PlanView) -> None:

@@ -130,6 +130,17 @@ def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path):
         assert (code, told, errors, driven) == (2, '', line, [])
 
 
+def test_what_was_measured_is_printed_even_if_no_file_can_be_written(run, monkeypatch, tmp_path):
+    def fail(path, data):
+        raise OSError(28, 'No space left on device')
+
+    monkeypatch.setattr(calibrate_command, 'write_atomically', fail)
+    code, told, errors, _ = run('--sim')
+    assert (code, errors) == (2, 'kachaka_calibrate: my_kachaka.yaml: No space left on device\n')
+    assert 'gain forward                 0.9500      0.0004' in told
+    assert 'written' not in told
+
+
 def test_a_drive_that_cannot_tell_writes_nothing(run, monkeypatch, tmp_path):
     def refuse(log):
         raise CalibrationError('the wheels slip')
