@@ -277,9 +277,14 @@ class KachakaSimpleControl(Node):
         super().destroy_node()
 
     def _drive(self, motion: Motion, limits: Limits | None, request: DriveRequest) -> Plan:
-        limits = limits or self.profile.planning_limits
+        allowed = self.profile.planning_limits
+        limits = limits or allowed
         with self.session.exclusive(request):
             planned = plan(motion, limits, self.node_parameters.rate)
+            if limits.exceeds(allowed):
+                # The gate would refuse such a velocity in mid-motion.
+                for velocity in {segment.velocity for segment in planned.segments}:
+                    allowed.check(velocity)
             self._introspection.on_plan(planned)
             self.event_bus.publish(MotionPlanned(
                 motion, limits, self.node_parameters.rate, time.monotonic()))

@@ -13,6 +13,7 @@
 # limitations under the License.
 """Motions from files, driven by the command: on the simulated robot, and by the service."""
 
+import json
 import re
 import shlex
 import signal
@@ -111,8 +112,12 @@ def test_a_calibrated_robot_is_sent_what_makes_it_do_what_was_planned(listener, 
     robot.write_text('extends: kachaka\ncalibration: {forward_gain: 0.8, veer: 0.1 rad/m}')
     motion.write_text(
         'steps: [move: {linear_x: 0.1 m/s, angular_z: 0 rad/s, duration: 1 s}]')
-    with program([*COMMAND, str(motion), '--robot', str(robot)], tmp_path) as started:
+    with program([*COMMAND, str(motion), '--robot', str(robot), '--report',
+                  str(tmp_path / 'report')], tmp_path) as started:
         assert started.end() == 0, started.text
+    told = json.loads((tmp_path / 'report' / 'run.json').read_text())
+    assert told['settings']['calibration'].startswith('forward 0.8, backward 1, ')
+    assert told['steps'][0]['sent']['distance_m'] == pytest.approx(0.1, abs=0.002)
     (move,) = listener.moves()
     assert (move.linear_x, move.angular_z) == pytest.approx((0.125, -0.01))
     assert 'Calibrated: forward 0.8, backward 1, left 1, right 1, veer 5.7296 deg/m' in (

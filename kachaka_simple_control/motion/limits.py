@@ -89,6 +89,12 @@ class Limits:
         own = self.max_angular_deceleration
         return self.max_angular_acceleration if own is None else own
 
+    def exceeds(self, other: Limits) -> bool:
+        """Return whether these limits allow a velocity that others do not."""
+        return (self.max_linear_velocity > other.max_linear_velocity
+                or self.backward_velocity > other.backward_velocity
+                or self.max_angular_velocity > other.max_angular_velocity)
+
     def check(self, velocity: Velocity) -> None:
         """
         Refuse a velocity that must never be sent.

@@ -19,6 +19,7 @@ from types import SimpleNamespace
 
 from kachaka_simple_control.control import manual_control_lease
 from kachaka_simple_control.errors import InvalidMotionError, MotionRefusedError, RunFaultError
+from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.drive_log import DriveLog
 from optional_libraries import optional_imports
@@ -364,3 +365,14 @@ def test_without_a_signal_the_error_says_it_and_no_log_line(make, monkeypatch):
         node.session.stop(MotionRefusedError('the movement was ended'))
     node.session.stop_permanently(MotionRefusedError('the node is closed'))
     assert logged == []
+
+
+@pytest.mark.parametrize('velocity', [(0.31, 0.0), (-0.31, 0.0), (0.0, 1.6)])
+def test_limits_above_those_of_the_robot_are_no_way_to_a_fault_in_mid_motion(
+        listener, make, velocity):
+    node = make()
+    linear, angular = velocity
+    motion = Motion('fast', (Move(0.1, 0.0, 1.0), Move(linear, angular, 1.0)))
+    with pytest.raises(InvalidMotionError, match="outside the robot's limits"):
+        node.run(motion, Limits(1.0, 3.0))
+    assert listener.heard == []
