@@ -124,8 +124,10 @@ class KachakaSimpleControl(Node):
             super().destroy_node()
             raise
         self.get_logger().info('Robot control node has started')
-        if self.profile.calibration is not None:
-            self.get_logger().info(f'Calibrated: {escaped(self.profile.calibration.describe())}')
+        for calibration, what in ((self.profile.calibration, 'Calibrated'),
+                                  (self.profile.odometry_calibration, 'Odometry calibrated')):
+            if calibration is not None:
+                self.get_logger().info(f'{what}: {escaped(calibration.describe())}')
 
     def _set_up(self, defaults: Mapping[str, Any], sim: bool) -> None:
         self.profile, self.node_parameters = declare_parameters(self, defaults)
@@ -306,10 +308,9 @@ class KachakaSimpleControl(Node):
 
     def _on_sent(self, now: float, velocity: Velocity, plan_time: float | None) -> None:
         if self.event_bus:
-            calibration = self.profile.calibration
             self.event_bus.publish(VelocitySent(
                 now, velocity, plan_time,
-                None if calibration is None else calibration.response(velocity)))
+                self.profile.expected(velocity) if self.profile.is_calibrated else None))
 
     def _on_speed_factor(self, now: float, factors: Mapping[str, float]) -> None:
         self.event_bus.publish(SpeedFactorChanged(now, dict(factors)))

@@ -20,6 +20,7 @@ import json
 import math
 import os
 from pathlib import PurePath
+import re
 from typing import Any
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
@@ -33,6 +34,7 @@ from kachaka_simple_control.files.document import (
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Velocity
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
+from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE, TIME, VEER
 
 
@@ -53,7 +55,10 @@ class RobotProfile:
     :param message_type: the type of its velocities: Twist or TwistStamped, of geometry_msgs
     :param frame: the frame in the header of a TwistStamped
     :param footprint: its outline, for pictures; None if it is not known
-    :param calibration: how its velocities differ from those that it is sent; None: they do not
+    :param calibration: how its velocities, by its odometry, differ from those that it is sent;
+        None: they do not
+    :param odometry_calibration: how its motion on the floor differs from what its odometry
+        reports; None: it does not
     """
 
     name: str
@@ -68,15 +73,33 @@ class RobotProfile:
     frame: str = 'base_link'
     footprint: Footprint | None = None
     calibration: Calibration | None = None
+    odometry_calibration: OdometryCalibration | None = None
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether what is sent for a velocity may differ from it."""
+        return self.calibration is not None or self.odometry_calibration is not None
 
     @property
     def planning_limits(self) -> Limits:
         """Return the limits to plan with: what is sent for it, too, is within the robot's."""
-        return self.limits if self.calibration is None else self.calibration.reduce(self.limits)
+        limits = self.limits
+        for calibration in (self.calibration, self.odometry_calibration):
+            if calibration is not None:
+                limits = calibration.reduce(limits)
+        return limits
 
     def command(self, velocity: Velocity) -> Velocity:
-        """Return what to send for a velocity."""
+        """Return what to send for a velocity on the floor."""
+        if self.odometry_calibration is not None:
+            velocity = self.odometry_calibration.in_odometry(velocity)
         return velocity if self.calibration is None else self.calibration.command(velocity)
+
+    def expected(self, command: Velocity) -> Velocity:
+        """Return what becomes of a velocity that is sent, on the floor."""
+        velocity = command if self.calibration is None else self.calibration.response(command)
+        return velocity if self.odometry_calibration is None else (
+            self.odometry_calibration.on_floor(velocity))
 
 
 #: Kachaka of Preferred Robotics, under the names of its maker's ROS 2 bridge; no file need be read
@@ -142,29 +165,46 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
         raise RobotFileError(source, error.problems) from None
 
 
-def calibrated_text(robot: str, calibration: Calibration) -> str:
+def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) -> str:
     """
-    Return the text of a file for a robot with a calibration.
+    Return the text of a file for a robot with a calibration; all else of it stays.
 
-    :param robot: a name that the package knows, or the path of a profile without a calibration
-    :raises RobotFileError: if that cannot be read
+    :param robot: a name that the package knows, or the path of a profile
+    :param calibration: of either kind; replaces one of its kind
+    :raises RobotFileError: if the profile cannot be read
     """
+    key = 'calibration' if isinstance(calibration, Calibration) else 'odometry_calibration'
     if is_path(robot):
         from kachaka_simple_control.files.yaml_document import read_text
         try:
-            lines = read_text(robot).splitlines()
+            lines = _without(key, read_text(robot).splitlines())
         except UnreadableFileError as error:
             raise RobotFileError(robot, error.problems) from None
     else:
         lines = [f'extends: {robot}']
-    lines.append('calibration:')
+    lines.append(f'{key}:')
     for name, value in asdict(calibration).items():
-        unit = {'veer': ' rad/m', 'delay': ' s'}.get(name, '')
+        unit = {'veer': ' rad/m', 'delay': ' s', 'track': ' m'}.get(name, '')
         if value not in (None, ''):
             # A text in quotes as JSON has them is one of YAML, too.
             text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value
             lines.append(f'  {name}: {text}{unit}')
     return '\n'.join(lines) + '\n'
+
+
+def _without(key: str, lines: list[str]) -> list[str]:
+    """Return the lines of a file without a key of its and what belongs to that."""
+    start = next((number for number, line in enumerate(lines)
+                  if re.match(f'["\']?{key}["\']?\\s*:', line)), None)
+    if start is None:
+        return lines
+    # The next key begins a line; so may comments, and the end of what is in braces.
+    end = next((number for number in range(start + 1, len(lines))
+                if re.match('[^\\s#}]', lines[number])), len(lines))
+    # Comments before the next key are about that.
+    while re.match('#|$', lines[end - 1]) and end > start + 1:
+        end -= 1
+    return lines[:start] + lines[end:]
 
 
 def _read(document: Document, source: str) -> RobotProfile:
@@ -174,7 +214,8 @@ def _read(document: Document, source: str) -> RobotProfile:
     timeout = document.read_quantities(['manual_control'], {'timeout': COMMAND_TIMEOUT})
     values: dict[str, Any] = {
         name: read(document) for name, read in (
-            ('limits', _limits), ('footprint', _footprint), ('calibration', _calibration))
+            ('limits', _limits), ('footprint', _footprint), ('calibration', _calibration),
+            ('odometry_calibration', _odometry_calibration))
         if name in data}
     if document.problems or base is None:
         raise UnreadableFileError(*document.problems)
@@ -183,11 +224,14 @@ def _read(document: Document, source: str) -> RobotProfile:
         values['manual_control_service'] = (data['manual_control'] or {}).get('service')
         values['manual_control_timeout'] = timeout.get('timeout', math.inf)
     profile = replace(base, **{'name': PurePath(source).stem, **values})
-    try:
-        profile.planning_limits  # noqa: B018
-    except InvalidMotionError as error:
-        document.add_error(['calibration'], error)
-        raise UnreadableFileError(*document.problems) from None
+    for key in ('calibration', 'odometry_calibration'):
+        # One after the other, to tell which of them leaves no limits to plan with.
+        least = replace(profile, odometry_calibration=None) if key == 'calibration' else profile
+        try:
+            least.planning_limits  # noqa: B018
+        except InvalidMotionError as error:
+            document.add_error([key], error)
+            raise UnreadableFileError(*document.problems) from None
     return profile
 
 
@@ -219,6 +263,18 @@ def _calibration(document: Document) -> Calibration | None:
         return Calibration(**{**node.data, **numbers})
     except InvalidMotionError as error:
         document.add_error(['calibration'], error)
+        return None
+
+
+def _odometry_calibration(document: Document) -> OdometryCalibration | None:
+    node = document.root.at(['odometry_calibration'])
+    numbers = document.read_quantities(['odometry_calibration'], {'track': SIZE})
+    if node.has_problem:
+        return None
+    try:
+        return OdometryCalibration(**{**node.data, **numbers})
+    except InvalidMotionError as error:
+        document.add_error(['odometry_calibration'], error)
         return None
 
 

@@ -22,6 +22,7 @@ import re
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import (
+    calibrated_text,
     find_robot,
     KACHAKA,
     RobotFileError,
@@ -31,6 +32,7 @@ from kachaka_simple_control.files.robot_profile import (
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import Box, Disc, Velocity
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 import pytest
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')
@@ -159,6 +161,37 @@ def test_a_calibration_is_read_and_lowers_the_limits_to_plan_with(robot):
     assert KACHAKA.command(velocity) is velocity
 
 
+def test_both_calibrations_are_read_and_applied_one_after_the_other(robot):
+    own = robot('extends: kachaka\ncalibration: {forward_gain: 0.95}\n'
+                'odometry_calibration: {scale: 0.98, wheel_ratio: 1.002, track_ratio: 1.01, '
+                'track: 20 cm, floor: carpet}\n')
+    calibration, odometry = own.calibration, own.odometry_calibration
+    assert odometry == OdometryCalibration(0.98, 1.002, 1.01, 0.2, floor='carpet')
+    assert own.planning_limits == odometry.reduce(calibration.reduce(KACHAKA.limits))
+    velocity = Velocity(0.1, 0.2)
+    assert own.command(velocity) == calibration.command(odometry.in_odometry(velocity))
+    assert own.expected(velocity) == odometry.on_floor(calibration.response(velocity))
+    assert (own.is_calibrated, KACHAKA.is_calibrated) == (True, False)
+    assert KACHAKA.expected(velocity) is velocity
+
+
+@pytest.mark.parametrize('before', [
+    'odometry_calibration:\n  scale: 0.9  # old\n\n  # indented\n  floor: oak\n',
+    'odometry_calibration: {scale: 0.9}\n',
+    "'odometry_calibration' : {\n  scale: 0.9\n}\n", ''])
+def test_a_calibration_replaces_one_of_its_kind_and_keeps_all_else(robot, tmp_path, before):
+    robot(f'extends: kachaka\n{before}# mine\ncalibration: {{left_gain: 0.9}}\n')
+    own = robot(calibrated_text(str(tmp_path / 'robot.yaml'), OdometryCalibration(
+        1.02, 0.999, 1.03, 0.2, '2026-11-23')))
+    assert own.calibration == Calibration(left_gain=0.9)
+    assert own.odometry_calibration == OdometryCalibration(1.02, 0.999, 1.03, 0.2, '2026-11-23')
+    text = calibrated_text(str(tmp_path / 'robot.yaml'), Calibration(1.1))
+    assert '# mine' in text
+    again = robot(text)
+    assert again.calibration == Calibration(1.1)
+    assert again.odometry_calibration == own.odometry_calibration
+
+
 @pytest.mark.parametrize('text, line', [
     ('extends: kachka',
      "1: extends: there is no robot 'kachka'; did you mean 'kachaka'?"),
@@ -176,6 +209,19 @@ def test_a_calibration_is_read_and_lowers_the_limits_to_plan_with(robot):
      '2: calibration: nothing; it must be keys with gains, such as forward_gain: 0.95'),
     ('extends: kachaka\ncalibration: {left: 1}',
      "2: calibration.left: there is no such key; did you mean 'left_gain'?"),
+    ('extends: kachaka\nodometry_calibration: {scale: 0.4}',
+     '2: odometry_calibration.scale: 0.4; it must be at least 0.5'),
+    ('extends: kachaka\nodometry_calibration: {wheel_ratio: 1.01}',
+     ('2: odometry_calibration.wheel_ratio: 1.01, which needs track, the one that odometry uses, '
+      'such as 0.2 m')),
+    ('extends: kachaka\nodometry_calibration: {track: 0.2}',
+     ('2: odometry_calibration.track: 0.2 has no unit; a size needs one: write 0.2 cm or '
+      '0.2 m')),
+    ('extends: kachaka\nodometry_calibration: {track: 20 m}',
+     '2: odometry_calibration.track: 20.0 m; it must be from 0.01 to 10 m'),
+    (('extends: kachaka\nlimits: {max_linear_velocity: 1 m/s, max_angular_velocity: 0.1 rad/s}\n'
+      'odometry_calibration: {wheel_ratio: 1.1, track: 0.2 m}'),
+     ('3: odometry_calibration.wheel_ratio: 1.1, which needs all of max_angular_velocity, 0.1')),
 ])
 def test_an_error_of_a_calibration_is_one_line(robot, tmp_path, text, line):
     with pytest.raises(RobotFileError) as caught:
@@ -210,7 +256,7 @@ def test_an_outline_may_be_round(robot):
     ('max_speed: 1',
      ('4: max_speed: there is no such key; known are name, description, extends, namespace, '
       'velocity_topic, message_type, frame, odometry_topic, manual_control, command_timeout, '
-      'limits, footprint, calibration')),
+      'limits, footprint, calibration, odometry_calibration')),
     ('command_timeout: 1', '4: command_timeout: this key is here twice, first in line 2'),
 ])
 def test_an_error_of_a_robot_is_one_line(robot, tmp_path, more, line):

@@ -1,0 +1,195 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A robot whose odometry is wrong does on the floor what was planned, within its limits."""
+
+from dataclasses import replace
+from itertools import pairwise
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.motion.calibration import Calibration
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
+from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
+from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Turn
+import pytest
+
+gains = st.floats(0.8, 1.25)
+calibrations = st.builds(Calibration, gains, gains, gains, gains, st.floats(-0.1, 0.1))
+odometry_calibrations = st.builds(
+    OdometryCalibration, gains, st.floats(0.98, 1.02), gains, st.floats(0.15, 0.6))
+parts = st.floats(-1.0, 1.0)
+#: A robot that is faster forwards than backwards, and brakes otherwise than it speeds up.
+UNEQUAL = Limits(0.3, 1.57, 0.5, 2.5, 2.0, 10.0, 0.8, 4.0, 0.2)
+
+
+@given(odometry_calibrations, parts, parts)
+def test_it_is_the_geometry_of_two_wheels(calibration, linear, angular):
+    """Wheels of the true radii, a true track apart, turn as those do that odometry thinks of."""
+    ratio = calibration.wheel_ratio
+    left = 2.0 * calibration.scale / (1.0 + ratio)
+    right = ratio * left
+    half = calibration.track / 2.0
+    ways = (linear - half * angular) * left, (linear + half * angular) * right
+    velocity = calibration.on_floor(Velocity(linear, angular))
+    assert velocity.linear_x == pytest.approx(sum(ways) / 2.0, abs=1e-12)
+    assert velocity.angular_z == pytest.approx(
+        (ways[1] - ways[0]) / (calibration.track * calibration.track_ratio), abs=1e-11)
+
+
+@given(odometry_calibrations, parts, parts)
+def test_there_and_back_is_the_same(calibration, linear, angular):
+    velocity = Velocity(linear, angular)
+    back = calibration.on_floor(calibration.in_odometry(velocity))
+    assert back.linear_x == pytest.approx(linear, abs=1e-12)
+    assert back.angular_z == pytest.approx(angular, abs=1e-12)
+
+
+@given(odometry_calibrations)
+def test_a_zero_stays_a_zero(calibration):
+    assert calibration.on_floor(ZERO) == calibration.in_odometry(ZERO) == ZERO
+
+
+def test_wheels_that_are_alike_need_no_track():
+    velocity = OdometryCalibration(0.98, track_ratio=1.03).on_floor(Velocity(1.0, 1.0))
+    assert (velocity.linear_x, velocity.angular_z) == pytest.approx((0.98, 0.98 / 1.03))
+    same = OdometryCalibration().on_floor(Velocity(0.2, 0.3))
+    assert (same.linear_x, same.angular_z) == (0.2, 0.3)
+
+
+@given(calibrations, odometry_calibrations, parts, parts)
+def test_the_robot_does_what_was_planned(calibration, odometry_calibration, linear, angular):
+    profile = replace(
+        KACHAKA, calibration=calibration, odometry_calibration=odometry_calibration)
+    done = profile.expected(profile.command(Velocity(0.3 * linear, angular)))
+    assert done.linear_x == pytest.approx(0.3 * linear, abs=1e-12)
+    assert done.angular_z == pytest.approx(angular, abs=1e-12)
+
+
+@pytest.mark.parametrize('limits', [KACHAKA.limits, UNEQUAL], ids=['kachaka', 'unequal'])
+@given(calibration=st.none() | calibrations, odometry_calibration=odometry_calibrations,
+       linear=parts, angular=parts)
+def test_no_velocity_exceeds_the_limits(
+        limits, calibration, odometry_calibration, linear, angular):
+    """Neither on the floor, nor by odometry, nor as it is sent."""
+    profile = replace(
+        KACHAKA, limits=limits, calibration=calibration,
+        odometry_calibration=odometry_calibration)
+    reduced = profile.planning_limits
+    speed = reduced.max_linear_velocity if linear >= 0.0 else reduced.backward_velocity
+    velocity = Velocity(speed * linear, reduced.max_angular_velocity * angular)
+    limits.check(velocity)
+    limits.check(odometry_calibration.in_odometry(velocity))
+    limits.check(profile.command(velocity))
+
+
+@given(calibrations, odometry_calibrations, parts, parts, parts, parts)
+def test_no_change_of_what_is_sent_exceeds_the_limits(
+        calibration, odometry_calibration, linear, angular, dv, dw):
+    """A command is linear in a velocity, so accelerations and jerks are as changes are."""
+    profile = replace(
+        KACHAKA, calibration=calibration, odometry_calibration=odometry_calibration)
+    limits, reduced, time = profile.limits, profile.planning_limits, 0.01
+    for kind in ('acceleration', 'jerk'):
+        bounds = [getattr(limits, f'max_{axis}_{kind}') for axis in ('linear', 'angular')]
+        steps = [getattr(reduced, f'max_{axis}_{kind}') for axis in ('linear', 'angular')]
+        before = Velocity(0.2 * linear, angular)
+        after = Velocity(before.linear_x + steps[0] * dv * time,
+                         before.angular_z + steps[1] * dw * time)
+        sent, then = profile.command(before), profile.command(after)
+        assert abs(then.linear_x - sent.linear_x) <= bounds[0] * time * (1.0 + 1e-9)
+        assert abs(then.angular_z - sent.angular_z) <= bounds[1] * time * (1.0 + 1e-9)
+
+
+ways = st.floats(-2.0, 2.0).filter(lambda value: abs(value) > 0.01)
+steps = (st.builds(Forward, ways) | st.builds(Turn, ways)
+         | st.builds(Arc, ways, st.floats(0.1, 3.0)))
+
+
+@given(calibrations, odometry_calibrations, st.lists(steps, min_size=1, max_size=4),
+       st.sampled_from([10.0, 50.0]))
+def test_no_plan_asks_for_more_than_the_robot_can(
+        calibration, odometry_calibration, driven, rate):
+    """Nothing that is sent for a plan within the reduced limits is beyond those of the robot."""
+    profile = replace(KACHAKA, limits=UNEQUAL, calibration=calibration,
+                      odometry_calibration=odometry_calibration)
+    planned = plan(Motion('ways', driven), profile.planning_limits, rate)
+    sent = [profile.command(segment.velocity) for segment in planned.segments]
+    for velocity in sent:
+        UNEQUAL.check(velocity)
+    ticks = [segment for segment in planned.segments if segment.end - segment.start > 0.999 / rate]
+    for one, two in pairwise(ticks):
+        change = 1.0 / rate * (1.0 + 1e-6)
+        before, after = profile.command(one.velocity), profile.command(two.velocity)
+        assert abs(after.linear_x - before.linear_x) <= 0.8 * change
+        assert abs(after.angular_z - before.angular_z) <= 4.0 * change
+
+
+def test_without_errors_the_limits_are_those_of_the_robot():
+    reduced = OdometryCalibration(track=0.2).reduce(UNEQUAL)
+    for name in LIMIT_QUANTITIES:
+        assert getattr(reduced, name) == pytest.approx(getattr(UNEQUAL, name), rel=1e-8)
+
+
+def test_a_worn_wheel_lowers_the_limits_and_a_new_one_keeps_them():
+    worn = OdometryCalibration(0.9).reduce(KACHAKA.limits)
+    assert worn.max_linear_velocity == pytest.approx(0.27)
+    assert worn.max_angular_acceleration == pytest.approx(2.25)
+    assert OdometryCalibration(1.1).reduce(KACHAKA.limits).max_linear_velocity == pytest.approx(
+        0.3)
+
+
+def test_what_has_no_limit_has_none_afterwards():
+    calibration = OdometryCalibration(wheel_ratio=1.01, track=0.2)
+    reduced = calibration.reduce(Limits(0.3, 1.0))
+    assert math.isinf(reduced.max_linear_acceleration)
+    assert math.isinf(reduced.max_angular_jerk)
+    assert reduced.max_angular_velocity < 1.0 - 0.01 * 0.29 / 0.2
+    endless = calibration.reduce(Limits(math.inf, math.inf))
+    assert math.isinf(endless.max_linear_velocity)
+    assert math.isinf(endless.max_angular_velocity)
+    half = calibration.reduce(Limits(0.3, 1.0, max_linear_acceleration=0.5))
+    assert half.max_linear_acceleration == pytest.approx(0.5, rel=1e-4)
+    assert math.isinf(half.max_angular_acceleration)
+
+
+@pytest.mark.parametrize('values, message', [
+    ({'scale': 0.4}, 'scale is 0.4; it must be from 0.5 to 2'),
+    ({'wheel_ratio': 1.2, 'track': 0.2}, 'wheel_ratio is 1.2; it must be from 0.9 to 1.1'),
+    ({'track_ratio': 2.5}, 'track_ratio is 2.5; it must be from 0.5 to 2'),
+    ({'track': 0.0}, 'track is 0.0 m; it must be from 0.01 to 10 m'),
+    ({'track': math.nan}, 'track is nan m; it must be a finite number'),
+    ({'wheel_ratio': 1.01},
+     'wheel_ratio is 1.01, which needs track, the one that odometry uses, such as 0.2 m'),
+])
+def test_what_cannot_be_is_refused(values, message):
+    with pytest.raises(InvalidMotionError) as caught:
+        OdometryCalibration(**values)
+    assert str(caught.value) == message
+
+
+def test_a_wheel_ratio_that_leaves_nothing_to_turn_with_is_refused():
+    with pytest.raises(InvalidMotionError, match=(
+            'wheel_ratio is 1.1, which needs all of max_angular_velocity, 0.1$')):
+        OdometryCalibration(wheel_ratio=1.1, track=0.2).reduce(Limits(0.3, 0.1))
+
+
+def test_it_says_in_words_what_it_is():
+    assert OdometryCalibration(
+        0.98, 1.002, 1.01, 0.2, '2026-11-23', 'oak').describe() == (
+            'scale 0.98, wheel ratio 1.002, track ratio 1.01, track 0.2 m, 2026-11-23, oak')
