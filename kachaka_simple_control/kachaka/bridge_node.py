@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 import time
 
 from geometry_msgs.msg import Twist
@@ -132,6 +133,8 @@ class SimulatedBridge(BridgeNode):
     """
     Shows a simulated robot as the official bridge does.
 
+    When manual control ends, it logs the true pose of a robot whose odometry is wrong.
+
     In particular: a velocity while manual control is off switches it on and is itself lost, zero
     or not; the bridge limits nothing; the only watchdog is the robot's command timeout.
 
@@ -178,6 +181,11 @@ class SimulatedBridge(BridgeNode):
         code = self._robot.set_manual_control(enabled, now)
         if is_news and code == SUCCESS:
             self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
+        if is_news and not enabled and self._robot.has_wrong_odometry:
+            pose, _ = self._robot.state(now)
+            self.get_logger().info(
+                f'true pose: {pose.x:.4f} m, {pose.y:.4f} m, '
+                f'{math.degrees(pose.theta):.2f} deg (x, y, heading, from where it was started)')
         return '' if code == SUCCESS else f'error {code}'
 
     def _on_timer(self) -> None:

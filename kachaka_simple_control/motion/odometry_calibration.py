@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.calibration import MARGIN, MAX_GAIN, MIN_GAIN
-from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.geometry import compose, Pose, relative_to, sinc, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.units import format_number, require_finite
 
@@ -91,6 +91,26 @@ class OdometryCalibration:
         It is linear, so it takes a way and a turn [m, rad] as well: those of an increment.
         """
         return self._to_floor().apply(velocity)
+
+    def advance_on_floor(self, pose: Pose, before: Pose, after: Pose) -> Pose:
+        """
+        Return the pose on the floor after odometry went from one pose to the next.
+
+        What of an increment is across the robot's way, as noise is, is kept to scale.
+
+        :param pose: on the floor, where odometry was at ``before``
+        :param before: by odometry
+        :param after: by odometry, less than half a turn later
+        """
+        moved = relative_to(before, after)
+        angle = math.remainder(moved.theta, math.tau)
+        # In the direction half-way an arc is its chord, and nothing across.
+        reported = relative_to(Pose(theta=angle / 2.0), moved)
+        way = self.on_floor(Velocity(reported.x / sinc(angle / 2.0), angle))
+        half = way.angular_z / 2.0
+        end = compose(Pose(theta=half), Pose(
+            way.linear_x * sinc(half), self.scale * reported.y, half))
+        return compose(pose, end)
 
     def in_odometry(self, velocity: Velocity) -> Velocity:
         """Return what odometry shows of a velocity on the floor; the inverse of ``on_floor``."""

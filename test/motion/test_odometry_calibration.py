@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.calibration import Calibration
-from kachaka_simple_control.motion.geometry import Velocity, ZERO
+from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.plan import plan
@@ -60,9 +60,34 @@ def test_there_and_back_is_the_same(calibration, linear, angular):
     assert back.angular_z == pytest.approx(angular, abs=1e-12)
 
 
+poses = st.builds(Pose, parts, parts, st.floats(-10.0, 10.0))
+
+
+@given(odometry_calibrations, parts, st.floats(-3.0, 3.0), poses, poses)
+def test_an_increment_of_odometry_is_an_arc_on_the_floor(
+        calibration, distance, angle, before, start):
+    seen = advance(before, distance, angle)
+    wrapped = replace(seen, theta=math.remainder(seen.theta, math.tau))
+    done = calibration.advance_on_floor(start, before, wrapped)
+    way = calibration.on_floor(Velocity(distance, angle))
+    expected = advance(start, way.linear_x, way.angular_z)
+    assert (done.x, done.y, done.theta) == pytest.approx(
+        (expected.x, expected.y, expected.theta), abs=1e-9)
+
+
+@given(st.lists(poses, min_size=2, max_size=5))
+def test_without_errors_the_floor_is_as_odometry_says_with_all_its_noise(seen):
+    pose = seen[0]
+    for before, after in pairwise(seen):
+        pose = OdometryCalibration().advance_on_floor(pose, before, after)
+    assert (pose.x, pose.y) == pytest.approx((seen[-1].x, seen[-1].y), abs=1e-9)
+    assert math.remainder(pose.theta - seen[-1].theta, math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
 @given(odometry_calibrations)
 def test_a_zero_stays_a_zero(calibration):
     assert calibration.on_floor(ZERO) == calibration.in_odometry(ZERO) == ZERO
+    assert calibration.advance_on_floor(ORIGIN, Pose(1.0), Pose(1.0)) == ORIGIN
 
 
 def test_wheels_that_are_alike_need_no_track():

@@ -20,7 +20,12 @@ from dataclasses import dataclass, fields, replace
 import math
 import random
 
+from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
+from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
+
+#: The track that odometry uses [m]: kachaka_description.
+TRACK = 0.2
 
 
 @dataclass(frozen=True)
@@ -35,11 +40,15 @@ class SimulationParameters:
     :param lag: time constant of the drive, first order [s]
     :param linear_acceleration: largest forward acceleration [m/s^2]
     :param angular_acceleration: largest turning acceleration [rad/s^2]
-    :param linear_gain: true over commanded forward velocity
+    :param linear_gain: forward velocity, by odometry, over the commanded one
     :param backward_gain: that gain backwards, over the one forwards
-    :param angular_gain: true over commanded turning velocity
+    :param angular_gain: turning velocity, by odometry, over the commanded one
     :param right_gain: that gain to the right, over the one to the left
-    :param veer: how much it turns to the left on each metre forwards [rad/m]
+    :param veer: how much it turns to the left on each metre forwards, by odometry [rad/m]
+    :param odometry_scale: true over reported distance on a straight line
+    :param wheel_ratio: true diameter of the right wheel over that of the left one, which
+        odometry takes for equal
+    :param track_ratio: true track over the one that odometry uses
     :param velocity_noise: relative standard deviation of both velocities; drawn each millisecond
         of motion
     :param odometry_noise: standard deviation of x and of y in odometry [m]; drawn every 20 ms;
@@ -48,7 +57,8 @@ class SimulationParameters:
     :param undock_distance: distance that the robot drives straight off its dock [m]
     :param undock_velocity: velocity of that motion [m/s]
     :raises ValueError: if a figure is not finite (an acceleration may be infinite), is negative
-        (a gain or the veer may be), or is 0 where nothing would ever move
+        (a gain or the veer may be), or is 0 where nothing would ever move; if one of odometry is
+        out of the range of ``OdometryCalibration``
     """
 
     dead_time: float = 0.0
@@ -60,6 +70,9 @@ class SimulationParameters:
     angular_gain: float = 1.0
     right_gain: float = 1.0
     veer: float = 0.0
+    odometry_scale: float = 1.0
+    wheel_ratio: float = 1.0
+    track_ratio: float = 1.0
     velocity_noise: float = 0.0
     odometry_noise: float = 0.0
     heading_noise: float = 0.0
@@ -70,6 +83,16 @@ class SimulationParameters:
         """Check each figure."""
         for field in fields(self):
             _check(field.name, getattr(self, field.name))
+        try:
+            self.floor  # noqa: B018
+        except InvalidMotionError as error:
+            raise ValueError(str(error)) from None
+
+    @property
+    def floor(self) -> OdometryCalibration | None:
+        """Return how motion on the floor differs from what odometry reports; None: it does not."""
+        ratios = self.odometry_scale, self.wheel_ratio, self.track_ratio
+        return None if ratios == (1.0, 1.0, 1.0) else OdometryCalibration(*ratios, TRACK)
 
     @property
     def is_ideal(self) -> bool:
@@ -143,7 +166,9 @@ def first_order_response(
 @dataclass(frozen=True)
 class _State:
     time: float
+    #: on the floor, and by odometry without its noise
     pose: Pose
+    reported: Pose
     #: before gains and noise
     velocity: Velocity
 
@@ -163,9 +188,10 @@ class DriveModel:
 
     def __init__(self, parameters: SimulationParameters, start: float, seed: int) -> None:
         self._parameters = parameters
+        self._floor = parameters.floor
         self._start = start
         self._random = random.Random(seed)
-        self._state = _State(start, ORIGIN, ZERO)
+        self._state = _State(start, ORIGIN, ORIGIN, ZERO)
         self._target = ZERO
         #: commands that the drive does not follow yet, and when it will [s]
         self._commands: deque[tuple[float, Velocity]] = deque()
@@ -179,11 +205,20 @@ class DriveModel:
 
     def state_at(self, now: float) -> tuple[Pose, Velocity]:
         """Return the true pose and velocity."""
+        state, velocity = self._query(now)
+        return state.pose, velocity if self._floor is None else self._floor.on_floor(velocity)
+
+    def reported_at(self, now: float) -> tuple[Pose, Velocity]:
+        """Return the pose and the velocity by odometry, without its noise."""
+        state, velocity = self._query(now)
+        return state.reported, velocity
+
+    def _query(self, now: float) -> tuple[_State, Velocity]:
+        """Return the state, and the velocity by odometry."""
         self._follow(now)
         self._advance(now)
         state = self._state_at(now)
-        return state.pose, Velocity(
-            *self._true(state.velocity.linear_x, state.velocity.angular_z))
+        return state, self._reported(state.velocity.linear_x, state.velocity.angular_z)
 
     def _follow(self, now: float) -> None:
         """Follow the commands whose dead time is over."""
@@ -193,16 +228,16 @@ class DriveModel:
             self._state = self._state_at(time)
             self._target = target
 
-    def _true(self, linear: float, angular: float) -> tuple[float, float]:
-        """Return what becomes of velocities, or of distance and angle, of the drive."""
+    def _reported(self, linear: float, angular: float) -> Velocity:
+        """Return what becomes of velocities, or of distance and angle, by odometry."""
         parameters = self._parameters
-        true_linear = linear * (parameters.linear_gain * self._noise.linear_x)
-        true_angular = angular * (parameters.angular_gain * self._noise.angular_z)
+        reported_linear = linear * (parameters.linear_gain * self._noise.linear_x)
+        reported_angular = angular * (parameters.angular_gain * self._noise.angular_z)
         if linear < 0.0:
-            true_linear *= parameters.backward_gain
+            reported_linear *= parameters.backward_gain
         if angular < 0.0:
-            true_angular *= parameters.right_gain
-        return true_linear, true_angular + parameters.veer * true_linear
+            reported_angular *= parameters.right_gain
+        return Velocity(reported_linear, reported_angular + parameters.veer * reported_linear)
 
     @property
     def _is_at_rest(self) -> bool:
@@ -246,8 +281,12 @@ class DriveModel:
         angular_z, angle = first_order_response(
             velocity.angular_z, self._target.angular_z, duration,
             parameters.lag, parameters.angular_acceleration)
-        pose = advance(self._state.pose, *self._true(distance, angle))
-        return _State(now, pose, Velocity(linear_x, angular_z))
+        way = self._reported(distance, angle)
+        pose = reported = advance(self._state.reported, way.linear_x, way.angular_z)
+        if self._floor is not None:
+            way = self._floor.on_floor(way)
+            pose = advance(self._state.pose, way.linear_x, way.angular_z)
+        return _State(now, pose, reported, Velocity(linear_x, angular_z))
 
 
 #: The period of odometry [s]: the official bridge asks for it every 20 ms.
@@ -272,7 +311,7 @@ class NoisyOdometry:
         self._seed = seed
 
     def read(self, pose: Pose, now: float) -> Pose:
-        """Return a true pose with the noise of a time [s]."""
+        """Return a pose with the noise of a time [s]."""
         parameters = self._parameters
         if parameters.odometry_noise == 0.0 and parameters.heading_noise == 0.0:
             return pose

@@ -239,9 +239,14 @@ class SimulatedKachaka:
         return self._drive.state_at(self._advance(now))
 
     def odometry(self, now: float) -> tuple[Pose, Velocity]:
-        """Return the pose with the noise of odometry, and the true velocity."""
-        pose, velocity = self.state(now)
+        """Return pose and velocity by odometry, the pose with its noise."""
+        pose, velocity = self._drive.reported_at(self._advance(now))
         return self._odometry.read(pose, self._now), velocity
+
+    @property
+    def has_wrong_odometry(self) -> bool:
+        """Whether odometry, but for its noise, is not the true pose."""
+        return self._parameters.floor is not None
 
     def _advance(self, now: float) -> float:
         """Advance to a time; each timed state ends at its own time, in order."""

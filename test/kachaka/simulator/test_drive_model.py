@@ -33,6 +33,7 @@ REAL = SimulationParameters(
     lag=0.15, linear_acceleration=0.4, angular_acceleration=3.0, linear_gain=0.97,
     angular_gain=1.04, velocity_noise=0.1)
 LATE = replace(REAL, dead_time=0.2, veer=0.05, right_gain=0.95)
+WORN = replace(LATE, odometry_scale=0.97, wheel_ratio=1.01, track_ratio=1.02)
 velocities = st.builds(Velocity, st.floats(-0.3, 0.3), st.floats(-1.57, 1.57))
 commands = st.lists(st.tuples(st.floats(0.0, 0.4), velocities | st.just(ZERO)), max_size=5)
 questions = st.lists(st.floats(0.0, 2.5), max_size=20)
@@ -52,7 +53,8 @@ def drive_and_ask(parameters, commands, questions, start=0.0):
     return drive.state_at(start + 2.5)
 
 
-@pytest.mark.parametrize('parameters', [IDEAL, REAL, LATE], ids=['ideal', 'real', 'late'])
+@pytest.mark.parametrize(
+    'parameters', [IDEAL, REAL, LATE, WORN], ids=['ideal', 'real', 'late', 'worn'])
 @given(commands=commands, questions=questions)
 def test_pose_does_not_depend_on_the_number_of_queries(parameters, commands, questions):
     """To the last bit: a report must not depend on other clients."""
@@ -70,6 +72,36 @@ def test_ideal_drive_is_exact(commands):
     driven, _ = drive_and_ask(IDEAL, commands, [])
     for name in ('x', 'y', 'theta'):
         assert getattr(pose, name) == pytest.approx(getattr(driven, name), abs=1e-12)
+
+
+@given(commands=commands)
+def test_odometry_of_worn_wheels_is_that_of_good_ones_and_the_floor_is_another(commands):
+    """What odometry reports does not depend on its errors; the floor follows from it exactly."""
+    good, worn = DriveModel(LATE, 0.0, 7), DriveModel(WORN, 0.0, 7)
+    time, pose, before = 0.0, ORIGIN, ORIGIN
+    for pause, velocity in [*commands, (1.0, ZERO)]:
+        # Nearly as often as the velocity changes, so that an increment is nearly an arc.
+        for index in range(1, 201):
+            reported = worn.reported_at(time + pause * index / 200)[0]
+            pose = WORN.floor.advance_on_floor(pose, before, reported)
+            before = reported
+        time += pause
+        for drive in (good, worn):
+            drive.set_target(velocity, time)
+    assert worn.reported_at(time) == good.reported_at(time) == good.state_at(time)
+    true, _ = worn.state_at(time)
+    assert (pose.x, pose.y, pose.theta) == pytest.approx((true.x, true.y, true.theta), abs=1e-5)
+
+
+def test_worn_wheels_go_less_far_and_their_velocity_is_true():
+    drive = DriveModel(SimulationParameters(odometry_scale=0.9, track_ratio=1.25), 0.0, 0)
+    drive.set_target(Velocity(0.2, 0.5), 0.0)
+    pose, velocity = drive.state_at(1.0)
+    assert pose.theta == pytest.approx(0.5 * 0.9 / 1.25)
+    assert (velocity.linear_x, velocity.angular_z) == pytest.approx((0.18, 0.36))
+    reported, velocity = drive.reported_at(1.0)
+    assert reported.theta == pytest.approx(0.5)
+    assert velocity == Velocity(0.2, 0.5)
 
 
 def test_same_seed_same_drive_at_any_start_time():
