@@ -79,7 +79,7 @@ class CalibrationFit:
             floor=floor)
 
 
-class _Rest(NamedTuple):
+class Rest(NamedTuple):
     """Where odometry sees a robot that stands still, how often, and how much that varies."""
 
     pose: Pose
@@ -108,20 +108,16 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
     :param log: the drive; each of its steps that moves stands between two rests
     :raises CalibrationError: if it cannot tell
     """
-    steps = log.steps
-    if not steps or not all(step.is_complete for step in steps):
-        raise CalibrationError('the drive was not completed: begin again')
-    if any(step.is_delayed for step in steps):
-        raise CalibrationError('the drive was paused or slowed down: begin again')
+    steps = completed_steps(log)
     command_timeout = math.inf if log.session_started is None else (
         log.session_started.command_timeout)
     sent = DeadReckoning(log.sent, command_timeout)
     odometry = [sample for sample in log.odometry if is_plausible(sample)]
-    rests = [_rest(odometry, step) if _is_rest(step) else None for step in steps]
+    rests = [find_rest(odometry, step) if is_rest(step) else None for step in steps]
     drives = []
     for index, step in enumerate(steps):
         before, after = rests[max(0, index - 1)], rests[min(index + 1, len(rests) - 1)]
-        if before is not None and after is not None and not _is_rest(step):
+        if before is not None and after is not None and not is_rest(step):
             end = steps[index + 1].began + _duration(steps[index + 1])
             drives.append(_drive(odometry, sent, step, before, after, end))
     gains = {
@@ -140,7 +136,22 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
         math.sqrt(sum(rest.heading_noise ** 2 for rest in known) / len(known)))
 
 
-def _is_rest(step: StepLog) -> bool:
+def completed_steps(log: DriveLog) -> list[StepLog]:
+    """
+    Return the steps of a drive.
+
+    :raises CalibrationError: if it was not driven to its end as planned
+    """
+    steps = log.steps
+    if not steps or not all(step.is_complete for step in steps):
+        raise CalibrationError('the drive was not completed: begin again')
+    if any(step.is_delayed for step in steps):
+        raise CalibrationError('the drive was paused or slowed down: begin again')
+    return steps
+
+
+def is_rest(step: StepLog) -> bool:
+    """Return whether a step moves nothing."""
     displacement = step.step.displacement
     return displacement.distance == displacement.angle == 0.0
 
@@ -149,7 +160,13 @@ def _duration(step: StepLog) -> float:
     return step.planned.end - step.planned.start
 
 
-def _rest(odometry: Sequence[OdometryReceived], step: StepLog) -> _Rest:
+def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
+    """
+    Return where a robot stands at the end of a step that moves nothing.
+
+    :param odometry: what is plausible of it
+    :raises CalibrationError: if it was not seen to stand still
+    """
     end = step.began + _duration(step)
     poses = [sample.pose for sample in odometry if end - REST <= sample.time <= end]
     if len(poses) < MIN_SAMPLES:
@@ -170,12 +187,12 @@ def _rest(odometry: Sequence[OdometryReceived], step: StepLog) -> _Rest:
         raise CalibrationError(
             f'the robot still moved, by {1e3 * moved:.1f} mm, when it should have stood still: '
             'does something push it, or does it follow too slowly?')
-    return _Rest(Pose(x, y, first + _average(turned)), count, position, heading)
+    return Rest(Pose(x, y, first + _average(turned)), count, position, heading)
 
 
 def _drive(
-        odometry: Sequence[OdometryReceived], sent: DeadReckoning, step: StepLog, before: _Rest,
-        after: _Rest, end: float) -> _Drive:
+        odometry: Sequence[OdometryReceived], sent: DeadReckoning, step: StepLog, before: Rest,
+        after: Rest, end: float) -> _Drive:
     """
     Return what odometry saw of a step.
 
@@ -226,7 +243,7 @@ class _Way(NamedTuple):
     far_seen: Callable[[Pose], float]
 
 
-def _straight(asked: Displacement, before: _Rest, after: _Rest, origin: Pose) -> _Way:
+def _straight(asked: Displacement, before: Rest, after: Rest, origin: Pose) -> _Way:
     start, end = before.pose, after.pose
     sign = math.copysign(1.0, asked.distance)
     x, y = end.x - start.x, end.y - start.y
@@ -246,7 +263,7 @@ def _straight(asked: Displacement, before: _Rest, after: _Rest, origin: Pose) ->
         lambda pose: (pose.x - start.x) * along[0] + (pose.y - start.y) * along[1])
 
 
-def _turn(asked: Displacement, before: _Rest, after: _Rest, origin: Pose) -> _Way:
+def _turn(asked: Displacement, before: Rest, after: Rest, origin: Pose) -> _Way:
     start, sign, total = before.pose.theta, math.copysign(1.0, asked.angle), abs(asked.angle)
     # By whole turns as near to what was asked as can be.
     seen = total + math.remainder(sign * (after.pose.theta - start) - total, math.tau)
@@ -256,7 +273,7 @@ def _turn(asked: Displacement, before: _Rest, after: _Rest, origin: Pose) -> _Wa
         lambda pose: sign * (pose.theta - start))
 
 
-def _error(before: _Rest, after: _Rest, noise: str) -> float:
+def _error(before: Rest, after: Rest, noise: str) -> float:
     """Return the standard error of a difference between the means of two rests."""
     return math.hypot(*(
         float(getattr(rest, noise)) / math.sqrt(rest.samples) for rest in (before, after)))

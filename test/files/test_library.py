@@ -31,8 +31,8 @@ import pytest
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
-NAMES = ['calibration', 'circle', 'figure_eight', 'lesson', 'spin', 'square', 'square_cw',
-         'straight', 'umbmark_ccw', 'umbmark_cw']
+NAMES = ['calibration', 'circle', 'figure_eight', 'floor_straight', 'floor_turn', 'lesson', 'spin',
+         'square', 'square_cw', 'straight', 'umbmark_ccw', 'umbmark_cw']
 
 
 def drive(pose: Pose, steps: tuple[Step, ...]) -> Pose:
@@ -62,7 +62,7 @@ def test_the_library_has_these_motions():
 
 @pytest.mark.parametrize('name, end', [
     ('calibration', (0, 0, 0)), ('circle', (0, 0, 360)), ('figure_eight', (0, 0, 0)),
-    ('lesson', (0.1, 0, 0)),
+    ('floor_straight', (1, 0, 0)), ('floor_turn', (0, 0, 360)), ('lesson', (0.1, 0, 0)),
     ('spin', (0, 0, 360)), ('square', (0, 0, 360)), ('square_cw', (0, 0, -360)),
     ('straight', (1, 0, 0)), ('umbmark_ccw', (0, 0, 360)), ('umbmark_cw', (0, 0, -360))])
 def test_each_ends_where_its_name_says(name, end):
@@ -139,7 +139,7 @@ def test_a_lesson_without_an_end_is_refused(tmp_path, monkeypatch):
 def test_umbmark_is_the_same_square_in_both_directions():
     both = [find(f'umbmark_{way}').motion for way in ('ccw', 'cw')]
     for motion, sign in zip(both, (1, -1)):
-        repeat, = motion.steps
+        _, repeat, _ = motion.steps
         forward, _, turn, _ = repeat.steps
         assert (repeat.times, forward.distance, turn.angle) == (4, 4.0, sign * math.pi / 2)
 
