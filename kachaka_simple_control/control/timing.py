@@ -101,6 +101,18 @@ GRAPH_COUNT_PERIOD = 0.2
 #: How often to check who they are when the numbers stay; it takes as long as five messages.
 GRAPH_CHECK_PERIOD = 1.0
 
+# --- Closed loop ---------------------------------------------------------------------------------
+
+#: Without odometry for this long, nothing is corrected.  Chosen: ten samples of a Kachaka.  The
+#: run itself ends after the parameter ``odometry_timeout``.
+FEEDBACK_MAX_AGE = 0.2
+#: How long to wait for the first odometry before a run that needs it is refused.  Chosen.
+FEEDBACK_START_TIMEOUT = 3.0
+#: A robot further from where it should be [m], [rad] ends the run: wheels slip, or something holds
+#: it.  Chosen: far beyond what a robot whose velocities are wrong by 7 % comes to.
+MAX_POSITION_ERROR = 0.2
+MAX_HEADING_ERROR = 0.785
+
 # --- Claim: one program drives -------------------------------------------------------------------
 
 #: How long other publishers are listened to before the robot is taken, or given back.  Longer than

@@ -33,7 +33,11 @@ from kachaka_simple_control.files.document import (
 )
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Velocity
-from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
+from kachaka_simple_control.motion.limits import (
+    CLOSED_LOOP_SHARE,
+    LIMIT_QUANTITIES,
+    Limits,
+)
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE, TIME, VEER
 
@@ -88,6 +92,25 @@ class RobotProfile:
             if calibration is not None:
                 limits = calibration.reduce(limits)
         return limits
+
+    def limits_for(self, closed_loop: bool) -> Limits:
+        """Return the limits to plan with, open loop or closed."""
+        limits = self.planning_limits
+        return limits.scaled(CLOSED_LOOP_SHARE) if closed_loop else limits
+
+    def feedback_delay(self) -> float:
+        """
+        Return how late the robot follows [s], which a closed loop must know.
+
+        :raises UsageError: if that was not measured, or the robot has no odometry
+        """
+        if self.odometry_topic is None:
+            raise UsageError(f'a closed loop needs odometry, and {self.name} has none')
+        if self.calibration is None or self.calibration.delay is None:
+            raise UsageError(
+                f'a closed loop needs to know the delay of the robot, and that of {self.name} was '
+                'not measured: `kachaka_calibrate` does it')
+        return self.calibration.delay
 
     def command(self, velocity: Velocity) -> Velocity:
         """Return what to send for a velocity on the floor."""

@@ -43,7 +43,7 @@ class Calibration:
     :param left_gain: true over sent angular velocity, to the left
     :param right_gain: the same to the right
     :param veer: how much it turns to the left on each metre forwards [rad/m]
-    :param delay: how late it follows, dead time and lag together [s]; nothing corrects it yet
+    :param delay: how late it follows, dead time and lag together [s]; a closed loop needs it
     :param date: when that was measured, for people
     :param floor: on which floor that was measured, for people
     """

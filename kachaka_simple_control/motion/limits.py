@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 import math
 
 from kachaka_simple_control.errors import InvalidMotionError
@@ -29,6 +29,9 @@ from kachaka_simple_control.motion.units import (
     POSITIVE_LINEAR_VELOCITY,
     require_positive,
 )
+
+#: The part of a robot's limits that a plan for a closed loop uses; the rest is for corrections.
+CLOSED_LOOP_SHARE = 0.9
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,11 @@ class Limits:
         own = self.max_angular_deceleration
         return self.max_angular_acceleration if own is None else own
 
+    def scaled(self, factor: float) -> Limits:
+        """Return these limits times a factor."""
+        return Limits(**{
+            name: value * factor for name, value in asdict(self).items() if value is not None})
+
     def exceeds(self, other: Limits) -> bool:
         """Return whether these limits allow a velocity that others do not."""
         return (self.max_linear_velocity > other.max_linear_velocity
@@ -143,4 +151,4 @@ def _check(name: str, value: float, backward: float, forward: float, unit: str) 
     if not (math.isfinite(value) and -backward <= value <= forward):
         raise InvalidMotionError(
             f"{name} is {value} {unit}, outside the robot's limits of "
-            f'-{backward} to {forward} {unit}')
+            f'-{backward:.6g} to {forward:.6g} {unit}')

@@ -111,6 +111,7 @@ class Step(ABC):
     :cvar form: how it is written in a file, for errors; '' if the value of its first field may
         stand for it, as in ``wait: 2 s``
     :cvar synonyms: other words for it, for the advice where somebody writes one of them
+    :cvar settles: whether a closed loop corrects the heading during it, at rest
     :ivar speed: the largest velocity along its path, in the unit of that field; None: as fast as
         the limits allow
     """
@@ -118,6 +119,7 @@ class Step(ABC):
     keyword: ClassVar[str]
     form: ClassVar[str] = ''
     synonyms: ClassVar[tuple[str, ...]] = ()
+    settles: ClassVar[bool] = False
     speed: float | None = None
 
     def __init_subclass__(cls) -> None:

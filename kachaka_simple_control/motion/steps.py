@@ -16,9 +16,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 import math
+from typing import ClassVar
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import Velocity
@@ -45,8 +46,8 @@ from kachaka_simple_control.motion.units import (
 )
 
 __all__ = [
-    'MAX_NESTING', 'MAX_TIMES', 'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Step', 'Turn',
-    'Wait',
+    'MAX_NESTING', 'MAX_TIMES', 'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Settle', 'Step',
+    'Turn', 'Wait',
 ]
 
 #: How many repeats may stand within each other.
@@ -54,6 +55,8 @@ MAX_NESTING = 20
 #: How often something may be repeated.
 MAX_TIMES = 1_000_000
 TIMES = Count(MAX_TIMES)
+#: How long a closed loop corrects the heading at the end of a motion [s].
+SETTLE_TIME = 1.5
 #: The least radius of an arc [m], far below what a robot could drive.
 MIN_RADIUS = 1e-6
 
@@ -228,7 +231,7 @@ class Wait(Step):
     :param duration: how long [s], not negative
     """
 
-    synonyms = ('pause', 'sleep', 'stop', 'stand', 'delay')
+    synonyms: ClassVar[tuple[str, ...]] = ('pause', 'sleep', 'stop', 'stand', 'delay')
     duration: float = field(metadata=in_file(
         TIME, 'How long, in s, ms or min; a bare number is in seconds.', '2 s'))
 
@@ -243,6 +246,22 @@ class Wait(Step):
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
         """Return the velocity zero."""
         return self._held(limits, refuse)
+
+
+@dataclass(frozen=True)
+class Settle(Wait):
+    """
+    Stand still for a time, in which a closed loop corrects the heading.
+
+    :param duration: how long [s], not negative
+    """
+
+    synonyms = ()
+    settles = True
+
+    def describe(self) -> str:
+        """Return the time."""
+        return f'settle {format_number(self.duration)} s'
 
 
 @dataclass(frozen=True)
@@ -310,6 +329,12 @@ class Motion:
             if not isinstance(text, str):
                 raise InvalidMotionError(f'{what} is {text!r}; it must be text')
         object.__setattr__(self, 'steps', step_tuple(self.steps))
+
+    def settled(self) -> Motion:
+        """Return it as a closed loop drives it: at its end the heading is corrected."""
+        if self.steps and self.steps[-1].settles:
+            return self
+        return replace(self, steps=(*self.steps, Settle(SETTLE_TIME)))
 
 
 def _try(

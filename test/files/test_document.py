@@ -38,7 +38,8 @@ SEVERAL = "in one step; begin each step with '- ', and indent what belongs to it
     ('rotate: 90 deg', "rotate: there is no such step; did you mean 'turn'?"),
     ('Pause: 1 s', "Pause: there is no such step; did you mean 'wait'?"),
     ('move_robot: {}', "move_robot: there is no such step; did you mean 'move'?"),
-    ('fly: 1', 'fly: there is no such step; known are move, forward, turn, arc, wait, repeat'),
+    ('fly: 1',
+     'fly: there is no such step; known are move, forward, turn, arc, wait, settle, repeat'),
     ('stop', "'stop'; it must be a step, as in - forward: 0.5 m"),
     ('{}', 'nothing; it must be a step, as in - forward: 0.5 m'),
     ('', 'nothing; it must be a step, as in - forward: 0.5 m'),
@@ -100,7 +101,7 @@ SEVERAL = "in one step; begin each step with '- ', and indent what belongs to it
     ('wait: !!float 1', "wait: tags such as 'tag:yaml.org,2002:float' are not read; leave it out"),
     ('wait: !time 1', "wait: tags such as '!time' are not read; leave it out"),
     ('{<<: {wait: 1}}',
-     "'<<': there is no such step; known are move, forward, turn, arc, wait, repeat"),
+     "'<<': there is no such step; known are move, forward, turn, arc, wait, settle, repeat"),
 ])
 def test_an_invalid_step_is_refused_in_one_line(step, line):
     assert step_refusal(step) == line

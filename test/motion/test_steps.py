@@ -63,9 +63,9 @@ import pytest
     (lambda: Repeat(1, 'abc'), "steps is 'abc'; it must be a sequence of steps"),
     (lambda: Repeat(1, Wait(1)), 'steps is Wait(duration=1); it must be a sequence of steps'),
     (lambda: Repeat(1, [Wait(1), 2]),
-     'steps[1]: it is 2; it must be one of Move, Forward, Turn, Arc, Wait, Repeat'),
+     'steps[1]: it is 2; it must be one of Move, Forward, Turn, Arc, Wait, Settle, Repeat'),
     (lambda: Motion('x', [None]),
-     'steps[0]: it is None; it must be one of Move, Forward, Turn, Arc, Wait, Repeat'),
+     'steps[0]: it is None; it must be one of Move, Forward, Turn, Arc, Wait, Settle, Repeat'),
     (lambda: Motion(1, ()), 'name is 1; it must be text'),
     (lambda: Motion('x', (), None), 'description is None; it must be text'),
 ])

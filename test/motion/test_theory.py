@@ -25,12 +25,14 @@ CODE = Path(motion.__file__).parent
 LABELS = (
     'limits', 'ramp', 'ramp-position', 'ramp-velocity', 'profile', 'both-ramps', 'no-jerk',
     'none-reached', 'both-reached', 'one-reached', 'mean', 'means-keep', 'along', 'chord',
-    'change', 'rest-of-path', 'clock', 'calibration', 'odometry-calibration')
+    'change', 'rest-of-path', 'clock', 'calibration', 'odometry-calibration',
+    'feedback-error', 'feedback')
 #: Which file carries which of them out.
 CITED = {
     'velocity_profile.py': {2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, 'trajectory.py': {13, 17},
     'replanning.py': {15, 16},
-    'geometry.py': {14}, 'calibration.py': {18}, 'odometry_calibration.py': {19}}
+    'geometry.py': {14}, 'calibration.py': {18}, 'odometry_calibration.py': {19},
+    '../control/pose_feedback.py': {20, 21}}
 
 
 @pytest.fixture

@@ -1,0 +1,297 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Correct the velocities of a plan by odometry: a bounded addition.  No clock, no ROS."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+import math
+from typing import NamedTuple
+
+from kachaka_simple_control.control.tick_scheduler import Tick
+from kachaka_simple_control.control.timing import (
+    FEEDBACK_MAX_AGE,
+    MAX_HEADING_ERROR,
+    MAX_POSITION_ERROR,
+)
+from kachaka_simple_control.errors import RunFaultError
+from kachaka_simple_control.motion.geometry import (
+    advance,
+    compose,
+    integrate,
+    ORIGIN,
+    Pose,
+    relative_to,
+    sinc,
+    Velocity,
+    ZERO,
+)
+from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
+from kachaka_simple_control.motion.plan import Plan
+
+#: The largest correction at the largest velocity, as a part of that.
+MAX_CORRECTION = 0.2
+#: The largest gain [1/s]: more would pass on the noise of odometry.
+MAX_GAIN = 1.5
+#: How many samples of a robot at rest make the pose where it starts: half a second of a Kachaka.
+START_SAMPLES = 25
+#: A pose beyond this counts as none [m], [rad].
+MAX_COORDINATE = 1e9
+
+
+class PoseSample(NamedTuple):
+    """
+    A pose by odometry.
+
+    :param arrived: when it arrived [s on the steady clock]
+    :param pose: the pose, on the floor
+    """
+
+    arrived: float
+    pose: Pose
+
+
+class _Sent(NamedTuple):
+    """A velocity of the plan from a time on, and the pose by the plan at that time."""
+
+    time: float
+    pose: Pose
+    velocity: Velocity
+
+
+def loop_gain(delay: float) -> float:
+    """
+    Return the gain of the loop [1/s] (21): times the delay at most 1/e, so nothing overshoots.
+
+    :param delay: of the robot, dead time and lag together [s]
+    """
+    return min(MAX_GAIN, 1.0 / (math.e * delay)) if delay else MAX_GAIN
+
+
+class FloorPose:
+    """
+    Adds up the poses of odometry as motions on the floor.
+
+    :param on_floor: returns the true motion for one by odometry [m], [rad]; linear
+    """
+
+    def __init__(self, on_floor: Callable[[Velocity], Velocity] | None = None) -> None:
+        self._on_floor = on_floor
+        self._newest: Pose | None = None
+        self._pose = ORIGIN
+
+    def update(self, pose: Pose) -> Pose:
+        """
+        Return the pose on the floor, whose heading has no jumps.
+
+        :param pose: by odometry, with a heading of any turn
+        """
+        if self._newest is None:
+            self._newest = self._pose = pose
+            return pose
+        moved = relative_to(self._newest, pose)
+        self._newest = pose
+        angle = math.remainder(moved.theta, math.tau)
+        # Split into an arc and what is left sideways: noise, or slip.
+        cosine, sine = math.cos(angle / 2.0), math.sin(angle / 2.0)
+        chord, sideways = (moved.x * cosine + moved.y * sine, moved.y * cosine - moved.x * sine)
+        motion = Velocity(chord / sinc(angle / 2.0), angle)
+        if self._on_floor is not None:
+            motion = self._on_floor(motion)
+        arc = advance(ORIGIN, motion.linear_x, motion.angular_z)
+        half = motion.angular_z / 2.0
+        self._pose = compose(self._pose, Pose(
+            arc.x - sideways * math.sin(half), arc.y + sideways * math.cos(half), arc.theta))
+        return self._pose
+
+
+class PoseFeedback:
+    """
+    Adds to each velocity of a run what odometry shows to be missing: a closed loop.
+
+    The error is that of the newest sample against the pose that the plan had one delay before it
+    arrived: until then the robot is rightly behind.  Formulas (20) and (21) of docs/theory.md.
+
+    ``on_odometry`` may be called from another thread than the rest.
+
+    :param delay: of the robot from a command to odometry, dead time and lag together [s]
+    :param limits: of the robot; no velocity and no acceleration beyond them comes out
+    :param on_floor: returns the true motion for one by odometry; None: they are the same
+    """
+
+    def __init__(
+            self, delay: float, limits: Limits,
+            on_floor: Callable[[Velocity], Velocity] | None = None) -> None:
+        self._delay = delay
+        self._limits = limits
+        self._floor = FloorPose(on_floor)
+        #: the newest samples: those since the robot came to rest, or one
+        self._samples: tuple[PoseSample, ...] = ()
+        self._sent: deque[_Sent] = deque()
+
+    def on_odometry(self, arrived: float, pose: Pose, is_moving: bool) -> None:
+        """
+        Take note of a sample.
+
+        :param arrived: when it arrived [s on the steady clock]; it is ignored unless that is after
+            the sample before
+        :param pose: the pose; it is ignored if it is not finite, or absurd
+        :param is_moving: whether odometry sees the robot move
+        """
+        if not (math.isfinite(arrived)
+                and abs(pose.x) + abs(pose.y) + abs(pose.theta) < MAX_COORDINATE):
+            return
+        samples = self._samples
+        if samples and arrived <= samples[-1].arrived:
+            return
+        sample = PoseSample(arrived, self._floor.update(pose))
+        self._samples = (sample,) if is_moving else (*samples, sample)[-START_SAMPLES:]
+
+    def age(self, now: float) -> float:
+        """Return the age of the newest sample [s]; infinite before the first."""
+        return now - self._samples[-1].arrived if self._samples else math.inf
+
+    def begin(self, plan: Plan) -> None:
+        """
+        Begin a run; ``on_odometry`` has had a sample.
+
+        :param plan: the plan, made with ``CLOSED_LOOP_SHARE`` of the limits
+        """
+        self._gain = loop_gain(self._delay)
+        self._plan = plan
+        # Without a limit, the plan's own largest velocity says what is much.
+        self._top = Velocity(
+            *(limit if limit < math.inf else planned for limit, planned in (
+                (self._limits.max_linear_velocity, plan.max_linear_velocity),
+                (self._limits.max_angular_velocity, plan.max_angular_velocity))))
+        self._sent.clear()
+        self._start = ORIGIN
+        self._last = ZERO
+        self._last_tick: Tick | None = None
+
+    def correct(self, tick: Tick, now: float) -> Velocity:
+        """
+        Return the velocity to send for a tick.
+
+        :param tick: the tick
+        :param now: when it is sent [s on the steady clock]
+        :raises RunFaultError: if the robot is too far from where it should be
+        """
+        planned = tick.velocity
+        if not self._sent:
+            self._start = _mean([sample.pose for sample in self._samples])
+            self._sent.append(_Sent(now, ORIGIN, planned))
+        else:
+            newest = self._sent[-1]
+            self._sent.append(_Sent(
+                now, integrate(newest.pose, newest.velocity, now - newest.time), planned))
+        wanted = self._correction(tick, self._error(now))
+        velocity = self._limited(tick, Velocity(
+            planned.linear_x + wanted.linear_x, planned.angular_z + wanted.angular_z))
+        self._last, self._last_tick = velocity, tick
+        return velocity
+
+    def _error(self, now: float) -> Pose | None:
+        """Return where the robot should be, seen from it; None if that is not known now."""
+        arrived, pose = self._samples[-1]
+        then = arrived - self._delay
+        if now - arrived > FEEDBACK_MAX_AGE or then < self._sent[0].time:
+            return None
+        while len(self._sent) > 1 and self._sent[1].time <= then:
+            self._sent.popleft()
+        reference = self._sent[0]
+        error = relative_to(
+            relative_to(self._start, pose),
+            integrate(reference.pose, reference.velocity, then - reference.time))
+        distance, angle = math.hypot(error.x, error.y), abs(error.theta)
+        if distance > MAX_POSITION_ERROR or angle > MAX_HEADING_ERROR:
+            raise RunFaultError(
+                f'odometry sees the robot {distance * 100.0:.0f} cm and '
+                f'{math.degrees(angle):.0f} deg from where it should be, more than '
+                f'{MAX_POSITION_ERROR * 100.0:.0f} cm or {math.degrees(MAX_HEADING_ERROR):.0f} '
+                'deg: wheels slip, or something holds it')
+        return error
+
+    def _correction(self, tick: Tick, error: Pose | None) -> Velocity:
+        """Return what is to be added for an error, within its bounds."""
+        planned, gain, top = tick.velocity, self._gain, self._top
+        if error is None:
+            return ZERO
+        if planned.is_zero:
+            left = self._settle_time(tick)
+            rate = _rate(self._limits.max_angular_acceleration,
+                         self._limits.angular_deceleration, left)
+            return Velocity(0.0, _clip(
+                gain * error.theta, min(top.angular_z * MAX_CORRECTION, rate)))
+        # How near to its largest velocities it is to drive: a correction ends where a step does.
+        pace = MAX_CORRECTION * max(_ratio(abs(planned.linear_x), top.linear_x),
+                                    _ratio(abs(planned.angular_z), top.angular_z))
+        fastest = max(abs(planned.linear_x), top.linear_x * CLOSED_LOOP_SHARE)
+        sideways = gain * gain * error.y * _ratio(planned.linear_x, fastest * fastest)
+        return Velocity(
+            _clip(gain * error.x, top.linear_x * pace),
+            _clip(gain * error.theta + sideways, top.angular_z * pace))
+
+    def _settle_time(self, tick: Tick) -> float:
+        """Return how long the heading may still be corrected at rest [s]."""
+        assert self._plan is not None
+        step = self._plan.steps[self._plan.step_index(tick.plan_time)]
+        is_held = tick.rest == math.inf
+        return step.end - tick.plan_time if step.step.settles and not is_held else 0.0
+
+    def _limited(self, tick: Tick, wanted: Velocity) -> Velocity:
+        """Return what is nearest to a velocity within the limits of velocity and acceleration."""
+        before, limits = self._last_tick, self._limits
+        duration = tick.start - before.start if before else 0.0
+        planned = before.velocity if before else ZERO
+        return Velocity(
+            _reachable(
+                wanted.linear_x, self._last.linear_x, tick.velocity.linear_x - planned.linear_x,
+                _rate(limits.max_linear_acceleration, limits.linear_deceleration, duration),
+                (-limits.backward_velocity, limits.max_linear_velocity)),
+            _reachable(
+                wanted.angular_z, self._last.angular_z,
+                tick.velocity.angular_z - planned.angular_z,
+                _rate(limits.max_angular_acceleration, limits.angular_deceleration, duration),
+                (-limits.max_angular_velocity, limits.max_angular_velocity)))
+
+
+def _reachable(
+        wanted: float, last: float, planned_change: float, largest_change: float,
+        bounds: tuple[float, float]) -> float:
+    """Return what is nearest to a velocity, from the last one: a step of the plan is one here."""
+    low = last + min(planned_change, -largest_change)
+    high = last + max(planned_change, largest_change)
+    return min(max(min(max(wanted, low), high), bounds[0]), bounds[1])
+
+
+def _rate(acceleration: float, deceleration: float, duration: float) -> float:
+    """Return by how much a velocity may change in a time, whichever way."""
+    return min(acceleration, deceleration) * duration if duration else 0.0
+
+
+def _clip(value: float, bound: float) -> float:
+    return min(max(value, -bound), bound)
+
+
+def _ratio(value: float, bound: float) -> float:
+    return value / bound if bound else 0.0
+
+
+def _mean(poses: Sequence[Pose]) -> Pose:
+    count = len(poses)
+    return Pose(
+        math.fsum(pose.x for pose in poses) / count, math.fsum(pose.y for pose in poses) / count,
+        math.fsum(pose.theta for pose in poses) / count)
