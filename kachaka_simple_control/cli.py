@@ -74,6 +74,7 @@ class Options:
     :param sim: whether to start the bridge of a simulated robot
     :param robot: name or file of the robot's profile; None if not given
     :param rate: how often a velocity is sent [Hz]; None if not given
+    :param closed_loop: whether odometry corrects the velocities; None if not given
     :param speed: the speed factor to start with, from 0 to 1; None if not given
     :param list: whether to list the motions that come with the package
     :param plan: whether to print what a motion will do
@@ -92,6 +93,7 @@ class Options:
     sim: bool = False
     robot: str | None = None
     rate: float | None = None
+    closed_loop: bool | None = None
     speed: float | None = None
     list: bool = False  # noqa: A003
     plan: bool = False
@@ -194,6 +196,10 @@ def _parser() -> OneLineParser:
         help='drive slower than planned, as in --speed 50%%, on the same way; for a careful '
              'first drive')
     add_drive_options(parser)
+    parser.add_argument(
+        '--closed-loop', action=argparse.BooleanOptionalAction,
+        help='correct the velocities by odometry; needs a robot that kachaka_calibrate has '
+             'measured (default: what the motion says, or not)')
     parser.add_argument('--version', action='store_true', help='print the version')
     return parser
 

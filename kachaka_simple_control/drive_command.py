@@ -49,6 +49,7 @@ from kachaka_simple_control.settings import (
     chosen_speed,
     describe_overrides,
     NAMES,
+    Settings,
 )
 from kachaka_simple_control.telemetry.events import SpeedFactorChanged
 from kachaka_simple_control.telemetry.subscriber_process import (
@@ -98,9 +99,7 @@ def drive(options: Options) -> DriveLog:
             reporter = _start_subscribers(
                 subscribers, options, is_lesson=motion_file is None)
             keys = {} if options.quiet or not is_terminal(STDERR) else _keys(robot_control)
-            for line in describe_overrides(
-                    options, motion_file, robot_control.node_parameters.robot,
-                    robot_control.node_parameters.rate):
+            for line in describe_overrides(options, motion_file, robot_control.node_parameters):
                 robot_control.get_logger().info(line)
             robot_control.event_bus.publish(session_started(
                 robot_control, 'lesson' if motion_file is None else motion_file.motion.name,
@@ -161,13 +160,18 @@ def _motion_file(options: Options) -> MotionFile | None:
     motion_file = None
     if options.motions or options.wait:
         motion_file = find(options.motions[0] if options.motions else 'lesson')
-    profile = choose_settings(options, motion_file).profile
+    settings = choose_settings(options, motion_file)
+    profile = settings.profile
     if options.starts_bridge and profile.velocity_topic != KACHAKA.velocity_topic:
         raise UsageError(
             f'--sim and --address bring a kachaka along, not a {profile.name}: leave out that '
             'option, or --robot')
     if motion_file is not None:
-        motion_file.check(profile.planning_limits, profile.name)
+        settings.plan_limits(motion_file)
+    elif settings.closed_loop:
+        raise UsageError(
+            'a closed loop is for motions: the lesson calls move_robot(), which sends what it is '
+            'told; `lesson --closed-loop` drives its movements as a motion')
     return motion_file
 
 
@@ -184,6 +188,7 @@ def _parameters(options: Options) -> dict[str, object]:
     summary = (options.starts_bridge or options.calibrates
                or options.report is not None or None)
     values = {'robot': options.robot, 'rate': options.rate, 'summary': summary,
+              'closed_loop': options.closed_loop,
               'speed_factor': chosen_speed(options)}
     return {name: value for name, value in values.items() if value is not None}
 
@@ -195,8 +200,9 @@ def _run(
         with _keyboard(robot_control, keys):
             play_lesson(robot_control)
         return
-    profile = robot_control.profile
-    limits = motion_file.check(profile.planning_limits, profile.name)
+    used = robot_control.node_parameters
+    limits = Settings(
+        used.robot, used.rate, robot_control.profile, used.closed_loop).plan_limits(motion_file)
     if wait:
         service = RunService(robot_control, motion_file.motion, limits)
         with _keyboard(robot_control, {**keys, '\n': service.start}):

@@ -138,7 +138,8 @@ class KachakaSimpleControl(Node):
         self.publisher = VelocityPublisher(
             self, self.robot_names.velocity, self.profile.message_type, self.profile.frame)
         self._introspection = IntrospectionPublishers(self, self.publisher, self.profile)
-        if self.node_parameters.summary or self.node_parameters.odometry_timeout:
+        parameters = self.node_parameters
+        if parameters.summary or parameters.odometry_timeout or parameters.closed_loop:
             subscribe_to_odometry(
                 self, self.robot_names, self._on_odometry, self._introspection.in_frame)
         self.session = Session(
@@ -174,7 +175,7 @@ class KachakaSimpleControl(Node):
         The first movement waits for the robot and enables its manual control.  The next one may
         follow at once; when none does, a whole stop is sent.
 
-        :param linear_x: forward velocity [m/s], negative backwards
+        :param linear_x: forward velocity [m/s], negative backwards; no odometry corrects it
         :param angular_z: turning velocity [rad/s], positive to the left
         :param duration: how long [s]
         :raises InvalidMotionError: if a value is not finite or beyond the robot's limits;
@@ -196,6 +197,9 @@ class KachakaSimpleControl(Node):
         """
         Drive a motion, exactly timed; returns when its last zero was sent.
 
+        With the parameter ``closed_loop`` odometry corrects the velocities, and at the end of the
+        motion the heading.
+
         The first drive waits for the robot and enables its manual control.  The next one may
         follow at once; when none does, a whole stop is sent.
 
@@ -206,7 +210,8 @@ class KachakaSimpleControl(Node):
         :raises RobotNotFoundError: if no robot listens; nothing has moved
         :raises ControlError: if the run could not go on; the robot was stopped
         """
-        driven = self._drive(motion, limits, request or self.session.request())
+        driven = self._drive(motion, limits, request or self.session.request(),
+                             is_closed_loop=self.node_parameters.closed_loop)
         self.get_logger().info(
             f'Motion completed: {escaped(motion.name)}, {pluralize(len(driven.steps), "step")}, '
             f'{driven.duration:.3f} seconds{self._delay(driven)}')
@@ -278,9 +283,12 @@ class KachakaSimpleControl(Node):
         atexit.unregister(self._close)
         super().destroy_node()
 
-    def _drive(self, motion: Motion, limits: Limits | None, request: DriveRequest) -> Plan:
-        allowed = self.profile.planning_limits
+    def _drive(self, motion: Motion, limits: Limits | None, request: DriveRequest,
+               is_closed_loop: bool = False) -> Plan:
+        allowed = self.profile.limits_for(is_closed_loop)
         limits = limits or allowed
+        if is_closed_loop:
+            motion = motion.settled()
         with self.session.exclusive(request):
             planned = plan(motion, limits, self.node_parameters.rate)
             if limits.exceeds(allowed):
@@ -291,7 +299,7 @@ class KachakaSimpleControl(Node):
             self.event_bus.publish(MotionPlanned(
                 motion, limits, self.node_parameters.rate, time.monotonic()))
             try:
-                self.session.drive(planned, request)
+                self.session.drive(planned, request, is_closed_loop)
             except BaseException as error:
                 is_fault = not isinstance(error, (MotionRefusedError, KeyboardInterrupt))
                 self.event_bus.publish(MotionEnded(time.monotonic(), _reason(error), is_fault))
@@ -341,8 +349,8 @@ class KachakaSimpleControl(Node):
         await stopped
         return response
 
-    def _on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
-        self.session.on_odometry(now, pose, velocity)
+    def _on_odometry(self, now: float, pose: Pose, velocity: Velocity, is_new: bool) -> None:
+        self.session.on_odometry(now, pose, velocity, is_new)
         if self.event_bus:
             self.event_bus.publish(OdometryReceived(now, pose, velocity))
 

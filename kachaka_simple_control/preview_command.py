@@ -83,10 +83,12 @@ def plan_view(name: str, options: Options) -> PlanView:
     motion_file = find(name)
     settings = choose_settings(options, motion_file)
     if not options.list:
-        for line in describe_overrides(options, motion_file, settings.robot, settings.rate):
+        for line in describe_overrides(options, motion_file, settings):
             print(line, file=sys.stderr)
     profile = settings.profile
-    limits = motion_file.check(profile.planning_limits, profile.name)
+    limits, motion = settings.plan_limits(motion_file), motion_file.motion
+    if settings.closed_loop:
+        motion = motion.settled()
     return PlanView(
-        motion_file.motion.name, profile.name, plan(motion_file.motion, limits, settings.rate),
+        motion.name, profile.name, plan(motion, limits, settings.rate),
         limits, profile.footprint)

@@ -11,10 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Which robot and rate: an option or ``-p`` wins over the motion's file, that over defaults."""
+"""What a motion is planned for: option or ``-p``, else the motion's file, else a default."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 from typing import TYPE_CHECKING
@@ -30,9 +31,10 @@ from kachaka_simple_control.ros.node_parameters import NodeParameters, parameter
 if TYPE_CHECKING:
     from kachaka_simple_control.cli import Options
     from kachaka_simple_control.files.motion_file import MotionFile
+    from kachaka_simple_control.motion.limits import Limits
 
 #: What an option, ``-p`` and a motion's file can all say.
-NAMES = ('robot', 'rate')
+NAMES = ('robot', 'rate', 'closed_loop')
 
 
 @dataclass(frozen=True)
@@ -43,25 +45,38 @@ class Settings:
     :param robot: name or file of the robot's profile
     :param rate: how often a velocity is sent [Hz]
     :param profile: the profile
+    :param closed_loop: whether odometry corrects the velocities
     """
 
     robot: str
     rate: float
     profile: RobotProfile
+    closed_loop: bool = False
+
+    def plan_limits(self, motion_file: MotionFile) -> Limits:
+        """
+        Return the limits to plan a motion with.
+
+        :raises MotionFileError: if the robot cannot drive it, with a line for each problem
+        """
+        return motion_file.check(
+            self.profile.limits_for(self.closed_loop),
+            'the closed loop' if self.closed_loop else self.profile.name)
 
 
 def choose_settings(options: Options, motion_file: MotionFile | None) -> Settings:
     """
-    Choose robot and rate: option or ``-p``, else the motion's file, else the parameters' defaults.
+    Choose each value: option or ``-p``, else the motion's file, else the parameter's default.
 
     :param options: of the command
     :param motion_file: the motion; None for the lesson
-    :raises UsageError: if an option and ``-p`` differ, or a value is invalid
+    :raises UsageError: if an option and ``-p`` differ, or a value is invalid, or the robot cannot
+        be driven in a closed loop
     :raises MotionFileError: if the rate of the file cannot be used
     """
     given = _given(options)
     values = {'robot': NodeParameters.robot, 'rate': NodeParameters.rate,
-              **_in_file(motion_file), **given}
+              'closed_loop': NodeParameters.closed_loop, **_in_file(motion_file), **given}
     robot, rate = str(values['robot']), require_number('rate', values['rate'], 'Hz')
     profile = find_robot(robot)
     try:
@@ -70,7 +85,10 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
         if motion_file is None or motion_file.rate is None or 'rate' in given:
             raise
         raise motion_file.error_at('rate', str(error)) from None
-    return Settings(robot, rate, profile)
+    closed_loop = bool(values['closed_loop'])
+    if closed_loop:
+        profile.feedback_delay()
+    return Settings(robot, rate, profile, closed_loop)
 
 
 def check_rate(rate: float, profile: RobotProfile) -> None:
@@ -88,22 +106,24 @@ def check_rate(rate: float, profile: RobotProfile) -> None:
 
 
 def describe_overrides(
-        options: Options, motion_file: MotionFile | None, robot: str, rate: float) -> list[str]:
+        options: Options, motion_file: MotionFile | None,
+        used: Settings | NodeParameters) -> list[str]:
     """
     Return a line for each value of the motion's file that something else has overridden.
 
-    :param robot: the name or file of the robot's profile that is used
-    :param rate: the rate that is used [Hz]
+    :param used: the values that are used
     """
-    values: dict[str, object] = {'robot': robot, 'rate': rate}
     lines = []
     for name, said in _in_file(motion_file).items():
-        if values[name] == said:
+        value = getattr(used, name)
+        if value == said:
             continue
-        source = f'--{name}' if getattr(options, name) is not None else f'parameter {name}'
+        source = f'parameter {name}'
+        if getattr(options, name) is not None:
+            source = _option(name, value).partition(' ')[0]
         unit = ' Hz' if name == 'rate' else ''
         lines.append(
-            f'{name} is {_text(values[name])}{unit} by {source}, not {_text(said)}{unit} as in '
+            f'{name} is {_text(value)}{unit} by {source}, not {_text(said)}{unit} as in '
             f'{escaped(motion_file.source if motion_file else "")}')
     return lines
 
@@ -122,10 +142,10 @@ def _given(options: Options) -> dict[str, object]:
         option, parameter = getattr(options, name), None
         if name in parameters:
             text = parameters[name].strip().strip('\'"')
-            parameter = text if name == 'robot' else _number(name, text)
+            parameter = _READERS[name](name, text)
         if option is not None and parameter is not None and option != parameter:
             raise UsageError(
-                f'--{name} {_text(option)} and -p {name}:={_text(parameter)} differ: give one')
+                f'{_option(name, option)} and -p {name}:={_text(parameter)} differ: give one')
         value = option if option is not None else parameter
         if value is not None:
             values[name] = value
@@ -153,5 +173,28 @@ def _number(name: str, text: str) -> float:
         raise UsageError(f'parameter {name} is {quoted(text, 60)}; it must be a number') from None
 
 
+def _boolean(name: str, text: str) -> bool:
+    # As ROS reads it.
+    for value, words in ((True, ('true', 'yes', 'on', 'y')), (False, ('false', 'no', 'off', 'n'))):
+        if text.lower() in words:
+            return value
+    raise UsageError(f'parameter {name} is {quoted(text, 60)}; it must be true or false')
+
+
+#: How the value of a parameter is read from its text.
+_READERS: dict[str, Callable[[str, str], object]] = {
+    'robot': lambda _, text: text, 'rate': _number, 'closed_loop': _boolean}
+
+
+def _option(name: str, value: object) -> str:
+    """Return an option as it is written."""
+    word = name.replace('_', '-')
+    if isinstance(value, bool):
+        return f'--{word}' if value else f'--no-{word}'
+    return f'--{word} {_text(value)}'
+
+
 def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
     return f'{value:g}' if isinstance(value, float) and math.isfinite(value) else escaped(value)

@@ -37,7 +37,7 @@ def settings(words, file):
     options = parse(words.split())
     motion_file = file and loads(*file)
     chosen = choose_settings(options, motion_file)
-    return chosen, describe_overrides(options, motion_file, chosen.robot, chosen.rate)
+    return chosen, describe_overrides(options, motion_file, chosen)
 
 
 @pytest.mark.parametrize('words, file, robot, rate, overridden', [
@@ -65,6 +65,68 @@ def test_an_option_wins_over_the_file_and_that_over_the_default(
     chosen, lines = settings(words, file)
     assert (chosen.robot, chosen.rate, chosen.profile.name) == (robot, rate, robot)
     assert lines == overridden
+
+
+CLOSED = ('closed_loop: true\nsteps: [forward: 1 m]', 'closed.yaml')
+
+
+@pytest.fixture
+def measured(tmp_path):
+    """Return the words that name a robot whose delay is known."""
+    file = tmp_path / 'own.yaml'
+    file.write_text('extends: kachaka\ncalibration: {delay: 0.3 s}')
+    return f'--robot {file}'
+
+
+@pytest.mark.parametrize('words, file, closed_loop, overridden', [
+    ('', PLAIN, False, []),
+    ('', CLOSED, True, []),
+    ('--closed-loop', PLAIN, True, []),
+    ('--closed-loop --ros-args -p closed_loop:=true', PLAIN, True, []),
+    ('--no-closed-loop', CLOSED, False,
+     ['closed_loop is false by --no-closed-loop, not true as in closed.yaml']),
+    ('--ros-args -p closed_loop:=Off', CLOSED, False,
+     ['closed_loop is false by parameter closed_loop, not true as in closed.yaml']),
+])
+def test_a_loop_is_closed_by_what_wins(words, file, closed_loop, overridden, measured):
+    chosen, lines = settings(f'{measured} {words}', file)
+    assert chosen.closed_loop is closed_loop
+    assert lines == overridden
+    limits = chosen.plan_limits(loads(*file))
+    assert limits.max_linear_velocity == pytest.approx(0.27 if closed_loop else 0.3)
+
+
+@pytest.mark.parametrize('words, file, line', [
+    ('--closed-loop', PLAIN, (
+        'a closed loop needs to know the delay of the robot, and that of kachaka was not '
+        'measured: `kachaka_calibrate` does it')),
+    ('--no-closed-loop --ros-args -p closed_loop:=true', PLAIN,
+     '--no-closed-loop and -p closed_loop:=true differ: give one'),
+    ('--ros-args -p closed_loop:=maybe', PLAIN,
+     "parameter closed_loop is 'maybe'; it must be true or false"),
+])
+def test_a_loop_that_cannot_be_closed_is_refused(words, file, line):
+    with pytest.raises(UsageError) as caught:
+        settings(words, file)
+    assert str(caught.value) == line
+
+
+def test_a_loop_cannot_be_closed_without_odometry(tmp_path):
+    (tmp_path / 'blind.yaml').write_text(
+        'extends: kachaka\nodometry_topic: null\ncalibration: {delay: 0.3 s}')
+    with pytest.raises(UsageError, match='a closed loop needs odometry, and blind has none'):
+        settings(f'--closed-loop --robot {tmp_path}/blind.yaml', PLAIN)
+
+
+def test_what_needs_all_of_the_limits_cannot_be_corrected(measured):
+    file = ('closed_loop: true\nsteps:\n  - move: {linear_x: 0.3, angular_z: 0, duration: 1}',
+            'fast.yaml')
+    chosen, _ = settings(measured, file)
+    with pytest.raises(MotionFileError) as caught:
+        chosen.plan_limits(loads(*file))
+    assert str(caught.value) == (
+        "fast.yaml:3: step 1: move.linear_x: 0.3 m/s, outside the closed loop's limits of -0.27 "
+        'to 0.27 m/s')
 
 
 @pytest.mark.parametrize('words, line', [

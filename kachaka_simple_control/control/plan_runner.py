@@ -20,11 +20,11 @@ from functools import partial
 import time
 from typing import Protocol
 
-from kachaka_simple_control.control.tick_scheduler import TickScheduler
+from kachaka_simple_control.control.tick_scheduler import Tick, TickScheduler
 from kachaka_simple_control.control.timing import MAX_LATENESS
 from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
 from kachaka_simple_control.control.waiting import sleep_until
-from kachaka_simple_control.motion.geometry import ZERO
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan
 
 
@@ -34,6 +34,14 @@ class RunMonitor(Protocol):
     @property
     def speed_factor(self) -> float:
         """Return by how much slower than planned to drive, from 0 to 1."""
+
+    def correct(self, tick: Tick, now: float) -> Velocity:
+        """
+        Return the velocity to send for a tick: its own, or one that odometry corrects.
+
+        :param now: when it is sent [s on the clock]
+        :raises ControlError: if the run must end
+        """
 
     def on_sent(self, rest: float) -> None:
         """
@@ -103,7 +111,8 @@ def run_plan(
     is_delayed = False
     while tick is not None:
         is_delayed = is_delayed or tick.plan_time != tick.start
-        gate.send(run, tick.velocity, tick.plan_time if is_delayed else None)
+        gate.send(
+            run, monitor.correct(tick, clock()), tick.plan_time if is_delayed else None)
         gate.wait_for_dds(run, partial(monitor.on_sent, tick.rest))
         sleep_until(run.began + tick.deadline, check, clock, sleep)
         # The deadline has passed, even if the difference of two clock readings rounds below it.

@@ -56,6 +56,7 @@ class MotionFile:
     :param limits: limits to plan it with, in SI units, by the names of the fields of
         :class:`~kachaka_simple_control.motion.limits.Limits`
     :param rate: how often to send a velocity [Hz]; None if the file does not say
+    :param closed_loop: whether to correct it by odometry; None if the file does not say
     :param root: the values of the file, with their lines
     :param text: the text of the file; None if the motion comes from none
     """
@@ -65,6 +66,7 @@ class MotionFile:
     robot: str | None = None
     limits: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), hash=False)
     rate: float | None = None
+    closed_loop: bool | None = None
     root: Node | None = field(default=None, repr=False, compare=False)
     text: str | None = field(default=None, repr=False, compare=False)
 
@@ -239,7 +241,7 @@ def _read(document: Document, source: str) -> MotionFile:
         motion=Motion(
             data.get('name', PurePath(source).stem), steps, data.get('description', '')),
         source=source, robot=_robot(data.get('robot'), source),
-        limits=MappingProxyType(limits), rate=rate,
+        limits=MappingProxyType(limits), rate=rate, closed_loop=data.get('closed_loop'),
         root=document.root)
 
 

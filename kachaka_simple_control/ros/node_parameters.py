@@ -79,6 +79,8 @@ class NodeParameters:
     speed_factor: float = _parameter(
         1.0, 'Drive slower than planned, by this factor; can be changed while the robot drives',
         MIN_SPEED_FACTOR, 1.0, read_only=False)
+    closed_loop: bool = _parameter(
+        False, 'Correct motions by odometry; the delay of the robot must be calibrated')
     summary: bool = _parameter(
         False, 'Record what is sent and what odometry answers, for the table at the end')
 

@@ -31,13 +31,13 @@ from rclpy.qos import qos_profile_sensor_data
 
 def subscribe_to_odometry(
         node: Node, names: RobotNames,
-        on_odometry: Callable[[float, Pose, Velocity], None],
+        on_odometry: Callable[[float, Pose, Velocity, bool], None],
         on_frame: Callable[[str], None]) -> None:
     """
     Subscribe to odometry, unless the robot has none or nav_msgs is not installed.
 
-    :param on_odometry: called with the time of arrival [s on the steady clock], the pose and the
-        velocity
+    :param on_odometry: called with the time of arrival [s on the steady clock], the pose, the
+        velocity, and whether its stamp is later than that of the message before, or is not set
     :param on_frame: called with the frame of the poses, before the first pose in it
     :raises UsageError: if a parameter asks for an invalid quality of service
     """
@@ -50,17 +50,19 @@ def subscribe_to_odometry(
     except ImportError:
         return
 
-    frame = None
+    frame, newest = None, 0
 
     def on_message(message: Any) -> None:
-        nonlocal frame
+        nonlocal frame, newest
         if message.header.frame_id != frame:
             frame = message.header.frame_id
             on_frame(frame)
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        is_new, newest = stamp > newest or not stamp, stamp
         at, speed = pose(message), velocity(message.twist.twist)
         # A message with a value that is not finite counts as none.
         if math.isfinite(at.x + at.y + at.theta + speed.linear_x + speed.angular_z):
-            on_odometry(time.monotonic(), at, speed)
+            on_odometry(time.monotonic(), at, speed, is_new)
 
     # Best effort, as the robot publishes it: a reliable subscription would not match.
     with_qos_overrides(lambda options: node.create_subscription(

@@ -20,14 +20,17 @@ import time
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
+from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.stop import PausePose, StandstillDetector
+from kachaka_simple_control.control.tick_scheduler import Tick
 from kachaka_simple_control.control.timing import (
     GRAPH_CHECK_PERIOD,
     GRAPH_COUNT_PERIOD,
     SUBSCRIBER_CHECK_PERIOD,
 )
 from kachaka_simple_control.errors import PauseTimeoutError, RunFaultError
+from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.node_parameters import NodeParameters
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
@@ -60,6 +63,7 @@ class RosRunMonitor:
         self._odometry_timeout = parameters.odometry_timeout
         self._pause_timeout = parameters.pause_timeout
         self._speed_factor = speed_factor
+        self._feedback: PoseFeedback | None = None
         self._held_since: float | None = None
         #: how far the robot was moved by somebody else while it was held
         self.pause_pose = PausePose()
@@ -69,6 +73,15 @@ class RosRunMonitor:
     def speed_factor(self) -> float:
         """Return by how much slower than planned to drive, from 0 to 1."""
         return self._speed_factor.value
+
+    def correct(self, tick: Tick, now: float) -> Velocity:
+        """
+        Return the velocity to send for a tick: its own, or in a closed loop the corrected one.
+
+        :param now: when it is sent [s on the steady clock]
+        :raises RunFaultError: if the robot is too far from where it should be
+        """
+        return tick.velocity if self._feedback is None else self._feedback.correct(tick, now)
 
     def on_sent(self, rest: float) -> None:
         """
@@ -86,8 +99,13 @@ class RosRunMonitor:
         if self._lease is not None:
             self._lease.on_sent(time.monotonic(), rest)
 
-    def begin(self) -> None:
-        """Forget the run before."""
+    def begin(self, feedback: PoseFeedback | None) -> None:
+        """
+        Forget the run before.
+
+        :param feedback: corrects the velocities of the run that begins; None: sent as planned
+        """
+        self._feedback = feedback
         self._held_since = None
         self.pause_pose.on_sent(is_paused=False)
 

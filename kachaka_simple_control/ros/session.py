@@ -26,9 +26,12 @@ from kachaka_simple_control.control.drive_requests import DriveRequest, DriveReq
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.plan_runner import run_plan
+from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.stop import StandstillDetector, StopController
 from kachaka_simple_control.control.timing import (
+    FEEDBACK_MAX_AGE,
+    FEEDBACK_START_TIMEOUT,
     GUARDIAN_PRIME_TIMEOUT,
     MAX_MOVED_ANGLE,
     MAX_MOVED_DISTANCE,
@@ -83,6 +86,11 @@ class Session:
         #: the odometry topic; None if odometry is not checked
         self._odometry_topic = names.odometry if parameters.odometry_timeout else None
         self._parameters = parameters
+        #: corrects velocities by odometry; None without the parameter ``closed_loop``
+        self._feedback = PoseFeedback(
+            profile.feedback_delay(), profile.planning_limits,
+            None if profile.odometry_calibration is None
+            else profile.odometry_calibration.on_floor) if parameters.closed_loop else None
         #: what odometry tells of the robot's velocity
         self.odometry = StandstillDetector()
         self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._on_conflict)
@@ -158,12 +166,13 @@ class Session:
         finally:
             self._requests.finish(request, is_complete)
 
-    def drive(self, plan: Plan, request: DriveRequest) -> None:
+    def drive(self, plan: Plan, request: DriveRequest, is_closed_loop: bool = False) -> None:
         """
         Run a plan, and leave the robot at rest.
 
         :param plan: the plan
         :param request: the request that the block is ``exclusive`` for
+        :param is_closed_loop: whether odometry corrects the velocities
         :raises ControlError: if the robot cannot be taken or the run could not go on
         """
         self._request, self._has_reported = request, False
@@ -171,7 +180,7 @@ class Session:
             self._take()
             # Not before: the stop of the movement before must not wait until the robot is taken.
             self._stopper.cancel_pending()
-            self._monitor.begin()
+            self._monitor.begin(self._begin_feedback(plan) if is_closed_loop else None)
             if not self.speed_factor.value:
                 self._node.get_logger().warning(
                     f'The motion is held at its start ({self.speed_factor.describe()}): resume to '
@@ -232,13 +241,17 @@ class Session:
         if not has_reported:
             self._node.get_logger().error(failure)
 
-    def on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
+    def on_odometry(
+            self, now: float, pose: Pose, velocity: Velocity, is_new: bool = True) -> None:
         """
         Take note of where the robot is.
 
         :param now: when it arrived [s on the steady clock]
+        :param is_new: whether it is stamped later than the message before
         """
         self.odometry.on_odometry(now, velocity)
+        if self._feedback is not None and is_new:
+            self._feedback.on_odometry(now, pose, is_moving=self.odometry.is_moving(now))
         self._monitor.pause_pose.on_odometry(now, pose, velocity)
 
     def check_resume(self, even_if_moved: bool) -> None:
@@ -341,6 +354,22 @@ class Session:
         requested = time.monotonic()
         self._manual_control.enable(self._parameters.robot_timeout)
         self._lease.granted(requested)
+
+    def _begin_feedback(self, plan: Plan) -> PoseFeedback:
+        """Wait for odometry that is fresh, and begin to correct a plan by it."""
+        assert self._feedback is not None
+        feedback = self._feedback
+
+        def is_fresh() -> bool:
+            self._require_wanted()
+            return feedback.age(time.monotonic()) <= FEEDBACK_MAX_AGE
+
+        if not wait_until(is_fresh, FEEDBACK_START_TIMEOUT):
+            raise MotionRefusedError(
+                f'a closed loop needs odometry, and within {FEEDBACK_START_TIMEOUT:g} s none has '
+                f'come on {self._odometry_topic}')
+        feedback.begin(plan)
+        return feedback
 
     def _prime(self) -> None:
         """Send zeros for ``prime_time``: a reader matches later than its writer."""

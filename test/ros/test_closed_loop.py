@@ -1,0 +1,151 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A closed loop over DDS: where the robot ends, what is refused, and what ends a run."""
+
+import math
+import re
+import threading
+import time
+
+from kachaka_simple_control.errors import MotionRefusedError, RunFaultError, UsageError
+from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.steps import Forward, Motion
+from program import COMMAND, program
+import pytest
+from ros_support import wait_until
+from test_drive_command import final_pose
+
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'jsonschema')]
+
+CALIBRATED = 'extends: kachaka\ncalibration: {delay: 0.3 s}\n'
+#: Errors of a simulated robot that the calibration does not have.
+ERRORS = ['--linear-gain', '0.95', '--angular-gain', '0.96', '--veer', '0.05', '--dead-time',
+          '0.2', '--lag', '0.1']
+CORNER = """
+closed_loop: true
+rate: 20 Hz
+robot: ./own.yaml
+steps:
+  - forward: 0.6 m
+  - turn: 90 deg
+  - forward: 0.6 m
+"""
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """Return the file of a robot whose delay is known."""
+    file = tmp_path / 'own.yaml'
+    file.write_text(CALIBRATED)
+    return str(file)
+
+
+def test_a_closed_loop_ends_where_the_plan_does(robot, tmp_path):
+    """By the key of its file; the same without is 4 cm and 6 degrees off.  A busy machine."""
+    assert robot
+    file = tmp_path / 'corner.yaml'
+    file.write_text(CORNER)
+    with program([*COMMAND, str(file), '--sim', *ERRORS], tmp_path) as started:
+        assert started.end(40.0) == 0, started.text
+    x, y, heading = final_pose(started.text)
+    assert math.hypot(x - 0.6, y - 0.6) < 0.02
+    assert heading == pytest.approx(90.0, abs=1.0)
+    assert re.search(r'settle 1.5 s +0.0000 m  0.0000 rad', started.text)
+
+
+def test_a_robot_that_is_held_is_stopped_with_one_line(robot, tmp_path):
+    with program([*COMMAND, 'straight', '--closed-loop', '--robot', robot, '--sim',
+                  '--linear-gain', '0'], tmp_path) as started:
+        assert started.end(40.0) == 1
+    (line,) = [line for line in started.text.splitlines() if 'wheels slip' in line]
+    assert re.search('odometry sees the robot 2. cm and 0 deg from where it should be', line)
+
+
+def test_odometry_that_repeats_one_pose_ends_the_run(listener, observer, make, robot):
+    """With stamps that go on, as of a sensor that hangs."""
+    from nav_msgs.msg import Odometry
+    publisher = observer.node.create_publisher(Odometry, '/kachaka/odometry/odometry', 10)
+    ended = threading.Event()
+
+    def publish():
+        message = Odometry()
+        while not ended.wait(0.02):
+            message.header.stamp = observer.node.get_clock().now().to_msg()
+            publisher.publish(message)
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    try:
+        node = make(robot=robot, closed_loop=True)
+        began = time.monotonic()
+        with pytest.raises(RunFaultError, match='from where it should be'):
+            node.run(Motion('far', (Forward(2.0),)))
+        assert time.monotonic() - began < 15.0
+    finally:
+        ended.set()
+        thread.join()
+    assert any(velocity.moves for velocity in listener.heard)
+    assert not any(velocity.moves for velocity in listener.heard[-10:])
+
+
+def test_without_odometry_it_is_refused_before_anything_moves(listener, make, robot):
+    node = make(robot=robot, closed_loop=True)
+    with pytest.raises(MotionRefusedError, match='a closed loop needs odometry, and within 3 s '
+                                                 'none has come on /kachaka/odometry/odometry'):
+        node.run(Motion('far', (Forward(2.0),)))
+    assert not any(velocity.moves for velocity in listener.heard)
+
+
+def test_without_a_delay_there_is_no_node(make):
+    with pytest.raises(UsageError, match='needs to know the delay of the robot, and that of '
+                                         'kachaka was not measured'):
+        make(closed_loop=True)
+
+
+def test_move_robot_sends_what_it_is_told(listener, make, robot):
+    """Also where the parameter is true."""
+    node = make(robot=robot, closed_loop=True)
+    node.move_robot(0.1, 0.2, 0.5)
+    moves = [velocity for velocity in listener.heard if velocity.moves]
+    assert moves
+    assert {(velocity.linear_x, velocity.angular_z) for velocity in moves} == {(0.1, 0.2)}
+
+
+def test_a_stamp_that_is_not_later_corrects_nothing(observer, make, robot):
+    """Odometry that is repeated; what says whether the robot moves takes it all the same."""
+    from nav_msgs.msg import Odometry
+    import rclpy
+    node = make(robot=robot, closed_loop=True)
+    taken = []
+    node.session.on_odometry = lambda now, pose, velocity, is_new: taken.append(
+        (pose.x, velocity, is_new))
+    publisher = observer.node.create_publisher(Odometry, '/kachaka/odometry/odometry', 10)
+
+    def send(number, second):
+        message = Odometry()
+        message.header.stamp.sec = second
+        message.pose.pose.position.x = float(number)
+        publisher.publish(message)
+        rclpy.spin_once(node, timeout_sec=0.2)
+
+    # Best effort: the first ones may be lost.
+    assert wait_until(lambda: send(-1, 0) or taken)
+    for number, second in enumerate((5, 6, 6, 4, 5, 0)):
+        send(number, second)
+        assert wait_until(lambda: taken[-1][0] == number or rclpy.spin_once(  # noqa: B023
+            node, timeout_sec=0.2))
+    taken = [each for each in taken if each[0] >= 0.0]
+    assert [(x, is_new) for x, _, is_new in taken] == [
+        (0.0, True), (1.0, True), (2.0, False), (3.0, False), (4.0, True), (5.0, True)]
+    assert {velocity for _, velocity, _ in taken} == {Velocity()}
