@@ -17,8 +17,8 @@ SET_UP := @$(PYTHON) tools/set_up.py $(addprefix --distro=,$(DISTRO))
 AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-all test-lowest check bench stop-matrix lossy-link colcon docs setup browser lock \
-    clean
+.PHONY: help run test test-all test-lowest check floor bench stop-matrix lossy-link colcon docs setup browser \
+    lock clean
 
 help:  ## print this list
 	@echo 'make TARGET [PYTHON=python3.12] [DISTRO=kilted]'
@@ -45,6 +45,10 @@ check: setup  ## set up, then check style, types and who imports whom
 	$(VENV)/bin/mypy
 	$(VENV)/bin/mypy --follow-imports=silent tools/environment.py
 	$(VENV)/bin/lint-imports --no-cache --no-logo
+
+floor: setup  ## drive a square on one simulated floor: as it is, calibrated, in a closed loop; 3 minutes
+	rm -rf floor
+	PATH="$(abspath $(VENV))/bin:$$PATH" examples/floor.sh floor
 
 bench: setup .venv-plots/made  ## measure beside the lesson's loop: half an hour; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks --draw-with .venv-plots/bin/python $(if $(QUICK),--quick) \

@@ -69,7 +69,7 @@ def test_accuracy_and_repeatability_are_those_of_the_ends(reports, run, tmp_path
     code, told, errors = run('a', 'b', 'c')
     assert (code, errors) == (0, '')
     lines = told.splitlines()
-    assert lines[0] == '3 drives of straight, 1 step: where they ended, from where they were to'
+    assert lines[0] == '3 drives of straight: where they ended, from where they were to'
     assert [line.split()[0] for line in lines[5:8]] == ['a', 'b', 'c']
     assert float(lines[5].split()[1]) == pytest.approx(-25.0, abs=0.3)
     assert re.match(r'mean +-(19|20)\.\d +-?0\.0 ', lines[9])
@@ -86,6 +86,7 @@ def test_all_paths_are_drawn_over_the_planned_one(reports, run, tmp_path):
     drawn = (tmp_path / 'all.svg').read_text()
     assert drawn.count('id="odometry"') == 3
     assert drawn.count('id="planned"') == 1
+    assert len(set(re.findall('#D55E00|#0072B2|#009E73', drawn, re.IGNORECASE))) == 3
 
 
 def test_what_cannot_be_compared_is_refused_in_one_line(reports, run, tmp_path):

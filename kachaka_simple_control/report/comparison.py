@@ -40,9 +40,13 @@ from kachaka_simple_control.report.plan_plot import save_figure
 from kachaka_simple_control.report.plan_view import format_fixed, pluralize
 from kachaka_simple_control.report.plot_style import (
     add_axes,
+    BLUE,
     default_style,
+    GREEN,
     ODOMETRY,
+    ORANGE,
     PLANNED,
+    PURPLE,
     set_map_limits,
     style_axes,
 )
@@ -53,6 +57,10 @@ if TYPE_CHECKING:
 
 #: By how much the planned ends of drives of the same motion may differ [m, rad].
 SAME = 1e-6
+#: So many drives have a colour and a name each in the plot; of more all look alike.
+COLOURS = (ORANGE, BLUE, GREEN, PURPLE)
+#: The height of a line of a legend [inch], and how many lines have a place without more room.
+LEGEND_LINE, LEGEND_LINES = 0.19, 3
 HEAD = (('drive', ''), ('x', '[mm]'), ('y', '[mm]'), ('heading', '[deg]'), ('away', '[mm]'),
         ('late', ''))
 
@@ -63,7 +71,7 @@ class DriveEnd:
     Where a drive ended, by its report.
 
     :param name: the directory of the report
-    :param motion: what was driven: the names of its motions and the number of their steps
+    :param motions: the names of what was driven
     :param planned: where it was to end: x [m], y [m], heading [rad]
     :param error: where it ended by odometry, less where it was to end: x [m], y [m], heading [rad]
     :param late: how many messages were late or lost
@@ -71,7 +79,7 @@ class DriveEnd:
     """
 
     name: str
-    motion: tuple[tuple[str, int], ...]
+    motions: tuple[str, ...]
     planned: tuple[float, float, float]
     error: tuple[float, float, float]
     late: int
@@ -120,7 +128,7 @@ def read_drive(directory: Path) -> DriveEnd:
     x, y, heading = (there - wanted for there, wanted in zip(seen, planned))
     timing = told['timing']
     return DriveEnd(
-        name, tuple((motion['name'], motion['steps']) for motion in told['motions']), planned,
+        name, tuple(motion['name'] for motion in told['motions']), planned,
         (x, y, math.remainder(heading, math.tau)), timing['late'] + timing['lost'],
         {line: [(float(x), float(y)) for x, y in points]
          for line, points in told['path'].items()})
@@ -142,7 +150,7 @@ def require_same(drives: Sequence[DriveEnd]) -> None:
         raise UsageError('two drives or more can be compared; name their reports')
     first = drives[0]
     for other in drives[1:]:
-        if other.motion != first.motion or any(
+        if other.motions != first.motions or any(
                 abs(one - two) > SAME for one, two in zip(first.planned, other.planned)):
             raise UsageError(f'{first.name} and {other.name} are drives of different motions')
 
@@ -172,9 +180,8 @@ def comparison_table(drives: Sequence[DriveEnd], widest: int) -> str:
     rows.append(('mean', *_row(found.mean), ''))
     deviation = found.deviation
     rows.append(('standard deviation', *_row(deviation), ''))
-    (name, steps), *others = drives[0].motion
-    what = f'{escaped(name)}, {pluralize(steps, "step")}' if not others else (
-        f'{pluralize(len(others) + 1, "motion")}')
+    name, *others = drives[0].motions
+    what = f'{pluralize(len(others) + 1, "motion")}' if others else escaped(name)
     lines = columns(HEAD, rows, widest=widest)
     # The rows of all drives stand above the line, what follows from them below it.
     lines.insert(len(lines) - 2, lines[2])
@@ -217,20 +224,27 @@ def save_comparison(drives: Sequence[DriveEnd], path: Path) -> None:
 
 def _draw(figure: Figure, drives: Sequence[DriveEnd]) -> None:
     lines = [('planned', drives[0].paths['planned'], PLANNED)]
-    lines += [('odometry' if number == 0 else '', drive.paths['odometry'],
-               {**ODOMETRY, 'linewidth': 0.8, 'linestyle': '-'})
-              for number, drive in enumerate(drives)]
+    are_named = len(drives) <= len(COLOURS)
+    colours = COLOURS if are_named else (ORANGE,) * len(drives)
+    for number, (drive, colour) in enumerate(zip(drives, colours)):
+        name = drive.name if are_named else '' if number else 'odometry'
+        lines.append((name, drive.paths['odometry'],
+                      {**ODOMETRY, 'color': colour, 'linestyle': '-',
+                       'linewidth': 1.2 if are_named else 0.8}))
     area = extent([point for _, points, _ in lines for point in points])
     width = WIDTH - PATH_LEFT - PATH_RIGHT
     height = width * area.height / area.width
-    figure.set_size_inches(WIDTH, PATH_BOTTOM + height + TOP)
-    axes = add_axes(figure, PATH_LEFT, PATH_BOTTOM, width, height)
+    bottom = PATH_BOTTOM
+    if are_named:
+        bottom += LEGEND_LINE * max(0, len(lines) - LEGEND_LINES)
+    figure.set_size_inches(WIDTH, bottom + height + TOP)
+    axes = add_axes(figure, PATH_LEFT, bottom, width, height)
     set_map_limits(axes, *area, tick_distance=max(area.width, area.height) / TICKS)
     style_axes(axes)
     for name, points, look in lines:
         axes.plot([x for x, _ in points], [y for _, y in points], **look,
-                  label=name or None, gid=name or 'odometry')
-    for drive in drives:
+                  label=name or None, gid='planned' if look is PLANNED else 'odometry')
+    for drive, colour in zip(drives, colours):
         axes.plot(*drive.paths['odometry'][-1:][0], linestyle='', marker='o', markersize=3.0,
-                  color=ODOMETRY['color'])
-    draw_legend(figure, PATH_LEFT, 2)
+                  color=colour, zorder=5.0)
+    draw_legend(figure, PATH_LEFT, 1 if are_named else 2)

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 # Colours of Okabe and Ito, which the colour-blind can tell apart.
 BLUE, ORANGE, GREEN = '#0072B2', '#D55E00', '#009E73'
-SKY = '#56B4E9'
+SKY, PURPLE = '#56B4E9', '#CC79A7'
 GREY, FAINT = '#666666', '#dddddd'
 
 # Three lines that often coincide: told apart by width, colour and dashes alike.
