@@ -56,6 +56,13 @@ def own_fault(context: TrialContext) -> float:
     return fault
 
 
+def check_corrected(context: TrialContext, fault: float) -> list[str]:
+    """Check that a program was correcting its velocities when the fault came."""
+    before = {velocity.linear_x for velocity in context.recorder.sent_since(context.first)
+              if velocity.moves and velocity.time < fault}
+    return [] if len(before) > 1 else ['it corrected nothing before the fault']
+
+
 def send_signals(*names: str) -> Injector:
     """Return an injector that sends the program signals, 0.1 s apart; the first counts."""
     def inject(context: TrialContext) -> float:

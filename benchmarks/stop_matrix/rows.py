@@ -177,8 +177,32 @@ def _at(state: State, row: Row) -> Row:
         quick=int(what in QUICK_AROUND_PAUSE[state]))
 
 
+#: What may also happen in a closed loop, with the same bars; those of the quick form first.
+IN_CLOSED_LOOP = (
+    'SIGINT (Ctrl+C)', 'SIGKILL', 'SIGSTOP', 'listener killed: odometry falls silent',
+    'SIGTERM', 'SIGHUP', 'frozen for 320 ms', 'listener leaves', 'guardian killed',
+    'somebody else comes, and sends velocities')
+QUICK_IN_CLOSED_LOOP = 4
+#: Until a robot that should drive at 0.1 m/s and stands is 0.2 m too late [s].
+HELD = 3.0
+
+
+def _closed(row: Row) -> Row:
+    what = row.expectation.what
+    checks = [check for check in (row.check, faults.check_corrected) if check]
+    return replace(
+        row, expectation=replace(row.expectation, what=f'{what}, in a closed loop'),
+        script=scripts.CLOSED_LOOP, full=10,
+        check=lambda context, fault: [
+            text for check in checks for text in check(context, fault)],
+        quick=int(IN_CLOSED_LOOP.index(what) < QUICK_IN_CLOSED_LOOP))
+
+
 ROWS = (
     *IN_MOTION,
+    *(_closed(row) for row in IN_MOTION if row.expectation.what in IN_CLOSED_LOOP),
+    Row(Expectation('the robot is held, in a closed loop', NODE, (1,), limit=HELD),
+        faults.own_fault, scripts.HELD, exclusive=False, full=10, measures_distance=False),
     *(_at(state, row) for state in State for row in IN_MOTION
       if row.expectation.what in AROUND_PAUSE),
     Row(Expectation('frozen for 1 s while paused, then resumed', GUARDIAN, (1,), limit=FROZEN),

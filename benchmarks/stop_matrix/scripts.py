@@ -85,6 +85,32 @@ wait_for_go()
 node.move_robot(0.1, 0.0, DURATION)
 """
 
+#: Odometry corrects it all the time: the calibration is not that of the robot.
+CLOSED_LOOP = BEGIN + """
+import rclpy
+from kachaka_simple_control import KachakaSimpleControl, Motion, Move
+
+Path('own.yaml').write_text(
+    'extends: kachaka\\ncalibration: {forward_gain: 0.9, veer: 0.3 rad/m, delay: 0.1 s}')
+rclpy.init()
+node = KachakaSimpleControl({'robot': './own.yaml', 'closed_loop': True})
+node.move_robot(0.0, 0.0, 0.2)
+wait_for_go()
+node.run(Motion('closed', (Move(0.1, 0.0, DURATION),)))
+"""
+
+#: The same, and odometry repeats one pose, as if somebody held the robot.
+HELD = """
+from kachaka_simple_control.control.pose_feedback import PoseFeedback
+on_odometry, poses = PoseFeedback.on_odometry, []
+
+def repeat(self, arrived, pose, is_moving):
+    poses.append(pose)
+    on_odometry(self, arrived, poses[0], is_moving)
+
+PoseFeedback.on_odometry = repeat
+""" + CLOSED_LOOP.replace('wait_for_go()\nnode', 'wait_for_go()\nwrite_fault()\nnode')
+
 #: Stopped while it still waits for its robot, or sends its first zeros.
 STOPPED_EARLY = BEGIN + """
 import rclpy

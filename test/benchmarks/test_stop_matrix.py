@@ -43,7 +43,7 @@ from benchmarks.stop_matrix.expectation import (  # noqa: E402
 )
 from benchmarks.stop_matrix.message import last_message  # noqa: E402
 from benchmarks.stop_matrix.pauses import State  # noqa: E402
-from benchmarks.stop_matrix.rows import AROUND_PAUSE, CORE, ROWS  # noqa: E402
+from benchmarks.stop_matrix.rows import AROUND_PAUSE, CORE, IN_CLOSED_LOOP, ROWS  # noqa: E402
 from benchmarks.stop_matrix.table import HEAD, matrix, row  # noqa: E402
 from benchmarks.stop_matrix.trial import Trial  # noqa: E402
 from benchmarks.stop_matrix.trial_setup import from_burst_on  # noqa: E402
@@ -157,6 +157,15 @@ def test_what_happens_in_motion_happens_around_a_pause_with_the_same_bars():
             assert replace(one.expectation, what=what) == rows[what].expectation
             assert one.full >= 10
     assert sum(rows[f'{what}, while {State.PAUSED.value}'].quick for what in AROUND_PAUSE) == 3
+
+
+def test_what_happens_in_motion_happens_in_a_closed_loop_with_the_same_bars():
+    rows = {row.expectation.what: row for row in ROWS}
+    for what in IN_CLOSED_LOOP:
+        one = rows[f'{what}, in a closed loop']
+        assert replace(one.expectation, what=what) == rows[what].expectation
+        assert one.full >= 10
+    assert rows['the robot is held, in a closed loop'].expectation.codes == (1,)
 
 
 @pytest.mark.parametrize('state, velocity, shown', [
