@@ -17,7 +17,7 @@ import io
 import signal
 import sys
 
-from kachaka_simple_control import calibrate_command
+from kachaka_simple_control import calibrate_command, calibrate_options
 from kachaka_simple_control.files.robot_profile import calibrated_text, find_robot, KACHAKA
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.report.calibration_fit import (
@@ -108,6 +108,7 @@ def test_a_real_robot_is_driven_only_after_somebody_has_confirmed(run, monkeypat
 
 def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path):
     (tmp_path / 'there.yaml').write_text('extends: kachaka\ncalibration: {left_gain: 0.9}')
+    (tmp_path / 'worn.yaml').write_text('extends: kachaka\nodometry_calibration: {scale: 0.9}')
     (tmp_path / 'blind.yaml').write_text('extends: kachaka\nodometry_topic: null')
     for words, line in (
             (['--sim', '--output', 'there.yaml'],
@@ -125,7 +126,19 @@ def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path):
              ('kachaka_calibrate: fit.txt: a plot is .png, .svg or .pdf; take one of these as '
               'its ending\n')),
             (['--lag', '0.1'], 'kachaka_calibrate: --lag is about the simulated robot of --sim\n'),
-            (['square', '--sim'], 'kachaka_calibrate: unrecognized arguments: square\n')):
+            (['square', '--sim'],
+             ("kachaka_calibrate: there is no part 'square'; it is floor or umbmark, or left "
+              'out\n')),
+            (['--sim', '--measured', '1 m'],
+             ('kachaka_calibrate: --measured is about kachaka_calibrate floor and '
+              'kachaka_calibrate umbmark\n')),
+            (['--sim', '--side', '1 m'],
+             'kachaka_calibrate: --side is about kachaka_calibrate umbmark\n'),
+            (['--sim', '--robot', './worn.yaml'],
+             ('kachaka_calibrate: ./worn.yaml is calibrated already; name the robot without its '
+              'calibration\n')),
+            (['--sim', '--robot', './worn.yaml', '--output', './worn.yaml'],
+             'kachaka_calibrate: worn.yaml is there already; name another file by --output\n')):
         code, told, errors, driven = run(*words)
         assert (code, told, errors, driven) == (2, '', line, [])
 
@@ -134,7 +147,7 @@ def test_what_was_measured_is_printed_even_if_no_file_can_be_written(run, monkey
     def fail(path, data):
         raise OSError(28, 'No space left on device')
 
-    monkeypatch.setattr(calibrate_command, 'write_atomically', fail)
+    monkeypatch.setattr(calibrate_options, 'write_atomically', fail)
     code, told, errors, _ = run('--sim')
     assert (code, errors) == (2, 'kachaka_calibrate: my_kachaka.yaml: No space left on device\n')
     assert 'gain forward                 0.9500      0.0004' in told

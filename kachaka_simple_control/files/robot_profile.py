@@ -144,6 +144,8 @@ KACHAKA = RobotProfile(
         max_linear_jerk=2.0, max_angular_jerk=10.0),
     # kachaka_description; the axle is at the origin
     footprint=Box(length=0.387, width=0.240, ahead=0.0435))
+#: The distance of its wheels [m]: kachaka_description.
+KACHAKA_TRACK = 0.2
 
 
 SCHEMA = 'robots/robot.schema.json'

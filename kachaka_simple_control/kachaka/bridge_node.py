@@ -183,9 +183,11 @@ class SimulatedBridge(BridgeNode):
             self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
         if is_news and not enabled and self._robot.has_wrong_odometry:
             pose, _ = self._robot.state(now)
+            # 0.0 is added because -0 is 0 to people.
             self.get_logger().info(
-                f'true pose: {pose.x:.4f} m, {pose.y:.4f} m, '
-                f'{math.degrees(pose.theta):.2f} deg (x, y, heading, from where it was started)')
+                f'true pose: {round(pose.x, 4) + 0.0:.4f} m, {round(pose.y, 4) + 0.0:.4f} m, '
+                f'{round(math.degrees(pose.theta), 2) + 0.0:.2f} deg (x, y, heading, as seen '
+                'from where it was started)')
         return '' if code == SUCCESS else f'error {code}'
 
     def _on_timer(self) -> None:

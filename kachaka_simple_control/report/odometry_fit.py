@@ -167,7 +167,8 @@ def _ratio(name: str, reported: float, measured: float, unit: str) -> float:
     return measured / reported
 
 
-def closed_form(squares: Sequence[Square], track: float) -> tuple[float, float]:
+def closed_form(
+        squares: Sequence[Square], track: float, scale: float = 1.0) -> tuple[float, float]:
     """
     Return wheel and track ratio by the formulas of Borenstein and Feng (1996).
 
@@ -176,9 +177,11 @@ def closed_form(squares: Sequence[Square], track: float) -> tuple[float, float]:
 
     :param squares: at least one in each direction
     :param track: the one that odometry uses [m]
+    :param scale: true over reported distance, from a straight line
     """
-    side = math.fsum(_length(square.path) for square in squares) / (4.0 * len(squares))
-    right, left = (_mean_error(group) for group in _by_direction(squares))
+    side = scale * math.fsum(_length(square.path) for square in squares) / (4.0 * len(squares))
+    right, left = (
+        _mean_error(OdometryCalibration(scale), group) for group in _by_direction(squares))
     wheel, width = [], []
     for both, difference in ((right.x + left.x, right.x - left.x),
                              (right.y - left.y, right.y + left.y)):
@@ -213,7 +216,7 @@ def fit_umbmark(
         calibration = OdometryCalibration(scale, wheel_ratio, track_ratio, track)
         return [value for square in squares for value in _residual(calibration, square)]
 
-    start = closed_form(squares, track)
+    start = closed_form(squares, track, scale)
     found, (wheel_error, track_error) = _least_squares(residuals, (
         _within(start[0], MIN_WHEEL_RATIO, MAX_WHEEL_RATIO), _within(start[1], 0.8, 1.25)))
     left = residuals(*found)
@@ -243,12 +246,8 @@ def worst_systematic_error(
     :param squares: what was driven; at least one to each side
     :param calibration: what odometry is corrected by
     """
-    means = []
-    for group in _by_direction(squares):
-        errors = [_error(calibration, square) for square in group]
-        means.append(math.hypot(*(
-            math.fsum(getattr(error, axis) for error in errors) / len(errors) for axis in 'xy')))
-    return max(means)
+    means = [_mean_error(calibration, group) for group in _by_direction(squares)]
+    return max(math.hypot(mean.x, mean.y) for mean in means)
 
 
 def _check(square: Square) -> None:
@@ -290,8 +289,8 @@ def _error(calibration: OdometryCalibration, square: Square) -> Pose:
                 math.remainder(measured.theta - pose.theta, math.tau))
 
 
-def _mean_error(squares: Sequence[Square]) -> Pose:
-    errors = [_error(OdometryCalibration(), square) for square in squares]
+def _mean_error(calibration: OdometryCalibration, squares: Sequence[Square]) -> Pose:
+    errors = [_error(calibration, square) for square in squares]
     return Pose(*(math.fsum(getattr(error, axis) for error in errors) / len(errors)
                   for axis in ('x', 'y', 'theta')))
 

@@ -21,7 +21,8 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.files.library import find
-from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters, TRACK
+from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK as TRACK
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.report.calibration_fit import CalibrationError
@@ -125,6 +126,9 @@ def test_the_closed_forms_are_of_first_order():
     assert large[0] == pytest.approx(1.0091, abs=1e-4)
     assert large[1] == pytest.approx(1.014, abs=1e-3)
     assert closed_form(squares(OdometryCalibration()), TRACK) == pytest.approx((1.0, 1.0))
+    scaled = squares(OdometryCalibration(1.02, 1.0005, 1.002, TRACK))
+    assert closed_form(scaled, TRACK)[1] < 0.99
+    assert closed_form(scaled, TRACK, 1.02) == pytest.approx((1.0005, 1.002), abs=2e-4)
 
 
 def test_squares_are_blind_to_scale():

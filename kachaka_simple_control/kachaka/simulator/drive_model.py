@@ -21,11 +21,9 @@ import math
 import random
 
 from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
-
-#: The track that odometry uses [m]: kachaka_description.
-TRACK = 0.2
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,8 @@ class SimulationParameters:
     def floor(self) -> OdometryCalibration | None:
         """Return how motion on the floor differs from what odometry reports; None: it does not."""
         ratios = self.odometry_scale, self.wheel_ratio, self.track_ratio
-        return None if ratios == (1.0, 1.0, 1.0) else OdometryCalibration(*ratios, TRACK)
+        return None if ratios == (1.0, 1.0, 1.0) else OdometryCalibration(
+            *ratios, KACHAKA_TRACK)
 
     @property
     def is_ideal(self) -> bool:
