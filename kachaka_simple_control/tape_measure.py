@@ -42,15 +42,9 @@ from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.units import ANGLE, LENGTH, Quantity, SIZE, UnitError
 from kachaka_simple_control.preview_command import plan_view
-from kachaka_simple_control.report.odometry_fit import (
-    fit_floor,
-    fit_umbmark,
-    reported_path,
-    reported_way,
-    Square,
-    UmbmarkFit,
-)
+from kachaka_simple_control.report.odometry_fit import fit_floor, reported_path, reported_way
 from kachaka_simple_control.report.text_tables import columns
+from kachaka_simple_control.report.umbmark_fit import fit_umbmark, Square, UmbmarkFit
 
 HEAD = (('', ''), ('value', ''), ('standard error', ''))
 #: The side of the squares as the library has it, and the range of another one [m].
