@@ -128,8 +128,11 @@ def fit_umbmark(
         return [value for square in squares for value in _residual(calibration, square)]
 
     start = closed_form(squares, track, scale)
-    found, (wheel_error, track_error) = _least_squares(residuals, (
-        _within(start[0], MIN_WHEEL_RATIO, MAX_WHEEL_RATIO), _within(start[1], 0.8, 1.25)))
+    try:
+        found, (wheel_error, track_error) = _least_squares(residuals, (
+            _within(start[0], MIN_WHEEL_RATIO, MAX_WHEEL_RATIO), _within(start[1], 0.8, 1.25)))
+    except InvalidMotionError as error:
+        raise CalibrationError(f'the best fit is beyond what wheels may be: {error}') from None
     left = residuals(*found)
     misfit = math.sqrt(sum(value * value for value in left) / (len(left) - 2))
     if misfit > MAX_MISFIT:
@@ -168,8 +171,8 @@ def _check(square: Square) -> None:
     error = _error(OdometryCalibration(), square)
     if math.hypot(error.x, error.y) > MAX_END_ERROR * length:
         raise CalibrationError(
-            f'a square ended {math.hypot(error.x, error.y):.2f} m from where odometry says, after '
-            f'{length:.2f} m: is that in metres, and from where it began?')
+            f'a square ended {math.hypot(error.x, error.y):.3g} m from where odometry says, after '
+            f'{length:.3g} m: is that in metres, and from where it began?')
     if abs(error.theta) > MAX_END_TURN:
         raise CalibrationError(
             f'a square ended turned {math.degrees(error.theta):.0f} deg from what odometry says: '

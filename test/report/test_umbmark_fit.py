@@ -13,6 +13,7 @@
 # limitations under the License.
 """Squares in both directions tell how wrong odometry is, or are refused with the reason."""
 
+import contextlib
 from dataclasses import replace
 from itertools import pairwise
 import math
@@ -151,6 +152,30 @@ def mirrored(square):
     return square._replace(measured=replace(square.measured, y=-square.measured.y))
 
 
+anything = st.builds(
+    Square, st.builds(corners, st.sampled_from([0.0, 0.01, 1.0, 4.0]),
+                      st.sampled_from([-1.0, 1.0])),
+    st.builds(Pose, st.floats(-5.0, 5.0) | st.floats(), st.floats(-5.0, 5.0) | st.floats(),
+              st.floats(-3.0, 3.0) | st.floats()))
+
+
+@given(st.lists(anything, max_size=4), st.floats(0.01, 10.0), st.floats(0.5, 2.0))
+def test_whatever_was_measured_it_fits_or_says_why_not(driven, track, scale):
+    with contextlib.suppress(CalibrationError):
+        fit = fit_umbmark(driven, track, scale)
+        assert 0.9 <= fit.wheel_ratio.value <= 1.1
+
+
+def test_wheels_that_no_robot_has_are_refused():
+    """As a track shows that is much too wide: the fit ends where its derivative cannot be had."""
+    driven = squares(OdometryCalibration(1.0, 1.09, 1.0, 0.8), side=1.0)
+    assert fit_umbmark(driven, 0.8).wheel_ratio.value == pytest.approx(1.09)
+    with pytest.raises(CalibrationError, match=(
+            'the best fit is beyond what wheels may be: wheel_ratio is 1.1.*; it must be from 0.9 '
+            'to 1.1')):
+        fit_umbmark(driven, 1.0)
+
+
 TRUE = OdometryCalibration(1.0, 1.004, 1.02, TRACK)
 
 
@@ -161,7 +186,7 @@ TRUE = OdometryCalibration(1.0, 1.004, 1.02, TRACK)
     ([square._replace(measured=Pose(math.nan)) for square in squares(TRUE)],
      'what was measured has a value that is no finite number'),
     ([square._replace(measured=Pose(400.0)) for square in squares(TRUE)],
-     ('a square ended 400.00 m from where odometry says, after 16.00 m: is that in metres, and '
+     ('a square ended 400 m from where odometry says, after 16 m: is that in metres, and '
       'from where it began?')),
     ([square._replace(measured=Pose(theta=3.0)) for square in squares(TRUE)],
      ('a square ended turned 172 deg from what odometry says: is that the heading as seen from '
