@@ -20,7 +20,9 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.files.library import find
+from kachaka_simple_control.files.robot_profile import KACHAKA, KACHAKA_TRACK
+from kachaka_simple_control.kachaka.simulator.drive_model import DriveModel, SimulationParameters
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
@@ -163,6 +165,41 @@ def test_no_plan_asks_for_more_than_the_robot_can(
         before, after = profile.command(one.velocity), profile.command(two.velocity)
         assert abs(after.linear_x - before.linear_x) <= 0.8 * change
         assert abs(after.angular_z - before.angular_z) <= 4.0 * change
+
+
+def drive(motion, profile, robot, rate=20.0):
+    """Return where a motion ends as planned, and where on the floor if it is sent open loop."""
+    simulated = DriveModel(robot, 0.0, 0)
+    planned = plan(motion, profile.planning_limits, rate)
+    for segment in planned.segments:
+        simulated.set_target(profile.command(segment.velocity), segment.start)
+    simulated.set_target(ZERO, planned.duration)
+    return planned.pose, simulated.state_at(planned.duration + 2.0)[0]
+
+
+@given(calibrations, st.floats(0.9, 1.1), st.floats(0.99, 1.01), st.floats(0.9, 1.1))
+def test_a_square_ends_on_the_floor_where_it_was_planned(
+        calibration, scale, wheel_ratio, track_ratio):
+    """Of a robot that does otherwise than it is sent, and whose odometry is wrong as well."""
+    robot = SimulationParameters(
+        dead_time=0.2, lag=0.1, linear_gain=calibration.forward_gain,
+        backward_gain=calibration.backward_gain / calibration.forward_gain,
+        angular_gain=calibration.left_gain,
+        right_gain=calibration.right_gain / calibration.left_gain, veer=calibration.veer,
+        odometry_scale=scale, wheel_ratio=wheel_ratio, track_ratio=track_ratio)
+    profile = replace(KACHAKA, calibration=calibration, odometry_calibration=OdometryCalibration(
+        scale, wheel_ratio, track_ratio, KACHAKA_TRACK))
+    planned, done = drive(find('square').motion, profile, robot)
+    assert math.hypot(done.x - planned.x, done.y - planned.y) < 0.002
+    assert abs(math.degrees(math.remainder(done.theta - planned.theta, math.tau))) < 0.3
+
+
+def test_by_its_odometry_alone_it_would_miss_it():
+    """The same drive shows the errors that are corrected: the test above can fail."""
+    robot = SimulationParameters(odometry_scale=0.98, wheel_ratio=1.004, track_ratio=1.02)
+    planned, done = drive(find('square').motion, KACHAKA, robot)
+    assert math.hypot(done.x - planned.x, done.y - planned.y) > 0.05
+    assert abs(math.degrees(math.remainder(done.theta - planned.theta, math.tau))) > 10.0
 
 
 def test_without_errors_the_limits_are_those_of_the_robot():
