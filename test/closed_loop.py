@@ -43,6 +43,11 @@ def identity(pose: Pose) -> Pose:
     return pose
 
 
+def full_speed(elapsed: float) -> float:
+    """Return 1."""
+    return 1.0
+
+
 @dataclass
 class ClosedLoopDrive:
     """
@@ -54,6 +59,8 @@ class ClosedLoopDrive:
     :param rate: how often a velocity is sent [Hz]
     :param seed: of the noise
     :param read: what becomes of each pose of odometry
+    :param factor: the speed factor at a time [s after t = 0]
+    :param knows_odometry: whether feedback knows how odometry differs from the floor
     :ivar sent: the ticks and what was sent for them
     """
 
@@ -63,6 +70,8 @@ class ClosedLoopDrive:
     rate: float = 20.0
     seed: int = 0
     read: Callable[[Pose], Pose] = identity
+    factor: Callable[[float], float] = full_speed
+    knows_odometry: bool = True
     sent: list[tuple[Tick, Velocity]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -71,7 +80,9 @@ class ClosedLoopDrive:
         self.plan: Plan = plan(
             self.motion.settled() if is_closed else self.motion,
             KACHAKA.limits_for(is_closed), self.rate)
-        self._feedback = PoseFeedback(self.delay or 0.0, KACHAKA.limits)
+        floor = self.parameters.floor if self.knows_odometry else None
+        self._feedback = PoseFeedback(
+            self.delay or 0.0, KACHAKA.limits, None if floor is None else floor.on_floor)
         self._robot = DriveModel(self.parameters, 0.0, self.seed)
         self._odometry = NoisyOdometry(self.parameters, 0.0, self.seed)
         self._samples = 0
@@ -82,7 +93,7 @@ class ClosedLoopDrive:
         self._pass(START)
         self._feedback.begin(self.plan)
         scheduler, due = TickScheduler(self.plan), 0.0
-        while (tick := scheduler.due(due)) is not None:
+        while (tick := scheduler.due(due, self.factor(due))) is not None:
             now = START + due + min(0.009, lateness.expovariate(5000.0))
             self._pass(now)
             velocity = tick.velocity
@@ -98,7 +109,7 @@ class ClosedLoopDrive:
     def _pass(self, until: float) -> None:
         """Deliver the odometry that arrives until a time [s]."""
         while (time := self._samples * ODOMETRY_PERIOD) <= until:
-            pose, velocity = self._robot.state_at(time)
+            pose, velocity = self._robot.reported_at(time)
             seen = self.read(self._odometry.read(pose, time))
             self._feedback.on_odometry(
                 time, Pose(seen.x, seen.y, math.remainder(seen.theta, math.tau)),

@@ -178,9 +178,10 @@ class Session:
         self._request, self._has_reported = request, False
         try:
             self._take()
+            feedback = self._begin_feedback(plan) if is_closed_loop else None
             # Not before: the stop of the movement before must not wait until the robot is taken.
             self._stopper.cancel_pending()
-            self._monitor.begin(self._begin_feedback(plan) if is_closed_loop else None)
+            self._monitor.begin(feedback)
             if not self.speed_factor.value:
                 self._node.get_logger().warning(
                     f'The motion is held at its start ({self.speed_factor.describe()}): resume to '
@@ -356,16 +357,21 @@ class Session:
         self._lease.granted(requested)
 
     def _begin_feedback(self, plan: Plan) -> PoseFeedback:
-        """Wait for odometry that is fresh, and begin to correct a plan by it."""
+        """Wait until odometry sees the robot at rest, and begin to correct a plan by it."""
         assert self._feedback is not None
         feedback = self._feedback
 
-        def is_fresh() -> bool:
+        def is_at_rest() -> bool:
             self._require_wanted()
-            return feedback.age(time.monotonic()) <= FEEDBACK_MAX_AGE
+            now = time.monotonic()
+            return (feedback.age(now) <= FEEDBACK_MAX_AGE
+                    and self.odometry.still_since(now) is not None)
 
-        if not wait_until(is_fresh, FEEDBACK_START_TIMEOUT):
+        if not wait_until(is_at_rest, FEEDBACK_START_TIMEOUT):
+            is_moving = self.odometry.is_moving(time.monotonic())
             raise MotionRefusedError(
+                f'a closed loop begins at rest, and odometry on {self._odometry_topic} sees the '
+                'robot move' if is_moving else
                 f'a closed loop needs odometry, and within {FEEDBACK_START_TIMEOUT:g} s none has '
                 f'come on {self._odometry_topic}')
         feedback.begin(plan)

@@ -13,6 +13,7 @@
 # limitations under the License.
 """A closed loop: where robots end, and what no odometry may bring about."""
 
+from dataclasses import replace
 from itertools import pairwise
 import math
 import random
@@ -69,6 +70,32 @@ def test_a_closed_loop_beats_the_open_one_and_the_one_without_the_delay():
     assert math.hypot(ignored.x, ignored.y) > 0.01
     assert math.hypot(closed.x, closed.y) < 0.003
     assert abs(math.degrees(closed.theta)) < 0.05
+
+
+def test_feedback_does_not_undo_what_a_tape_measured():
+    """Odometry that is wrong is seen as the floor has it."""
+    wrong = replace(FLOOR, odometry_scale=1.02, wheel_ratio=0.99, track_ratio=1.03)
+    known, unknown = (ClosedLoopDrive(wrong, 0.3, knows_odometry=knows).run()
+                      for knows in (True, False))
+    assert math.hypot(known.x, known.y) < 0.004
+    assert abs(math.degrees(known.theta)) < 0.1
+    assert math.hypot(unknown.x, unknown.y) > 0.02
+
+
+@pytest.mark.parametrize('paused', [1.0, 3.0, 4.5, 19.0])
+def test_a_pause_and_a_slow_drive_end_there_too(paused):
+    """The reference is what was sent, and when: it waits with the robot."""
+    def factor(elapsed):
+        return 0.0 if paused < elapsed < paused + 4.0 else 0.4 if 12.0 < elapsed < 20.0 else 1.0
+
+    drive = ClosedLoopDrive(FLOOR, 0.3, factor=factor)
+    error = drive.run()
+    assert len(drive.sent) > 420 + 80
+    assert math.hypot(error.x, error.y) < 0.004
+    assert abs(math.degrees(error.theta)) < 0.1
+    held = {velocity for tick, velocity in drive.sent if tick.rest == math.inf
+            and tick.start > paused + 1.5}
+    assert held == {ZERO}
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.25])

@@ -13,6 +13,7 @@
 # limitations under the License.
 """A closed loop over DDS: where the robot ends, what is refused, and what ends a run."""
 
+import contextlib
 import math
 import re
 import threading
@@ -20,6 +21,7 @@ import time
 
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError, UsageError
 from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Forward, Motion
 from program import COMMAND, program
 import pytest
@@ -72,29 +74,37 @@ def test_a_robot_that_is_held_is_stopped_with_one_line(robot, tmp_path):
     assert re.search('odometry sees the robot 2. cm and 0 deg from where it should be', line)
 
 
-def test_odometry_that_repeats_one_pose_ends_the_run(listener, observer, make, robot):
-    """With stamps that go on, as of a sensor that hangs."""
+@contextlib.contextmanager
+def repeated_odometry(node, velocity):
+    """Publish one pose and a velocity all the time, with stamps that go on."""
     from nav_msgs.msg import Odometry
-    publisher = observer.node.create_publisher(Odometry, '/kachaka/odometry/odometry', 10)
+    publisher = node.create_publisher(Odometry, '/kachaka/odometry/odometry', 10)
     ended = threading.Event()
 
     def publish():
         message = Odometry()
+        message.twist.twist.linear.x = velocity
         while not ended.wait(0.02):
-            message.header.stamp = observer.node.get_clock().now().to_msg()
+            message.header.stamp = node.get_clock().now().to_msg()
             publisher.publish(message)
 
     thread = threading.Thread(target=publish)
     thread.start()
     try:
-        node = make(robot=robot, closed_loop=True)
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+def test_odometry_that_repeats_one_pose_ends_the_run(listener, observer, make, robot):
+    """As of a sensor that hangs."""
+    node = make(robot=robot, closed_loop=True)
+    with repeated_odometry(observer.node, 0.0):
         began = time.monotonic()
         with pytest.raises(RunFaultError, match='from where it should be'):
             node.run(Motion('far', (Forward(2.0),)))
         assert time.monotonic() - began < 15.0
-    finally:
-        ended.set()
-        thread.join()
     assert any(velocity.moves for velocity in listener.heard)
     assert not any(velocity.moves for velocity in listener.heard[-10:])
 
@@ -103,6 +113,16 @@ def test_without_odometry_it_is_refused_before_anything_moves(listener, make, ro
     node = make(robot=robot, closed_loop=True)
     with pytest.raises(MotionRefusedError, match='a closed loop needs odometry, and within 3 s '
                                                  'none has come on /kachaka/odometry/odometry'):
+        node.run(Motion('far', (Forward(2.0),)))
+    assert not any(velocity.moves for velocity in listener.heard)
+
+
+def test_a_robot_in_motion_is_refused(listener, observer, make, robot):
+    """Where it starts cannot be told."""
+    node = make(robot=robot, closed_loop=True)
+    with repeated_odometry(observer.node, 0.1), pytest.raises(
+            MotionRefusedError, match='a closed loop begins at rest, and odometry on .* sees the '
+                                      'robot move'):
         node.run(Motion('far', (Forward(2.0),)))
     assert not any(velocity.moves for velocity in listener.heard)
 
@@ -120,6 +140,17 @@ def test_move_robot_sends_what_it_is_told(listener, make, robot):
     moves = [velocity for velocity in listener.heard if velocity.moves]
     assert moves
     assert {(velocity.linear_x, velocity.angular_z) for velocity in moves} == {(0.1, 0.2)}
+
+
+def test_an_open_loop_sends_the_plan_bit_for_bit(listener, make):
+    node = make(rate=20.0)
+    motion = Motion('there', (Forward(0.2),))
+    node.run(motion)
+    heard = [velocity.linear_x for velocity in listener.heard]
+    planned = [segment.velocity.linear_x
+               for segment in plan(motion, node.profile.limits, 20.0).segments]
+    first = heard.index(planned[0])
+    assert heard[first:first + len(planned)] == planned
 
 
 def test_a_stamp_that_is_not_later_corrects_nothing(observer, make, robot):
