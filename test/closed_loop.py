@@ -80,9 +80,9 @@ class ClosedLoopDrive:
         self.plan: Plan = plan(
             self.motion.settled() if is_closed else self.motion,
             KACHAKA.limits_for(is_closed), self.rate)
-        floor = self.parameters.floor if self.knows_odometry else None
         self._feedback = PoseFeedback(
-            self.delay or 0.0, KACHAKA.limits, None if floor is None else floor.on_floor)
+            self.delay or 0.0, KACHAKA.limits,
+            self.parameters.floor if self.knows_odometry else None)
         self._robot = DriveModel(self.parameters, 0.0, self.seed)
         self._odometry = NoisyOdometry(self.parameters, 0.0, self.seed)
         self._samples = 0

@@ -109,7 +109,8 @@ def test_the_name_of_a_motion_is_logged_escaped(listener, tmp_path):
 
 def test_a_calibrated_robot_is_sent_what_makes_it_do_what_was_planned(listener, tmp_path):
     robot, motion = tmp_path / 'own.yaml', tmp_path / 'straight.yaml'
-    robot.write_text('extends: kachaka\ncalibration: {forward_gain: 0.8, veer: 0.1 rad/m}')
+    robot.write_text('extends: kachaka\ncalibration: {forward_gain: 0.8, veer: 0.1 rad/m}\n'
+                     'odometry_calibration: {scale: 0.9}')
     motion.write_text(
         'steps: [move: {linear_x: 0.1 m/s, angular_z: 0 rad/s, duration: 1 s}]')
     with program([*COMMAND, str(motion), '--robot', str(robot), '--report',
@@ -117,9 +118,10 @@ def test_a_calibrated_robot_is_sent_what_makes_it_do_what_was_planned(listener, 
         assert started.end() == 0, started.text
     told = json.loads((tmp_path / 'report' / 'run.json').read_text())
     assert told['settings']['calibration'].startswith('forward 0.8, backward 1, ')
+    assert told['settings']['odometry_calibration'].startswith('scale 0.9')
     assert told['steps'][0]['sent']['distance_m'] == pytest.approx(0.1, abs=0.002)
     (move,) = listener.moves()
-    assert (move.linear_x, move.angular_z) == pytest.approx((0.125, -0.01))
+    assert (move.linear_x, move.angular_z) == pytest.approx((0.1 / 0.9 / 0.8, -0.01 / 0.9))
     assert 'Calibrated: forward 0.8, backward 1, left 1, right 1, veer 5.7296 deg/m' in (
         started.text)
     # What is within the robot's limits may not be within those that are left.

@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
@@ -28,17 +28,15 @@ from kachaka_simple_control.control.timing import (
 )
 from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.motion.geometry import (
-    advance,
-    compose,
     integrate,
     ORIGIN,
     Pose,
     relative_to,
-    sinc,
     Velocity,
     ZERO,
 )
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
+from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.plan import Plan
 
 #: The largest correction at the largest velocity, as a part of that.
@@ -80,43 +78,6 @@ def loop_gain(delay: float) -> float:
     return min(MAX_GAIN, 1.0 / (math.e * delay)) if delay else MAX_GAIN
 
 
-class FloorPose:
-    """
-    Adds up the poses of odometry as motions on the floor.
-
-    :param on_floor: returns the true motion for one by odometry [m], [rad]; linear
-    """
-
-    def __init__(self, on_floor: Callable[[Velocity], Velocity] | None = None) -> None:
-        self._on_floor = on_floor
-        self._newest: Pose | None = None
-        self._pose = ORIGIN
-
-    def update(self, pose: Pose) -> Pose:
-        """
-        Return the pose on the floor, whose heading has no jumps.
-
-        :param pose: by odometry, with a heading of any turn
-        """
-        if self._newest is None:
-            self._newest = self._pose = pose
-            return pose
-        moved = relative_to(self._newest, pose)
-        self._newest = pose
-        angle = math.remainder(moved.theta, math.tau)
-        # Split into an arc and what is left sideways: noise, or slip.
-        cosine, sine = math.cos(angle / 2.0), math.sin(angle / 2.0)
-        chord, sideways = (moved.x * cosine + moved.y * sine, moved.y * cosine - moved.x * sine)
-        motion = Velocity(chord / sinc(angle / 2.0), angle)
-        if self._on_floor is not None:
-            motion = self._on_floor(motion)
-        arc = advance(ORIGIN, motion.linear_x, motion.angular_z)
-        half = motion.angular_z / 2.0
-        self._pose = compose(self._pose, Pose(
-            arc.x - sideways * math.sin(half), arc.y + sideways * math.cos(half), arc.theta))
-        return self._pose
-
-
 class PoseFeedback:
     """
     Adds to each velocity of a run what odometry shows to be missing: a closed loop.
@@ -128,15 +89,18 @@ class PoseFeedback:
 
     :param delay: of the robot from a command to odometry, dead time and lag together [s]
     :param limits: of the robot; no velocity and no acceleration beyond them comes out
-    :param on_floor: returns the true motion for one by odometry; None: they are the same
+    :param odometry: how the motion on the floor differs from what odometry reports
     """
 
     def __init__(
             self, delay: float, limits: Limits,
-            on_floor: Callable[[Velocity], Velocity] | None = None) -> None:
+            odometry: OdometryCalibration | None = None) -> None:
         self._delay = delay
         self._limits = limits
-        self._floor = FloorPose(on_floor)
+        self._odometry = odometry or OdometryCalibration()
+        #: the newest pose by odometry, and on the floor; None before the first
+        self._reported: Pose | None = None
+        self._floor = ORIGIN
         #: the newest samples: those since the robot came to rest, or one
         self._samples: tuple[PoseSample, ...] = ()
         self._sent: deque[_Sent] = deque()
@@ -156,7 +120,10 @@ class PoseFeedback:
         samples = self._samples
         if samples and arrived <= samples[-1].arrived:
             return
-        sample = PoseSample(arrived, self._floor.update(pose))
+        self._floor = pose if self._reported is None else self._odometry.advance_on_floor(
+            self._floor, self._reported, pose)
+        self._reported = pose
+        sample = PoseSample(arrived, self._floor)
         self._samples = (sample,) if is_moving else (*samples, sample)[-START_SAMPLES:]
 
     def age(self, now: float) -> float:

@@ -110,8 +110,10 @@ def session_started(
         frame=profile.frame,
         footprint=profile.footprint,
         settings={**asdict(parameters), 'domain': node.context.get_domain_id(),
-                  **({} if profile.calibration is None else
-                     {'calibration': profile.calibration.describe()})},
+                  **{name: calibration.describe() for name, calibration in (
+                      ('calibration', profile.calibration),
+                      ('odometry_calibration', profile.odometry_calibration))
+                     if calibration is not None}},
         versions=_versions(),
         **about)
 

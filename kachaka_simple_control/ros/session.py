@@ -89,8 +89,7 @@ class Session:
         #: corrects velocities by odometry; None without the parameter ``closed_loop``
         self._feedback = PoseFeedback(
             profile.feedback_delay(), profile.planning_limits,
-            None if profile.odometry_calibration is None
-            else profile.odometry_calibration.on_floor) if parameters.closed_loop else None
+            profile.odometry_calibration) if parameters.closed_loop else None
         #: what odometry tells of the robot's velocity
         self.odometry = StandstillDetector()
         self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._on_conflict)

@@ -22,7 +22,7 @@ from statistics import median
 from closed_loop import ClosedLoopDrive, random_robots, SQUARE
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.pose_feedback import FloorPose, loop_gain, PoseFeedback
+from kachaka_simple_control.control.pose_feedback import loop_gain, PoseFeedback
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.control.timing import FEEDBACK_MAX_AGE
 from kachaka_simple_control.errors import RunFaultError
@@ -33,8 +33,6 @@ from kachaka_simple_control.motion.geometry import (
     compose,
     ORIGIN,
     Pose,
-    relative_to,
-    Velocity,
     ZERO,
 )
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE
@@ -281,31 +279,6 @@ def check_limits(sent, limits):
             step = abs(getattr(tick.velocity, name) - getattr(planned, name))
             reachable = rate * duration if duration else 0.0
             assert change <= 1.001 * max(step, reachable) + 1e-12
-
-
-@given(st.lists(st.builds(
-    Pose, st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-3.0, 3.0)), max_size=20))
-def test_the_floor_pose_is_the_pose_with_all_its_turns(moves):
-    floor, pose = FloorPose(), Pose(2.0, -1.0, 0.5)
-    floor.update(pose)
-    for move in moves:
-        pose = compose(pose, move)
-        seen = floor.update(Pose(pose.x, pose.y, math.remainder(pose.theta, math.tau)))
-        error = relative_to(pose, seen)
-        assert max(abs(error.x), abs(error.y), abs(error.theta)) < 1e-9
-
-
-def test_odometry_is_seen_as_the_floor_has_it():
-    """Wheels that are 2 % larger than odometry takes them for, and turns that are 4 % less."""
-    floor, seen = FloorPose(lambda motion: Velocity(
-        motion.linear_x * 1.02, motion.angular_z * 0.96)), ORIGIN
-    floor.update(seen)
-    for distance, angle in [(0.01, 0.0)] * 50 + [(0.0, 0.01)] * 50 + [(0.01, 0.02)] * 50:
-        seen = advance(seen, distance, angle)
-        pose = floor.update(seen)
-    expected = advance(advance(advance(ORIGIN, 0.51, 0.0), 0.0, 0.48), 0.51, 0.96)
-    error = relative_to(expected, pose)
-    assert max(abs(error.x), abs(error.y), abs(error.theta)) < 1e-9
 
 
 def test_the_plan_of_a_closed_loop_leaves_room_and_settles():
