@@ -299,6 +299,10 @@ def exit_code(body: Callable[[], None], name: str = NAME) -> int:
         code = code_of(error)
         # After a signal an expected error only says that it stopped the motion.
         if signal_dispatcher.signum is None or not _is_expected(error):
+            first = error.__context__
+            # What is wrong with the stop must not hide why there was one.
+            if isinstance(first, ControlError) and not error.__suppress_context__:
+                print(_message(first, name), file=sys.stderr)
             print(_message(error, name), file=sys.stderr)
     return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
 

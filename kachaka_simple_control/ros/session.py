@@ -367,12 +367,17 @@ class Session:
                     and self.odometry.still_since(now) is not None)
 
         if not wait_until(is_at_rest, FEEDBACK_START_TIMEOUT):
-            is_moving = self.odometry.is_moving(time.monotonic())
+            now = time.monotonic()
+            topic = f'odometry on {self._odometry_topic}'
+            if self.odometry.is_moving(now):
+                raise MotionRefusedError(
+                    f'a closed loop begins at rest, and {topic} sees the robot move')
+            if self.odometry.still_since(now) is not None:
+                raise MotionRefusedError(
+                    f'a closed loop needs odometry that goes on, and the stamps of {topic} do not')
             raise MotionRefusedError(
-                f'a closed loop begins at rest, and odometry on {self._odometry_topic} sees the '
-                'robot move' if is_moving else
-                f'a closed loop needs odometry, and within {FEEDBACK_START_TIMEOUT:g} s none has '
-                f'come on {self._odometry_topic}')
+                f'a closed loop needs {topic}, and within {FEEDBACK_START_TIMEOUT:g} s none has '
+                'come')
         feedback.begin(plan)
         return feedback
 

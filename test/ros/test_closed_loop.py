@@ -75,17 +75,19 @@ def test_a_robot_that_is_held_is_stopped_with_one_line(robot, tmp_path):
 
 
 @contextlib.contextmanager
-def repeated_odometry(node, velocity):
-    """Publish one pose and a velocity all the time, with stamps that go on."""
+def repeated_odometry(node, velocity, stamped=True):
+    """Publish one pose and a velocity all the time; its stamps go on, if it is stamped so."""
     from nav_msgs.msg import Odometry
     publisher = node.create_publisher(Odometry, '/kachaka/odometry/odometry', 10)
     ended = threading.Event()
 
     def publish():
         message = Odometry()
+        message.header.stamp.sec = 1
         message.twist.twist.linear.x = velocity
         while not ended.wait(0.02):
-            message.header.stamp = node.get_clock().now().to_msg()
+            if stamped:
+                message.header.stamp = node.get_clock().now().to_msg()
             publisher.publish(message)
 
     thread = threading.Thread(target=publish)
@@ -111,8 +113,8 @@ def test_odometry_that_repeats_one_pose_ends_the_run(listener, observer, make, r
 
 def test_without_odometry_it_is_refused_before_anything_moves(listener, make, robot):
     node = make(robot=robot, closed_loop=True)
-    with pytest.raises(MotionRefusedError, match='a closed loop needs odometry, and within 3 s '
-                                                 'none has come on /kachaka/odometry/odometry'):
+    with pytest.raises(MotionRefusedError, match='a closed loop needs odometry on '
+                       '/kachaka/odometry/odometry, and within 3 s none has come'):
         node.run(Motion('far', (Forward(2.0),)))
     assert not any(velocity.moves for velocity in listener.heard)
 
@@ -125,6 +127,26 @@ def test_a_robot_in_motion_is_refused(listener, observer, make, robot):
                                       'robot move'):
         node.run(Motion('far', (Forward(2.0),)))
     assert not any(velocity.moves for velocity in listener.heard)
+
+
+def test_odometry_whose_stamps_stand_still_is_refused(listener, observer, make, robot):
+    node = make(robot=robot, closed_loop=True)
+    with repeated_odometry(observer.node, 0.0, stamped=False), pytest.raises(
+            MotionRefusedError, match='and the stamps of odometry on .* do not'):
+        node.run(Motion('far', (Forward(2.0),)))
+    assert not any(velocity.moves for velocity in listener.heard)
+
+
+def test_a_stop_that_is_unconfirmed_does_not_hide_why_there_was_one(
+        listener, observer, robot, tmp_path):
+    """Two lines: odometry sees the robot move, before and after."""
+    assert listener
+    with repeated_odometry(observer.node, 0.1), program(
+            [*COMMAND, 'straight', '--closed-loop', '--robot', robot], tmp_path) as started:
+        assert started.end() == 1
+    lines = [line for line in started.text.splitlines()
+             if line.startswith('kachaka_simple_control: ')]
+    assert ['a closed loop begins at rest' in lines[0], 'unconfirmed' in lines[1]] == [True, True]
 
 
 def test_without_a_delay_there_is_no_node(make):
