@@ -157,6 +157,8 @@ def require_ready(options: Options, more: CalibrateOptions) -> Settings:
     """
     settings = choose_settings(options, None)
     file = more.file
+    # What cannot be written is refused before anything moves.
+    calibrated_text(settings.robot, OdometryCalibration() if more.part else Calibration())
     if settings.profile.odometry_topic is None:
         raise UsageError(
             f'{escaped(settings.robot)} has no odometry to measure by; its file names none')

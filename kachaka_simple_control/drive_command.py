@@ -167,7 +167,7 @@ def _motion_file(options: Options) -> MotionFile | None:
             f'--sim and --address bring a kachaka along, not a {profile.name}: leave out that '
             'option, or --robot')
     if motion_file is not None:
-        settings.plan_limits(motion_file)
+        settings.limits_of(motion_file)
     elif settings.closed_loop:
         raise UsageError(
             'a closed loop is for motions: the lesson calls move_robot(), which sends what it is '
@@ -202,7 +202,7 @@ def _run(
         return
     used = robot_control.node_parameters
     limits = Settings(
-        used.robot, used.rate, robot_control.profile, used.closed_loop).plan_limits(motion_file)
+        used.robot, used.rate, robot_control.profile, used.closed_loop).limits_of(motion_file)
     if wait:
         service = RunService(robot_control, motion_file.motion, limits)
         with _keyboard(robot_control, {**keys, '\n': service.start}):

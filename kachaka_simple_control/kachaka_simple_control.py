@@ -34,10 +34,10 @@ from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import MAX_LATENESS
-from kachaka_simple_control.errors import MotionRefusedError
+from kachaka_simple_control.errors import InvalidMotionError, MotionRefusedError, UsageError
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.motion.geometry import Pose, Velocity
-from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.own_simulation import OwnSimulation, start_on_this_machine
@@ -140,8 +140,10 @@ class KachakaSimpleControl(Node):
         self._introspection = IntrospectionPublishers(self, self.publisher, self.profile)
         parameters = self.node_parameters
         if parameters.summary or parameters.odometry_timeout or parameters.closed_loop:
-            subscribe_to_odometry(
+            is_subscribed = subscribe_to_odometry(
                 self, self.robot_names, self._on_odometry, self._introspection.in_frame)
+            if parameters.closed_loop and not is_subscribed:
+                raise UsageError('a closed loop needs odometry, and nav_msgs is not installed')
         self.session = Session(
             self, self.publisher, self.profile, self.robot_names, self.node_parameters)
         if sim:
@@ -285,12 +287,18 @@ class KachakaSimpleControl(Node):
 
     def _drive(self, motion: Motion, limits: Limits | None, request: DriveRequest,
                is_closed_loop: bool = False) -> Plan:
-        allowed = self.profile.limits_for(is_closed_loop)
+        allowed = self.profile.planning_limits
+        corrected = None
         limits = limits or allowed
         if is_closed_loop:
-            motion = motion.settled()
+            corrected = limits.tightened(allowed)
+            motion, limits = motion.settled(), limits.scaled(CLOSED_LOOP_SHARE)
+            allowed = allowed.scaled(CLOSED_LOOP_SHARE)
         with self.session.exclusive(request):
-            planned = plan(motion, limits, self.node_parameters.rate)
+            try:
+                planned = plan(motion, limits, self.node_parameters.rate)
+            except InvalidMotionError as error:
+                raise _of_the_loop(error) if is_closed_loop else error from None
             if limits.exceeds(allowed):
                 # The gate would refuse such a velocity in mid-motion.
                 for velocity in {segment.velocity for segment in planned.segments}:
@@ -299,7 +307,7 @@ class KachakaSimpleControl(Node):
             self.event_bus.publish(MotionPlanned(
                 motion, limits, self.node_parameters.rate, time.monotonic()))
             try:
-                self.session.drive(planned, request, is_closed_loop)
+                self.session.drive(planned, request, corrected)
             except BaseException as error:
                 is_fault = not isinstance(error, (MotionRefusedError, KeyboardInterrupt))
                 self.event_bus.publish(MotionEnded(time.monotonic(), _reason(error), is_fault))
@@ -403,6 +411,12 @@ class _SignalHandler:
 def _discard_if_stopped() -> None:
     if signal_dispatcher.signum is not None:
         discard_unread()
+
+
+def _of_the_loop(error: InvalidMotionError) -> InvalidMotionError:
+    """Return an error whose limits are those that a closed loop plans with."""
+    return InvalidMotionError(
+        error.message.replace("the robot's limits", "the closed loop's limits"), error.path)
 
 
 def _reason(error: BaseException) -> str:

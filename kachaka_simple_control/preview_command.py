@@ -21,6 +21,7 @@ import sys
 from kachaka_simple_control.cli import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find, library
+from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.plan_plot import check_plot_file, save_plot
 from kachaka_simple_control.report.plan_view import PlanView
@@ -86,9 +87,9 @@ def plan_view(name: str, options: Options) -> PlanView:
         for line in describe_overrides(options, motion_file, settings):
             print(line, file=sys.stderr)
     profile = settings.profile
-    limits, motion = settings.plan_limits(motion_file), motion_file.motion
+    limits, motion = settings.limits_of(motion_file), motion_file.motion
     if settings.closed_loop:
-        motion = motion.settled()
+        limits, motion = limits.scaled(CLOSED_LOOP_SHARE), motion.settled()
     return PlanView(
         motion.name, profile.name, plan(motion, limits, settings.rate),
         limits, profile.footprint)

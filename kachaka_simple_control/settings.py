@@ -53,15 +53,14 @@ class Settings:
     profile: RobotProfile
     closed_loop: bool = False
 
-    def plan_limits(self, motion_file: MotionFile) -> Limits:
+    def limits_of(self, motion_file: MotionFile) -> Limits:
         """
-        Return the limits to plan a motion with.
+        Return the limits of a motion; a closed loop plans it with a part of them.
 
         :raises MotionFileError: if the robot cannot drive it, with a line for each problem
         """
         return motion_file.check(
-            self.profile.limits_for(self.closed_loop),
-            'the closed loop' if self.closed_loop else self.profile.name)
+            self.profile.planning_limits, self.profile.name, self.closed_loop)
 
 
 def choose_settings(options: Options, motion_file: MotionFile | None) -> Settings:

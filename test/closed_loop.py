@@ -30,6 +30,7 @@ from kachaka_simple_control.kachaka.simulator.drive_model import (
     SimulationParameters,
 )
 from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, ZERO
+from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Turn
 
@@ -79,10 +80,9 @@ class ClosedLoopDrive:
         is_closed = self.delay is not None
         self.plan: Plan = plan(
             self.motion.settled() if is_closed else self.motion,
-            KACHAKA.limits_for(is_closed), self.rate)
+            KACHAKA.limits.scaled(CLOSED_LOOP_SHARE) if is_closed else KACHAKA.limits, self.rate)
         self._feedback = PoseFeedback(
-            self.delay or 0.0, KACHAKA.limits,
-            self.parameters.floor if self.knows_odometry else None)
+            self.delay or 0.0, self.parameters.floor if self.knows_odometry else None)
         self._robot = DriveModel(self.parameters, 0.0, self.seed)
         self._odometry = NoisyOdometry(self.parameters, 0.0, self.seed)
         self._samples = 0
@@ -91,7 +91,7 @@ class ClosedLoopDrive:
         """Drive; return where the robot comes to rest, seen from where it should."""
         lateness = random.Random(self.seed)
         self._pass(START)
-        self._feedback.begin(self.plan)
+        self._feedback.begin(self.plan, KACHAKA.limits)
         scheduler, due = TickScheduler(self.plan), 0.0
         while (tick := scheduler.due(due, self.factor(due))) is not None:
             now = START + due + min(0.009, lateness.expovariate(5000.0))

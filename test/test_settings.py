@@ -92,8 +92,6 @@ def test_a_loop_is_closed_by_what_wins(words, file, closed_loop, overridden, mea
     chosen, lines = settings(f'{measured} {words}', file)
     assert chosen.closed_loop is closed_loop
     assert lines == overridden
-    limits = chosen.plan_limits(loads(*file))
-    assert limits.max_linear_velocity == pytest.approx(0.27 if closed_loop else 0.3)
 
 
 @pytest.mark.parametrize('words, file, line', [
@@ -123,7 +121,7 @@ def test_what_needs_all_of_the_limits_cannot_be_corrected(measured):
             'fast.yaml')
     chosen, _ = settings(measured, file)
     with pytest.raises(MotionFileError) as caught:
-        chosen.plan_limits(loads(*file))
+        chosen.limits_of(loads(*file))
     assert str(caught.value) == (
         "fast.yaml:3: step 1: move.linear_x: 0.3 m/s, outside the closed loop's limits of -0.27 "
         'to 0.27 m/s')

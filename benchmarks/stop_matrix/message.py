@@ -24,7 +24,7 @@ MAX_LENGTH = 100
 #: Lines that each program logs.
 ROUTINE = (
     'Robot control node has started', 'Robot has stopped', 'Movement completed', 'Paused: ',
-    'Resumed')
+    'Resumed', 'Calibrated: ', 'The robot did not confirm')
 
 
 def last_message(text: str, namespace: str, traceback_expected: bool) -> str:

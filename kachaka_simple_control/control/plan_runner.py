@@ -111,9 +111,10 @@ def run_plan(
     is_delayed = False
     while tick is not None:
         is_delayed = is_delayed or tick.plan_time != tick.start
-        gate.send(
-            run, monitor.correct(tick, clock()), tick.plan_time if is_delayed else None)
-        gate.wait_for_dds(run, partial(monitor.on_sent, tick.rest))
+        velocity = monitor.correct(tick, clock())
+        gate.send(run, velocity, tick.plan_time if is_delayed else None)
+        gate.wait_for_dds(run, partial(
+            monitor.on_sent, tick.rest if velocity.is_zero else 0.0))
         sleep_until(run.began + tick.deadline, check, clock, sleep)
         # The deadline has passed, even if the difference of two clock readings rounds below it.
         tick = scheduler.due(max(clock() - run.began, tick.deadline), monitor.speed_factor)

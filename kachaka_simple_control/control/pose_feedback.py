@@ -24,10 +24,13 @@ from kachaka_simple_control.control.tick_scheduler import Tick
 from kachaka_simple_control.control.timing import (
     FEEDBACK_MAX_AGE,
     MAX_HEADING_ERROR,
+    MAX_MOVED_ANGLE,
+    MAX_MOVED_DISTANCE,
     MAX_POSITION_ERROR,
 )
 from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.motion.geometry import (
+    distance_between,
     integrate,
     ORIGIN,
     Pose,
@@ -71,7 +74,7 @@ class _Sent(NamedTuple):
 
 def loop_gain(delay: float) -> float:
     """
-    Return the gain of the loop [1/s] (21): times the delay at most 1/e, so nothing overshoots.
+    Return the gain of the loop [1/s] (21): times the delay at most 1/e, against overshoot.
 
     :param delay: of the robot, dead time and lag together [s]
     """
@@ -88,15 +91,11 @@ class PoseFeedback:
     ``on_odometry`` may be called from another thread than the rest.
 
     :param delay: of the robot from a command to odometry, dead time and lag together [s]
-    :param limits: of the robot; no velocity and no acceleration beyond them comes out
     :param odometry: how the motion on the floor differs from what odometry reports
     """
 
-    def __init__(
-            self, delay: float, limits: Limits,
-            odometry: OdometryCalibration | None = None) -> None:
+    def __init__(self, delay: float, odometry: OdometryCalibration | None = None) -> None:
         self._delay = delay
-        self._limits = limits
         self._odometry = odometry or OdometryCalibration()
         #: the newest pose by odometry, and on the floor; None before the first
         self._reported: Pose | None = None
@@ -124,18 +123,21 @@ class PoseFeedback:
             self._floor, self._reported, pose)
         self._reported = pose
         sample = PoseSample(arrived, self._floor)
-        self._samples = (sample,) if is_moving else (*samples, sample)[-START_SAMPLES:]
+        is_one_rest = not is_moving and samples and _are_near(samples[-1], sample)
+        self._samples = (*samples, sample)[-START_SAMPLES:] if is_one_rest else (sample,)
 
     def age(self, now: float) -> float:
         """Return the age of the newest sample [s]; infinite before the first."""
         return now - self._samples[-1].arrived if self._samples else math.inf
 
-    def begin(self, plan: Plan) -> None:
+    def begin(self, plan: Plan, limits: Limits) -> None:
         """
         Begin a run; ``on_odometry`` has had a sample.
 
         :param plan: the plan, made with ``CLOSED_LOOP_SHARE`` of the limits
+        :param limits: no velocity and no acceleration beyond them comes out
         """
+        self._limits = limits
         self._gain = loop_gain(self._delay)
         self._plan = plan
         # Without a limit, the plan's own largest velocity says what is much.
@@ -188,7 +190,7 @@ class PoseFeedback:
                 f'odometry sees the robot {distance * 100.0:.0f} cm and '
                 f'{math.degrees(angle):.0f} deg from where it should be, more than '
                 f'{MAX_POSITION_ERROR * 100.0:.0f} cm or {math.degrees(MAX_HEADING_ERROR):.0f} '
-                'deg: wheels slip, or something holds it')
+                'deg: wheels slip, or something holds or moves it')
         return error
 
     def _correction(self, tick: Tick, error: Pose | None) -> Velocity:
@@ -247,6 +249,13 @@ def _reachable(
 def _rate(acceleration: float, deceleration: float, duration: float) -> float:
     """Return by how much a velocity may change in a time, whichever way."""
     return min(acceleration, deceleration) * duration if duration else 0.0
+
+
+def _are_near(one: PoseSample, two: PoseSample) -> bool:
+    """Return whether a robot at rest may have both: no gap, and no jump."""
+    distance, angle = distance_between(one.pose, two.pose)
+    return (two.arrived - one.arrived <= FEEDBACK_MAX_AGE
+            and distance <= MAX_MOVED_DISTANCE and abs(angle) <= MAX_MOVED_ANGLE)
 
 
 def _clip(value: float, bound: float) -> float:

@@ -108,6 +108,9 @@ GRAPH_CHECK_PERIOD = 1.0
 FEEDBACK_MAX_AGE = 0.2
 #: How long to wait for the first odometry before a run that needs it is refused.  Chosen.
 FEEDBACK_START_TIMEOUT = 3.0
+#: Without odometry that goes on for this long a closed loop ends, where ``odometry_timeout`` is 0.
+#: Chosen: the default of that parameter.
+FEEDBACK_TIMEOUT = 1.0
 #: A robot further from where it should be [m], [rad] ends the run: wheels slip, or something holds
 #: it.  Chosen: far beyond what a robot whose velocities are wrong by 7 % comes to.
 MAX_POSITION_ERROR = 0.2

@@ -38,7 +38,7 @@ from kachaka_simple_control.files.document import (
 )
 from kachaka_simple_control.files.schema import motion_schema, read_document
 from kachaka_simple_control.files.yaml_document import read_text
-from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
+from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.planner import find_errors, MAX_STEPS
 from kachaka_simple_control.motion.step_base import FieldKind, KINDS, Step, StepList
 from kachaka_simple_control.motion.steps import Motion
@@ -78,21 +78,26 @@ class MotionFile:
         """
         return location(self.source, self._line(path))
 
-    def check(self, limits: Limits, robot: str = 'the robot') -> Limits:
+    def check(
+            self, limits: Limits, robot: str = 'the robot', closed_loop: bool = False) -> Limits:
         """
         Check that a robot can drive the motion.
 
         :param limits: of the robot
         :param robot: its name in errors
-        :returns: the limits to plan with: the file's own where it has some, else the robot's
+        :param closed_loop: whether a part of the limits is kept for corrections
+        :returns: the limits of the motion: the file's own where it has some, else the robot's
         :raises MotionFileError: if it cannot, with a line for each problem
         """
         tightened = self._tighten(limits)
         # The limit of a step may be one of the file.
         whose = 'the' if self.limits else f"{robot}'s"
+        planned = tightened
+        if closed_loop:
+            whose, planned = "the closed loop's", tightened.scaled(CLOSED_LOOP_SHARE)
         problems = [
             *(self._problem(error, f"{robot}'s") for error in self._excesses(limits)),
-            *(self._problem(error, whose) for error in find_errors(self.motion, tightened))]
+            *(self._problem(error, whose) for error in find_errors(self.motion, planned))]
         if problems:
             raise MotionFileError(self.source, problems)
         return tightened

@@ -29,15 +29,12 @@ from kachaka_simple_control.files.document import (
     Document,
     FileError,
     is_path,
+    Problem,
     UnreadableFileError,
 )
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Velocity
-from kachaka_simple_control.motion.limits import (
-    CLOSED_LOOP_SHARE,
-    LIMIT_QUANTITIES,
-    Limits,
-)
+from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE, TIME, VEER
 
@@ -92,11 +89,6 @@ class RobotProfile:
             if calibration is not None:
                 limits = calibration.reduce(limits)
         return limits
-
-    def limits_for(self, closed_loop: bool) -> Limits:
-        """Return the limits to plan with, open loop or closed."""
-        limits = self.planning_limits
-        return limits.scaled(CLOSED_LOOP_SHARE) if closed_loop else limits
 
     def feedback_delay(self) -> float:
         """
@@ -196,7 +188,7 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
 
     :param robot: a name that the package knows, or the path of a profile
     :param calibration: of either kind; replaces one of its kind
-    :raises RobotFileError: if the profile cannot be read
+    :raises RobotFileError: if the profile cannot be read, or the file that is made of it
     """
     key = 'calibration' if isinstance(calibration, Calibration) else 'odometry_calibration'
     if is_path(robot):
@@ -214,7 +206,15 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
             # A text in quotes as JSON has them is one of YAML, too.
             text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value
             lines.append(f'  {name}: {text}{unit}')
-    return '\n'.join(lines) + '\n'
+    text = '\n'.join(lines) + '\n'
+    from kachaka_simple_control.files.schema import read_document, read_schema
+    try:
+        _read(read_document(text, read_schema(SCHEMA)), robot)
+    except UnreadableFileError:
+        raise RobotFileError(robot, [Problem(
+            f'{key} cannot be added below it: write each of its keys on a line of its own')],
+        ) from None
+    return text
 
 
 def _without(key: str, lines: list[str]) -> list[str]:

@@ -27,6 +27,8 @@ from kachaka_simple_control.motion.units import format_number, require_finite
 MIN_GAIN, MAX_GAIN = 0.5, 2.0
 #: The largest veer [rad/m].
 MAX_VEER = 1.0
+#: The longest delay [s]: a robot that is later is driven otherwise.
+MAX_DELAY = 3.0
 #: What rounding may add to a velocity that was planned at its limit.
 MARGIN = 1e-9
 
@@ -61,7 +63,7 @@ class Calibration:
         """
         Refuse what cannot be.
 
-        :raises InvalidMotionError: if a gain or the veer is out of range
+        :raises InvalidMotionError: if a gain, the veer or the delay is out of range
         """
         for item in fields(self):
             value = getattr(self, item.name)
@@ -70,6 +72,10 @@ class Calibration:
                 if not MIN_GAIN <= value <= MAX_GAIN:
                     raise InvalidMotionError(
                         f'{item.name} is {value}; it must be from {MIN_GAIN:g} to {MAX_GAIN:g}')
+        if self.delay is not None and not (
+                0.0 <= require_finite('delay', self.delay, 's') <= MAX_DELAY):
+            raise InvalidMotionError(
+                f'delay is {self.delay} s; it must be from 0 to {MAX_DELAY:g} s')
         if not abs(require_finite('veer', self.veer, 'rad/m')) <= MAX_VEER:
             raise InvalidMotionError(
                 f'veer is {self.veer} rad/m; it must be from -{MAX_VEER:g} to {MAX_VEER:g} rad/m')

@@ -30,7 +30,7 @@ from kachaka_simple_control.motion.units import (
     require_positive,
 )
 
-#: The part of a robot's limits that a plan for a closed loop uses; the rest is for corrections.
+#: The part of the limits that a plan for a closed loop uses; the rest is for corrections.
 CLOSED_LOOP_SHARE = 0.9
 
 
@@ -96,6 +96,19 @@ class Limits:
         """Return these limits times a factor."""
         return Limits(**{
             name: value * factor for name, value in asdict(self).items() if value is not None})
+
+    def tightened(self, other: Limits) -> Limits:
+        """Return the lower of these limits and others, each."""
+        return Limits(
+            min(self.max_linear_velocity, other.max_linear_velocity),
+            min(self.max_angular_velocity, other.max_angular_velocity),
+            min(self.max_linear_acceleration, other.max_linear_acceleration),
+            min(self.max_angular_acceleration, other.max_angular_acceleration),
+            min(self.max_linear_jerk, other.max_linear_jerk),
+            min(self.max_angular_jerk, other.max_angular_jerk),
+            min(self.linear_deceleration, other.linear_deceleration),
+            min(self.angular_deceleration, other.angular_deceleration),
+            min(self.backward_velocity, other.backward_velocity))
 
     def exceeds(self, other: Limits) -> bool:
         """Return whether these limits allow a velocity that others do not."""

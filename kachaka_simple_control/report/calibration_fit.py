@@ -75,8 +75,8 @@ class CalibrationFit:
         """Return the calibration that corrects it."""
         gains = {f'{name}_gain': round(gain.value, 5) for name, gain in self.gains.items()}
         return Calibration(
-            **gains, veer=round(self.veer.value, 5), delay=round(self.delay.value, 4), date=date,
-            floor=floor)
+            **gains, veer=round(self.veer.value, 5),
+            delay=round(max(0.0, self.delay.value), 4), date=date, floor=floor)
 
 
 class Rest(NamedTuple):

@@ -168,7 +168,8 @@ def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
         seen.update((ends, ends[::-1]))
         kept += [points[two]] if cells[last] == ends[0] else [GAP, points[one], points[two]]
         last = two
-    return kept
+    # It ends where the path does, also where that line is drawn already.
+    return kept if last == len(points) - 1 else [*kept, GAP, *points[-2:]]
 
 
 def distinct(poses: Iterable[Pose], grain: float, most: int) -> list[Pose]:

@@ -32,23 +32,24 @@ from rclpy.qos import qos_profile_sensor_data
 def subscribe_to_odometry(
         node: Node, names: RobotNames,
         on_odometry: Callable[[float, Pose, Velocity, bool], None],
-        on_frame: Callable[[str], None]) -> None:
+        on_frame: Callable[[str], None]) -> bool:
     """
     Subscribe to odometry, unless the robot has none or nav_msgs is not installed.
 
     :param on_odometry: called with the time of arrival [s on the steady clock], the pose, the
         velocity, and whether its stamp is later than that of the message before, or is not set
     :param on_frame: called with the frame of the poses, before the first pose in it
+    :returns: whether it subscribed
     :raises UsageError: if a parameter asks for an invalid quality of service
     """
     topic = names.odometry
     if topic is None:
-        return
+        return False
     # Optional: without nav_msgs a drive works, and only knows less of how it went.
     try:
         from nav_msgs.msg import Odometry
     except ImportError:
-        return
+        return False
 
     frame, newest = None, 0
 
@@ -68,3 +69,4 @@ def subscribe_to_odometry(
     with_qos_overrides(lambda options: node.create_subscription(
         Odometry, topic, on_message, copy(qos_profile_sensor_data),
         qos_overriding_options=options))
+    return True

@@ -25,6 +25,7 @@ from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.stop import PausePose, StandstillDetector
 from kachaka_simple_control.control.tick_scheduler import Tick
 from kachaka_simple_control.control.timing import (
+    FEEDBACK_TIMEOUT,
     GRAPH_CHECK_PERIOD,
     GRAPH_COUNT_PERIOD,
     SUBSCRIBER_CHECK_PERIOD,
@@ -138,6 +139,12 @@ class RosRunMonitor:
             raise RunFaultError(
                 f'odometry has been silent for {self._odometry.age(now):.1f} s: the robot or the '
                 'link to it is lost')
+        if self._feedback is not None:
+            age = self._feedback.age(now)
+            # Its messages may come, and say nothing new.
+            if age > (self._odometry_timeout or FEEDBACK_TIMEOUT):
+                raise RunFaultError(
+                    f'odometry has had nothing new for {age:.1f} s: a closed loop needs it')
         if self._held_since is not None and now - self._held_since > self._pause_timeout:
             raise PauseTimeoutError(
                 f'paused for {self._pause_timeout:g} s (parameter pause_timeout): the motion was '

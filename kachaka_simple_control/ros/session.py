@@ -50,6 +50,7 @@ from kachaka_simple_control.errors import (
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.motion.geometry import Pose, Velocity
+from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.ros.executors import BackgroundExecutor
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
@@ -88,8 +89,9 @@ class Session:
         self._parameters = parameters
         #: corrects velocities by odometry; None without the parameter ``closed_loop``
         self._feedback = PoseFeedback(
-            profile.feedback_delay(), profile.planning_limits,
-            profile.odometry_calibration) if parameters.closed_loop else None
+            profile.feedback_delay(), profile.odometry_calibration) if (
+                parameters.closed_loop) else None
+        self._feedback_topic = names.odometry
         #: what odometry tells of the robot's velocity
         self.odometry = StandstillDetector()
         self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._on_conflict)
@@ -165,19 +167,23 @@ class Session:
         finally:
             self._requests.finish(request, is_complete)
 
-    def drive(self, plan: Plan, request: DriveRequest, is_closed_loop: bool = False) -> None:
+    def drive(
+            self, plan: Plan, request: DriveRequest,
+            feedback_limits: Limits | None = None) -> None:
         """
         Run a plan, and leave the robot at rest.
 
         :param plan: the plan
         :param request: the request that the block is ``exclusive`` for
-        :param is_closed_loop: whether odometry corrects the velocities
+        :param feedback_limits: what the velocities keep that odometry corrects, above those of the
+            plan; None: they are sent as planned
         :raises ControlError: if the robot cannot be taken or the run could not go on
         """
         self._request, self._has_reported = request, False
         try:
             self._take()
-            feedback = self._begin_feedback(plan) if is_closed_loop else None
+            feedback = None if feedback_limits is None else (
+                self._begin_feedback(plan, feedback_limits))
             # Not before: the stop of the movement before must not wait until the robot is taken.
             self._stopper.cancel_pending()
             self._monitor.begin(feedback)
@@ -355,7 +361,7 @@ class Session:
         self._manual_control.enable(self._parameters.robot_timeout)
         self._lease.granted(requested)
 
-    def _begin_feedback(self, plan: Plan) -> PoseFeedback:
+    def _begin_feedback(self, plan: Plan, limits: Limits) -> PoseFeedback:
         """Wait until odometry sees the robot at rest, and begin to correct a plan by it."""
         assert self._feedback is not None
         feedback = self._feedback
@@ -368,7 +374,7 @@ class Session:
 
         if not wait_until(is_at_rest, FEEDBACK_START_TIMEOUT):
             now = time.monotonic()
-            topic = f'odometry on {self._odometry_topic}'
+            topic = f'odometry on {self._feedback_topic}'
             if self.odometry.is_moving(now):
                 raise MotionRefusedError(
                     f'a closed loop begins at rest, and {topic} sees the robot move')
@@ -378,7 +384,7 @@ class Session:
             raise MotionRefusedError(
                 f'a closed loop needs {topic}, and within {FEEDBACK_START_TIMEOUT:g} s none has '
                 'come')
-        feedback.begin(plan)
+        feedback.begin(plan, limits)
         return feedback
 
     def _prime(self) -> None:

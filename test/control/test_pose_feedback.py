@@ -20,22 +20,25 @@ import random
 from statistics import median
 
 from closed_loop import ClosedLoopDrive, random_robots, SQUARE
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from kachaka_simple_control.control.pose_feedback import loop_gain, PoseFeedback
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.control.timing import FEEDBACK_MAX_AGE
-from kachaka_simple_control.errors import RunFaultError
+from kachaka_simple_control.errors import InvalidMotionError, RunFaultError
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.simulator.drive_model import IDEAL, SimulationParameters
+from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import (
     advance,
     compose,
+    integrate,
     ORIGIN,
     Pose,
     ZERO,
 )
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE
+from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Settle, Turn, Wait
 import pytest
@@ -117,26 +120,32 @@ class Run:
 
     def __init__(self, motion, limits=KACHAKA.limits, rate=20.0, delay=0.1):
         """Begin; the robot stands at the origin."""
-        self.limits = limits
+        self.limits, self.started = limits, 100.0
         self.plan = plan(motion, limits.scaled(CLOSED_LOOP_SHARE), rate)
-        self.feedback = PoseFeedback(delay, limits)
+        self.feedback = PoseFeedback(delay)
         self.feedback.on_odometry(100.0, ORIGIN, is_moving=False)
-        self.feedback.begin(self.plan)
+        self.feedback.begin(self.plan, limits)
         self.scheduler = TickScheduler(self.plan)
         self.due = 0.0
+
+    def begin(self, now, pose):
+        """Begin anew, at another time, where the robot stands now."""
+        self.started = now
+        self.feedback.on_odometry(now, pose, is_moving=False)
+        self.feedback.begin(self.plan, self.limits)
 
     def next(self, factor=1.0):
         """Return the next tick and what is sent for it; None after the last."""
         tick = self.scheduler.due(self.due, factor)
         if tick is None:
             return None
-        sent = self.feedback.correct(tick, 100.0 + self.due)
+        sent = self.feedback.correct(tick, self.started + self.due)
         self.due = tick.deadline
         return tick, sent
 
     def see(self, pose, is_moving=True):
         """Deliver a pose now."""
-        self.feedback.on_odometry(100.0 + self.due, pose, is_moving)
+        self.feedback.on_odometry(self.started + self.due, pose, is_moving)
 
     def stand(self):
         """Send all that is due; odometry repeats the pose at the start."""
@@ -186,7 +195,7 @@ def test_odometry_that_repeats_one_pose_ends_the_run(step):
 
 def test_a_robot_that_is_held_is_given_up_in_time():
     drive = ClosedLoopDrive(SimulationParameters(linear_gain=0.0, dead_time=0.2), 0.2)
-    with pytest.raises(RunFaultError, match='something holds it'):
+    with pytest.raises(RunFaultError, match='something holds or moves it'):
         drive.run()
 
 
@@ -279,6 +288,87 @@ def check_limits(sent, limits):
             step = abs(getattr(tick.velocity, name) - getattr(planned, name))
             reachable = rate * duration if duration else 0.0
             assert change <= 1.001 * max(step, reachable) + 1e-12
+
+
+def test_a_second_run_knows_nothing_of_the_first():
+    """With the same feedback, as of one node: the first went wrong, and far away."""
+    run = Run(Motion('far', (Forward(2.0),)))
+    with pytest.raises(RunFaultError):
+        run.stand()
+    again, fresh = Run(SQUARE.settled()), Run(SQUARE.settled())
+    again.feedback = run.feedback
+    for each in (again, fresh):
+        each.begin(1000.0, Pose(5.0, 1.0, 2.0))
+    for _ in range(25):
+        (_, sent), (_, expected) = again.next(), fresh.next()
+        assert sent.linear_x == pytest.approx(expected.linear_x, abs=1e-9)
+        assert sent.angular_z == pytest.approx(expected.angular_z, abs=1e-9)
+        for each in (again, fresh):
+            each.see(compose(Pose(5.0, 1.0, 2.0), Pose(0.1 * each.due)))
+
+
+@pytest.mark.parametrize(('late', 'pose'), [(0.5, Pose()), (0.02, Pose(2.0))])
+def test_a_run_starts_where_the_newest_samples_are(late, pose):
+    """Not between them and those before a gap, or before a jump: odometry began anew."""
+    run = Run(SQUARE.settled())
+    for number in range(24):
+        run.feedback.on_odometry(200.0 + 0.02 * number, Pose(2.0, 1.0), is_moving=False)
+    run.begin(200.48 + late, pose)
+    for _ in range(5):
+        tick, sent = run.next()
+        assert sent.linear_x == pytest.approx(tick.velocity.linear_x, abs=0.005)
+        assert sent.angular_z == 0.0
+        run.see(pose)
+
+
+@given(st.data())
+def test_what_is_corrected_for_a_calibrated_robot_is_within_its_limits(data):
+    """The gate refuses what is not, in mid-motion; the limits are those that ``run()`` has."""
+    gains = st.floats(0.8, 1.25)
+    profile = replace(
+        KACHAKA,
+        calibration=data.draw(st.builds(
+            Calibration, gains, gains, gains, gains, st.floats(-0.3, 0.3))),
+        odometry_calibration=data.draw(st.builds(
+            OdometryCalibration, gains, st.floats(0.97, 1.03), gains, st.just(0.2))))
+    try:
+        limits = profile.planning_limits
+    except InvalidMotionError:
+        assume(False)
+    run = Run(SQUARE.settled(), limits)
+    away = data.draw(st.tuples(
+        st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-0.5, 0.5)))
+    try:
+        for number in range(200):
+            tick, sent = run.next()
+            profile.limits.check(profile.command(sent))
+            wanted = tick.plan_time - 0.1
+            run.see(compose(pose_at(run.plan, max(0.0, wanted)), Pose(
+                *(value * math.sin(0.1 * number) for value in away))))
+    except RunFaultError:
+        pass
+
+
+def pose_at(planned, time):
+    """Return the pose of a plan at a time [s]."""
+    pose = ORIGIN
+    for segment in planned.segments:
+        if segment.start < time:
+            pose = integrate(pose, segment.velocity, min(segment.end, time) - segment.start)
+    return pose
+
+
+def test_the_limits_of_a_motion_are_kept_too():
+    """Gentle ones, for a load: what is added keeps them as the plan does."""
+    gentle = replace(KACHAKA.limits, max_linear_velocity=0.1, max_linear_acceleration=0.1,
+                     max_angular_acceleration=0.3)
+    run, sent = Run(SQUARE.settled(), gentle), [(None, ZERO)]
+    for number in range(300):
+        sent.append(run.next())
+        run.see(compose(pose_at(run.plan, max(0.0, run.due - 0.1)),
+                        Pose(-0.1, 0.05 * math.sin(number), 0.2)))
+    check_limits(sent, gentle)
+    assert any(velocity != tick.velocity for tick, velocity in sent[1:])
 
 
 def test_the_plan_of_a_closed_loop_leaves_room_and_settles():

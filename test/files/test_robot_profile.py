@@ -57,6 +57,15 @@ def robot(tmp_path):
     return read
 
 
+@pytest.mark.parametrize('text', ['{extends: kachaka}\n', '---\nextends: kachaka\n...\n'])
+def test_a_file_to_which_nothing_can_be_added_is_refused(text, tmp_path):
+    file = tmp_path / 'own.yaml'
+    file.write_text(text)
+    assert find_robot(file).limits == KACHAKA.limits
+    with pytest.raises(RobotFileError, match='calibration cannot be added below it'):
+        calibrated_text(str(file), Calibration())
+
+
 def test_the_package_knows_three_robots():
     assert robots() == ['generic', 'kachaka', 'turtlebot3']
     assert [find_robot(name).name for name in robots()] == robots()

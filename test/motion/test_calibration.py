@@ -94,6 +94,9 @@ def test_what_has_no_limit_has_none_afterwards():
     ({'forward_gain': 0.4}, 'forward_gain is 0.4; it must be from 0.5 to 2'),
     ({'right_gain': math.nan}, 'right_gain is nan ; it must be a finite number'),
     ({'veer': 1.1}, 'veer is 1.1 rad/m; it must be from -1 to 1 rad/m'),
+    ({'delay': -0.1}, 'delay is -0.1 s; it must be from 0 to 3 s'),
+    ({'delay': 300.0}, 'delay is 300.0 s; it must be from 0 to 3 s'),
+    ({'delay': math.nan}, 'delay is nan s; it must be a finite number'),
 ])
 def test_what_cannot_be_is_refused(values, message):
     with pytest.raises(InvalidMotionError) as caught:

@@ -34,6 +34,8 @@ CALIBRATED = 'extends: kachaka\ncalibration: {delay: 0.3 s}\n'
 #: Errors of a simulated robot that the calibration does not have.
 ERRORS = ['--linear-gain', '0.95', '--angular-gain', '0.96', '--veer', '0.05', '--dead-time',
           '0.2', '--lag', '0.1']
+WORN = 'scale: 0.95, wheel_ratio: 0.99, track_ratio: 1.05, track: 0.2 m'
+WORN_OPTIONS = 'odometry-scale=0.95 wheel-ratio=0.99 track-ratio=1.05'
 CORNER = """
 closed_loop: true
 rate: 20 Hz
@@ -66,6 +68,20 @@ def test_a_closed_loop_ends_where_the_plan_does(robot, tmp_path):
     assert re.search(r'settle 1.5 s +0.0000 m  0.0000 rad', started.text)
 
 
+def test_a_worn_robot_ends_there_on_the_floor(tmp_path):
+    """Its odometry is wrong, as its file says, and so are its gains, as it does not."""
+    (tmp_path / 'own.yaml').write_text(f'{CALIBRATED}odometry_calibration: {{{WORN}}}\n')
+    (tmp_path / 'corner.yaml').write_text(CORNER)
+    worn = [f'--{word}' for word in WORN_OPTIONS.split()]
+    with program([*COMMAND, str(tmp_path / 'corner.yaml'), '--sim', *ERRORS, *worn],
+                 tmp_path) as started:
+        assert started.end(40.0) == 0, started.text
+    x, y, heading = map(float, re.search(
+        r'true pose: (\S+) m, (\S+) m, (\S+) deg', started.text).groups())
+    assert math.hypot(x - 0.6, y - 0.6) < 0.02
+    assert heading == pytest.approx(90.0, abs=1.0)
+
+
 def test_a_robot_that_is_held_is_stopped_with_one_line(robot, tmp_path):
     with program([*COMMAND, 'straight', '--closed-loop', '--robot', robot, '--sim',
                   '--linear-gain', '0'], tmp_path) as started:
@@ -75,18 +91,18 @@ def test_a_robot_that_is_held_is_stopped_with_one_line(robot, tmp_path):
 
 
 @contextlib.contextmanager
-def repeated_odometry(node, velocity, stamped=True):
-    """Publish one pose and a velocity all the time; its stamps go on, if it is stamped so."""
+def repeated_odometry(node, velocity, stamped_for=math.inf):
+    """Publish one pose and a velocity all the time; its stamps go on for a time [s]."""
     from nav_msgs.msg import Odometry
     publisher = node.create_publisher(Odometry, '/kachaka/odometry/odometry', 10)
     ended = threading.Event()
 
     def publish():
-        message = Odometry()
+        message, began = Odometry(), time.monotonic()
         message.header.stamp.sec = 1
         message.twist.twist.linear.x = velocity
         while not ended.wait(0.02):
-            if stamped:
+            if time.monotonic() - began < stamped_for:
                 message.header.stamp = node.get_clock().now().to_msg()
             publisher.publish(message)
 
@@ -119,6 +135,17 @@ def test_without_odometry_it_is_refused_before_anything_moves(listener, make, ro
     assert not any(velocity.moves for velocity in listener.heard)
 
 
+def test_odometry_that_says_nothing_new_ends_the_run(listener, observer, make, robot):
+    """Its messages go on, and their stamps do not: an open loop would not be noticed."""
+    node = make(robot=robot, closed_loop=True)
+    node.move_robot(0.0, 0.0, 0.1)
+    with repeated_odometry(observer.node, 0.0, stamped_for=2.0), pytest.raises(
+            RunFaultError, match='odometry has had nothing new for 1.. s: a closed loop'):
+        node.run(Motion('slow', (Forward(1.0, 0.02),)))
+    assert any(velocity.moves for velocity in listener.heard)
+    assert not any(velocity.moves for velocity in listener.heard[-10:])
+
+
 def test_a_robot_in_motion_is_refused(listener, observer, make, robot):
     """Where it starts cannot be told."""
     node = make(robot=robot, closed_loop=True)
@@ -131,7 +158,7 @@ def test_a_robot_in_motion_is_refused(listener, observer, make, robot):
 
 def test_odometry_whose_stamps_stand_still_is_refused(listener, observer, make, robot):
     node = make(robot=robot, closed_loop=True)
-    with repeated_odometry(observer.node, 0.0, stamped=False), pytest.raises(
+    with repeated_odometry(observer.node, 0.0, stamped_for=0.0), pytest.raises(
             MotionRefusedError, match='and the stamps of odometry on .* do not'):
         node.run(Motion('far', (Forward(2.0),)))
     assert not any(velocity.moves for velocity in listener.heard)
