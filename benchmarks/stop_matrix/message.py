@@ -20,6 +20,8 @@ import re
 LOG_PREFIX = re.compile(r'^\[\w+\] \[[\d.]+\] \[[\w./]+\]: ')
 PROGRAM_PREFIX = re.compile(r'^(kachaka_simple_control: |kachaka_simple_control\.[\w.]+: )')
 COLOUR = re.compile(r'\x1b\[[\d;]*m')
+#: The script of a trial, in a folder of its own.
+SCRIPT = re.compile(r'/\S*/script\.py')
 MAX_LENGTH = 100
 #: Lines that each program logs.
 ROUTINE = (
@@ -41,5 +43,6 @@ def last_message(text: str, namespace: str, traceback_expected: bool) -> str:
              for line in plain.splitlines() if not line.startswith((' ', 'Traceback'))]
     messages = [line for line in lines if line and not line.startswith(ROUTINE)]
     last = (messages[-1] if messages else '').replace(namespace, 'kachaka')
+    last = SCRIPT.sub('script.py', last)
     last = last if len(last) <= MAX_LENGTH else last[:MAX_LENGTH].rsplit(' ', 1)[0] + ' ...'
     return f'Traceback: {last}' if 'Traceback' in text and not traceback_expected else last

@@ -139,6 +139,8 @@ kachaka_simple_control: the robot left: nobody subscribes to /stop_3/manual_cont
     trace = f'Traceback (most recent call last):\n  File "a"\n{text}'
     assert last_message(trace, 'stop_3', True) == said
     assert last_message(trace, 'stop_3', False).startswith('Traceback: ')
+    own = '/tmp/stop_matrix_8/script.py:26: the robot left'
+    assert last_message(own, 'stop_3', False) == 'script.py:26: the robot left'
 
 
 def test_the_stop_of_a_paused_program_begins_where_zeros_come_at_once():
