@@ -4,12 +4,14 @@
 # PYTHON  the Python to use, 3.10 or newer
 # DISTRO  the ROS 2 to take from PyPI where none is sourced: jazzy (as by default) or kilted
 # QUICK   anything: bench, stop-matrix, lossy-link measure little, in minutes; docs stay as they are
+# MARKED  which tests: `ros`, `not ros`, `slow` ...; all by default
 # WORKERS how many processes share the tests, which mostly wait; 0: none, one test after the other
 # NO_BARS anything: bench does not fail when a bar is missed
 
 PYTHON ?= python3
 DISTRO ?=
 DOCS ?= html
+MARKED ?=
 WORKERS ?= 2
 VENV := .venv$(addprefix -,$(filter-out jazzy,$(DISTRO)))
 SET_UP := @$(PYTHON) tools/set_up.py $(addprefix --distro=,$(DISTRO))
@@ -28,7 +30,7 @@ run: setup  ## set up, then drive a simulated robot
 	$(VENV)/bin/kachaka_simple_control --sim
 
 test: setup  ## set up, then run the tests
-	$(VENV)/bin/python -m pytest -n $(WORKERS) --dist loadfile test
+	$(VENV)/bin/python -m pytest -n $(WORKERS) --dist loadfile $(if $(MARKED),-m '$(MARKED)') test
 
 test-all: test-lowest  ## test so, and with each distro on PyPI under each Python from 3.10 to 3.13
 	@for distro in jazzy kilted; do for python in python3.10 python3.11 python3.12 python3.13; do \

@@ -215,7 +215,6 @@ class PoseFeedback:
 
     def _settle_time(self, tick: Tick) -> float:
         """Return how long the heading may still be corrected at rest [s]."""
-        assert self._plan is not None
         step = self._plan.steps[self._plan.step_index(tick.plan_time)]
         is_held = tick.rest == math.inf
         return step.end - tick.plan_time if step.step.settles and not is_held else 0.0
