@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 from operator import attrgetter
 
@@ -41,7 +41,6 @@ class Tick:
     :param rest: how long the robot stays at rest from the start of this tick [s]; 0 while moving
     :param plan_time: where on the plan it begins [s of the plan]; the start, if nothing has
         delayed the plan
-    :param skipped: number of ticks before this one that were never asked for
     """
 
     velocity: Velocity
@@ -49,7 +48,6 @@ class Tick:
     deadline: float
     rest: float
     plan_time: float
-    skipped: int = 0
 
 
 class TickScheduler:
@@ -69,7 +67,6 @@ class TickScheduler:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._factor = 1.0
-        self._answered = False
         #: the trajectory under way while it is not driven as planned; None otherwise
         self._replanned: _ReplannedTrajectory | None = None
         self._ticks = self._as_planned(0, 0.0)
@@ -83,17 +80,11 @@ class TickScheduler:
         :param factor: the speed factor from the start of the returned tick on, from 0 to 1
         :returns: the tick; None when the plan is over
         """
-        skipped = 0
         while self._tick is not None and self._tick.deadline <= elapsed:
-            skipped += not self._answered
-            self._answered = False
             self._pass(self._tick)
         if self._tick is not None and factor != self._factor:
             self._change_factor(self._tick, factor)
-        if self._tick is None:
-            return None
-        self._answered = True
-        return replace(self._tick, skipped=skipped) if skipped else self._tick
+        return self._tick
 
     def _pass(self, tick: Tick) -> None:
         self._tick = next(self._ticks, None)

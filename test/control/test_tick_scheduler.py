@@ -64,7 +64,6 @@ def test_asked_on_time_each_step_lasts_exactly_its_duration(moves, rate):
     sent = sum((due.deadline - at) * due.velocity.linear_x for at, due in answers)
     assert sent == pytest.approx(sum(m.linear_x * m.duration for m in moves), abs=1e-9)
     assert all(due.deadline - at <= 1.0 / rate * (1 + 1e-5) for at, due in answers)
-    assert all(due.skipped == 0 for _, due in answers)
 
 
 @given(moves=MOVES, rate=RATES, lateness=st.lists(st.floats(0.0, 0.5), max_size=200))
@@ -81,13 +80,12 @@ def test_a_late_query_moves_no_deadline(moves, rate, lateness):
         now = due.deadline + late
 
 
-def test_after_a_gap_the_current_velocity_is_due_and_skipped_ones_are_counted():
+def test_after_a_gap_the_current_velocity_is_due():
     scheduler = scheduler_of(Move(0.1, 0.0, 1.0), Move(0.2, 0.0, 1.0))
     scheduler.due(0.0)
     due = scheduler.due(1.05)
     assert due.velocity == Velocity(0.2, 0.0)
     assert due.deadline == pytest.approx(1.1)
-    assert due.skipped == 9
 
 
 def test_after_the_end_nothing_is_due():
