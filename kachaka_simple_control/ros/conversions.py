@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import math
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,8 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time
+    from diagnostic_msgs.msg import DiagnosticArray
+    from kachaka_simple_control.telemetry.diagnosis import Diagnosis
     from nav_msgs.msg import Odometry
 
 
@@ -66,3 +69,24 @@ def pose(odometry: Odometry) -> Pose:
     position, q = odometry.pose.pose.position, odometry.pose.pose.orientation
     yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
     return Pose(position.x, position.y, yaw)
+
+
+def diagnostics(
+        diagnoses: Mapping[str, Diagnosis], stamp: Time, hardware_id: str) -> DiagnosticArray:
+    """
+    Return diagnoses as a message.
+
+    :param diagnoses: each by the name of its status
+    :param hardware_id: the hardware that they are about
+    """
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+    message = DiagnosticArray()
+    message.header.stamp = stamp
+    message.status = [
+        DiagnosticStatus(
+            # A byte is bytes in rclpy.
+            level=bytes([diagnosis.level]), name=name, message=diagnosis.message,
+            hardware_id=hardware_id,
+            values=[KeyValue(key=key, value=value) for key, value in diagnosis.values.items()])
+        for name, diagnosis in diagnoses.items()]
+    return message

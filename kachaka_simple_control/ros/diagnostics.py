@@ -17,7 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
+from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.debug_topics import create_debug_publisher, PublisherThread
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.telemetry.diagnosis import Diagnosis
@@ -57,11 +58,6 @@ class DiagnosticsPublisher:
         diagnosis = self._diagnose()
         if diagnosis is None:
             return
-        message = DiagnosticArray()
-        message.header.stamp = self._clock.now().to_msg()
-        message.status = [DiagnosticStatus(
-            # A byte is bytes in rclpy.
-            level=bytes([diagnosis.level]), name=self._name, message=diagnosis.message,
-            hardware_id=self._robot,
-            values=[KeyValue(key=key, value=value) for key, value in diagnosis.values.items()])]
+        message = conversions.diagnostics(
+            {self._name: diagnosis}, self._clock.now().to_msg(), self._robot)
         self._thread.publish(self._publisher, lambda: bytes(serialize_message(message)))

@@ -15,19 +15,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.bridge_node import BridgeNode
 from kachaka_simple_control.kachaka.grpc_client.client import ConnectedRobot
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
 from kachaka_simple_control.kachaka.grpc_client.connection_state import (
     connection_status,
-    DiagnosticEntry,
     robot_status,
 )
 from kachaka_simple_control.kachaka.grpc_client.polling import (
@@ -39,6 +38,7 @@ from kachaka_simple_control.kachaka.grpc_client.polling import (
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
 from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.executors import ExecutorLoop, SubscriptionExecutor
 from kachaka_simple_control.telemetry.diagnosis import Level
 from nav_msgs.msg import Odometry
@@ -69,28 +69,6 @@ def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
     for values, target in ((source.pose.covariance, pose), (source.twist.covariance, twist)):
         if len(values) == len(target.covariance):
             target.covariance = list(values)
-    return message
-
-
-def diagnostics(
-        entries: Sequence[DiagnosticEntry], stamp: Time, robot: str,
-        hardware: str) -> DiagnosticArray:
-    """
-    Return diagnostics as a ROS message.
-
-    :param entries: the entries
-    :param stamp: the time of the entries
-    :param robot: put before their names, to tell several robots apart
-    :param hardware: the hardware id
-    """
-    message = DiagnosticArray()
-    message.header.stamp = stamp
-    message.status = [
-        DiagnosticStatus(
-            level=bytes([entry.level]), name=f'{robot}: {entry.name}', message=entry.message,
-            hardware_id=hardware,
-            values=[KeyValue(key=key, value=value) for key, value in entry.values.items()])
-        for entry in entries]
     return message
 
 
@@ -185,12 +163,15 @@ class GrpcBridge(BridgeNode):
             self._driver.on_result)
 
     def _publish_diagnostics(self) -> None:
-        driver = self._driver
-        self._diagnostics.publish(diagnostics(
-            (connection_status(driver.connection, str(self._address), driver.round_trip,
-                               driver.dropped, time.monotonic()),
-             robot_status(driver.connection, self._health.codes, driver.texts)),
-            self.get_clock().now().to_msg(), self.get_namespace().strip('/'), self._identity))
+        # Several robots are told apart by their namespaces.
+        driver, robot = self._driver, self.get_namespace().strip('/')
+        self._diagnostics.publish(conversions.diagnostics(
+            {f'{robot}: link': connection_status(
+                driver.connection, str(self._address), driver.round_trip, driver.dropped,
+                time.monotonic()),
+             f'{robot}: robot': robot_status(
+                 driver.connection, self._health.codes, driver.texts)},
+            self.get_clock().now().to_msg(), self._identity))
 
     def _log(self, level: Level, text: str) -> None:
         # A call each: rclpy refuses different levels from the same line of code.

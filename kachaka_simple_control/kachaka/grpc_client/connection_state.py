@@ -16,13 +16,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 import math
 
 from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts, SUCCESS
-from kachaka_simple_control.telemetry.diagnosis import Level
+from kachaka_simple_control.telemetry.diagnosis import Diagnosis, Level
 
 #: A response to a velocity that takes longer [s] uses up half of the command timeout.
 SLOW_RESPONSE = 0.15
@@ -111,26 +111,9 @@ class ConnectionState:
         return ConnectionEvent.LOST
 
 
-@dataclass(frozen=True)
-class DiagnosticEntry:
-    """
-    One status of ``diagnostic_msgs/msg/DiagnosticArray``.
-
-    :param level: its level
-    :param name: what it is about
-    :param message: the status in one line
-    :param values: details
-    """
-
-    level: Level
-    name: str
-    message: str
-    values: dict[str, str] = field(default_factory=dict)
-
-
 def connection_status(
         connection: ConnectionState, address: str, round_trip: float, dropped: int,
-        now: float) -> DiagnosticEntry:
+        now: float) -> Diagnosis:
     """
     Return the status of the connection.
 
@@ -146,15 +129,15 @@ def connection_status(
         values['last answer to a velocity after [ms]'] = f'{1e3 * round_trip:.1f}'
     if not connection.is_up:
         since = '' if math.isnan(connection.since) else f' for {now - connection.since:.0f} s'
-        return DiagnosticEntry(Level.ERROR, 'link', f'lost{since}: {connection.reason}', values)
+        return Diagnosis(Level.ERROR, f'lost{since}: {connection.reason}', values)
     if round_trip > SLOW_RESPONSE:
         text = f'slow: the robot answered after {1e3 * round_trip:.0f} ms'
-        return DiagnosticEntry(Level.WARN, 'link', text, values)
-    return DiagnosticEntry(Level.OK, 'link', 'up', values)
+        return Diagnosis(Level.WARN, text, values)
+    return Diagnosis(Level.OK, 'up', values)
 
 
 def robot_status(
-        connection: ConnectionState, codes: Sequence[int], texts: ErrorTexts) -> DiagnosticEntry:
+        connection: ConnectionState, codes: Sequence[int], texts: ErrorTexts) -> Diagnosis:
     """
     Return the status of the robot: the errors that it reports.
 
@@ -163,10 +146,10 @@ def robot_status(
     :param texts: their texts
     """
     if not connection.is_up:
-        return DiagnosticEntry(Level.ERROR, 'robot', 'unknown: the link is lost')
+        return Diagnosis(Level.ERROR, 'unknown: the link is lost', {})
     if not codes:
-        return DiagnosticEntry(Level.OK, 'robot', 'no errors')
-    return DiagnosticEntry(
-        max(texts.find(code).level for code in codes), 'robot',
+        return Diagnosis(Level.OK, 'no errors', {})
+    return Diagnosis(
+        max(texts.find(code).level for code in codes),
         '; '.join(texts.describe(code) for code in codes),
         {str(code): texts.find(code).title for code in codes})
