@@ -98,8 +98,8 @@ def test_scripts_use_names_that_exist():
 
 def test_a_name_that_is_gone_is_found():
     begin = ('from kachaka_simple_control.control import stop, gone\n'
-             'from kachaka_simple_control.control.stop import StandstillDetector, Gone\n')
-    rest = 'stop.nothing = StandstillDetector.nothing = stop.StandstillDetector\n'
+             'from kachaka_simple_control.control.standstill import StandstillDetector, Gone\n')
+    rest = 'stop.nothing = StandstillDetector.nothing = stop.StopController\n'
     assert missing(code_of(f'BEGIN = {begin!r}\nTEXT = {rest!r}')) == [
-        'kachaka_simple_control.control.gone', 'kachaka_simple_control.control.stop.Gone',
+        'kachaka_simple_control.control.gone', 'kachaka_simple_control.control.standstill.Gone',
         'stop.nothing', 'StandstillDetector.nothing']

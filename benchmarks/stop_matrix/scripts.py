@@ -135,7 +135,7 @@ time.sleep(2.0)
 
 #: Changes the odometry where it arrives.
 ODOMETRY = """
-from kachaka_simple_control.control.stop import StandstillDetector
+from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Velocity
 on_odometry, begun = StandstillDetector.on_odometry, []
 """

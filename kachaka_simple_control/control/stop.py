@@ -22,10 +22,6 @@ import time
 from typing import Protocol
 
 from kachaka_simple_control.control.timing import (
-    ODOMETRY_MAX_AGE,
-    REST_SETTLE_TIME,
-    STANDSTILL_ANGULAR,
-    STANDSTILL_LINEAR,
     STOP_BURST_COUNT,
     STOP_CONFIRM_TIMEOUT,
     STOP_MARGIN,
@@ -33,85 +29,6 @@ from kachaka_simple_control.control.timing import (
 )
 from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
 from kachaka_simple_control.errors import ControlError
-from kachaka_simple_control.motion.geometry import distance_between, Pose, Velocity
-
-
-class StandstillDetector:
-    """Tells from odometry whether the robot stands still.  No clock."""
-
-    def __init__(self) -> None:
-        self._received: float | None = None
-        self._still_since: float | None = None
-
-    def on_odometry(self, now: float, velocity: Velocity) -> None:
-        """
-        Take note of a sample.
-
-        :param now: when it arrived [s]
-        :param velocity: the robot's velocity in it
-        """
-        self._received = now
-        if (abs(velocity.linear_x) > STANDSTILL_LINEAR
-                or abs(velocity.angular_z) > STANDSTILL_ANGULAR):
-            self._still_since = None
-        elif self._still_since is None:
-            self._still_since = now
-
-    def age(self, now: float) -> float | None:
-        """Return the age of the newest sample [s]; None before the first."""
-        return None if self._received is None else now - self._received
-
-    def is_moving(self, now: float) -> bool:
-        """Return whether a fresh sample shows the robot in motion."""
-        return self._is_fresh(now) and self._still_since is None
-
-    def still_since(self, now: float) -> float | None:
-        """Return since when the robot stands still [s]; None if it moves or no sample is fresh."""
-        return self._still_since if self._is_fresh(now) else None
-
-    def _is_fresh(self, now: float) -> bool:
-        age = self.age(now)
-        return age is not None and age <= ODOMETRY_MAX_AGE
-
-
-class PausePose:
-    """Tells by odometry how far a paused robot was moved by somebody else.  No clock."""
-
-    def __init__(self) -> None:
-        self._standstill = StandstillDetector()
-        self._paused = False
-        self._pose: Pose | None = None
-        self._newest: Pose | None = None
-
-    def on_sent(self, is_paused: bool) -> None:
-        """
-        Take note of a message.
-
-        :param is_paused: whether it holds the robot at rest
-        """
-        if is_paused != self._paused:
-            self._paused, self._pose, self._standstill = is_paused, None, StandstillDetector()
-
-    def on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
-        """
-        Take note of a sample.
-
-        :param now: when it arrived [s]
-        """
-        self._newest = pose
-        if not self._paused or self._pose is not None:
-            return
-        self._standstill.on_odometry(now, velocity)
-        since = self._standstill.still_since(now)
-        if since is not None and now - since >= REST_SETTLE_TIME:
-            self._pose = pose
-
-    def moved(self) -> tuple[float, float]:
-        """Return how far [m] and by what angle [rad] it was moved; 0 if that is unknown."""
-        if self._pose is None or self._newest is None:
-            return 0.0, 0.0
-        distance, angle = distance_between(self._pose, self._newest)
-        return distance, abs(angle)
 
 
 class GuardianClient(Protocol):

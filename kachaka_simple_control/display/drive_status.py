@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from kachaka_simple_control.control.stop import StandstillDetector
+from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Displacement, Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.report.metrics import driven

@@ -22,7 +22,7 @@ from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.speed_factor import SpeedFactor
-from kachaka_simple_control.control.stop import PausePose, StandstillDetector
+from kachaka_simple_control.control.standstill import PausePose, StandstillDetector
 from kachaka_simple_control.control.tick_scheduler import Tick
 from kachaka_simple_control.control.timing import (
     FEEDBACK_TIMEOUT,

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 import contextlib
-import math
 import threading
 import time
 
@@ -28,13 +27,12 @@ from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.plan_runner import run_plan
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.speed_factor import SpeedFactor
-from kachaka_simple_control.control.stop import StandstillDetector, StopController
+from kachaka_simple_control.control.standstill import StandstillDetector
+from kachaka_simple_control.control.stop import StopController
 from kachaka_simple_control.control.timing import (
     FEEDBACK_MAX_AGE,
     FEEDBACK_START_TIMEOUT,
     GUARDIAN_PRIME_TIMEOUT,
-    MAX_MOVED_ANGLE,
-    MAX_MOVED_DISTANCE,
     RELEASE_TIMEOUT,
     STOP_REPEAT_PERIOD,
 )
@@ -44,7 +42,6 @@ from kachaka_simple_control.errors import (
     ControlError,
     MotionRefusedError,
     PauseTimeoutError,
-    RobotMovedError,
     RunFaultError,
 )
 from kachaka_simple_control.escaping import escaped
@@ -271,13 +268,8 @@ class Session:
         if not self._requests.is_busy or not self._is_connected:
             return
         self._monitor.check_resume()
-        distance, angle = self._monitor.pause_pose.moved()
-        if (distance > MAX_MOVED_DISTANCE or angle > MAX_MOVED_ANGLE) and not even_if_moved:
-            raise RobotMovedError(
-                f'the robot was moved by {distance * 100.0:.1f} cm and '
-                f'{math.degrees(angle):.1f} deg while it was paused, more than '
-                f'{MAX_MOVED_DISTANCE * 100.0:g} cm or {math.degrees(MAX_MOVED_ANGLE):.0f} deg: '
-                'the rest of the motion would end elsewhere')
+        if not even_if_moved:
+            self._monitor.pause_pose.require_not_moved()
 
     def close(self) -> None:
         """Stop the robot, give it back and end the executor; nothing is sent afterwards."""

@@ -22,7 +22,7 @@ import time
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.speed_factor import SpeedFactor
-from kachaka_simple_control.control.stop import StandstillDetector
+from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.tick_scheduler import Tick, TickScheduler
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.errors import ControlError

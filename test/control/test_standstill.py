@@ -13,8 +13,9 @@
 # limitations under the License.
 """Whether the robot stands still by its odometry, and stays where it was paused."""
 
-from kachaka_simple_control.control.stop import PausePose, StandstillDetector
+from kachaka_simple_control.control.standstill import PausePose, StandstillDetector
 from kachaka_simple_control.control.timing import ODOMETRY_MAX_AGE, REST_SETTLE_TIME
+from kachaka_simple_control.errors import RobotMovedError
 from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 import pytest
 
@@ -93,3 +94,16 @@ def test_each_pause_has_its_own_pose_and_motion_has_none():
         pause_pose.on_odometry(now, Pose(2.0), ZERO)
     pause_pose.on_odometry(4.0, Pose(2.5), ZERO)
     assert pause_pose.moved() == (0.5, 0.0)
+
+
+@pytest.mark.parametrize(('pose', 'text'), [
+    (Pose(1.03, 2.0, 3.0), 'the robot was moved by 3.0 cm and 0.0 deg while it was paused'),
+    (Pose(1.0, 2.0, 2.9), 'the robot was moved by 0.0 cm and 5.7 deg while it was paused'),
+])
+def test_a_robot_that_was_moved_while_paused_may_not_go_on(pose, text):
+    pause_pose = paused(Pose(1.0, 2.0, 3.0))
+    pause_pose.on_odometry(2.0, Pose(1.01, 2.0, 3.01), FORWARD)
+    pause_pose.require_not_moved()
+    pause_pose.on_odometry(2.1, pose, FORWARD)
+    with pytest.raises(RobotMovedError, match=text):
+        pause_pose.require_not_moved()

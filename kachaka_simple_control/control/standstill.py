@@ -1,0 +1,121 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Whether odometry shows the robot at rest, and a paused one where it was paused.  No clock."""
+
+from __future__ import annotations
+
+import math
+
+from kachaka_simple_control.control.timing import (
+    MAX_MOVED_ANGLE,
+    MAX_MOVED_DISTANCE,
+    ODOMETRY_MAX_AGE,
+    REST_SETTLE_TIME,
+    STANDSTILL_ANGULAR,
+    STANDSTILL_LINEAR,
+)
+from kachaka_simple_control.errors import RobotMovedError
+from kachaka_simple_control.motion.geometry import distance_between, Pose, Velocity
+
+
+class StandstillDetector:
+    """Tells from odometry whether the robot stands still."""
+
+    def __init__(self) -> None:
+        self._received: float | None = None
+        self._still_since: float | None = None
+
+    def on_odometry(self, now: float, velocity: Velocity) -> None:
+        """
+        Take note of a sample.
+
+        :param now: when it arrived [s]
+        :param velocity: the robot's velocity in it
+        """
+        self._received = now
+        if (abs(velocity.linear_x) > STANDSTILL_LINEAR
+                or abs(velocity.angular_z) > STANDSTILL_ANGULAR):
+            self._still_since = None
+        elif self._still_since is None:
+            self._still_since = now
+
+    def age(self, now: float) -> float | None:
+        """Return the age of the newest sample [s]; None before the first."""
+        return None if self._received is None else now - self._received
+
+    def is_moving(self, now: float) -> bool:
+        """Return whether a fresh sample shows the robot in motion."""
+        return self._is_fresh(now) and self._still_since is None
+
+    def still_since(self, now: float) -> float | None:
+        """Return since when the robot stands still [s]; None if it moves or no sample is fresh."""
+        return self._still_since if self._is_fresh(now) else None
+
+    def _is_fresh(self, now: float) -> bool:
+        age = self.age(now)
+        return age is not None and age <= ODOMETRY_MAX_AGE
+
+
+class PausePose:
+    """Tells by odometry how far a paused robot was moved by somebody else."""
+
+    def __init__(self) -> None:
+        self._standstill = StandstillDetector()
+        self._paused = False
+        self._pose: Pose | None = None
+        self._newest: Pose | None = None
+
+    def on_sent(self, is_paused: bool) -> None:
+        """
+        Take note of a message.
+
+        :param is_paused: whether it holds the robot at rest
+        """
+        if is_paused != self._paused:
+            self._paused, self._pose, self._standstill = is_paused, None, StandstillDetector()
+
+    def on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
+        """
+        Take note of a sample.
+
+        :param now: when it arrived [s]
+        """
+        self._newest = pose
+        if not self._paused or self._pose is not None:
+            return
+        self._standstill.on_odometry(now, velocity)
+        since = self._standstill.still_since(now)
+        if since is not None and now - since >= REST_SETTLE_TIME:
+            self._pose = pose
+
+    def moved(self) -> tuple[float, float]:
+        """Return how far [m] and by what angle [rad] it was moved; 0 if that is unknown."""
+        if self._pose is None or self._newest is None:
+            return 0.0, 0.0
+        distance, angle = distance_between(self._pose, self._newest)
+        return distance, abs(angle)
+
+    def require_not_moved(self) -> None:
+        """
+        Check that the robot stands where it was paused.
+
+        :raises RobotMovedError: if it was moved too far for the rest of the motion
+        """
+        distance, angle = self.moved()
+        if distance > MAX_MOVED_DISTANCE or angle > MAX_MOVED_ANGLE:
+            raise RobotMovedError(
+                f'the robot was moved by {distance * 100.0:.1f} cm and '
+                f'{math.degrees(angle):.1f} deg while it was paused, more than '
+                f'{MAX_MOVED_DISTANCE * 100.0:g} cm or {math.degrees(MAX_MOVED_ANGLE):.0f} deg: '
+                'the rest of the motion would end elsewhere')
