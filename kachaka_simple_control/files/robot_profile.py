@@ -15,13 +15,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 import json
 import math
 import os
 from pathlib import PurePath
 import re
-from typing import Any
+from typing import Any, TypeVar
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.escaping import quoted
@@ -36,7 +37,16 @@ from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Velocity
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
-from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, SIZE, TIME, VEER
+from kachaka_simple_control.motion.units import (
+    COMMAND_TIMEOUT,
+    LENGTH,
+    Quantity,
+    SIZE,
+    TIME,
+    VEER,
+)
+
+_Part = TypeVar('_Part')
 
 
 @dataclass(frozen=True)
@@ -145,6 +155,11 @@ SCHEMA = 'robots/robot.schema.json'
 REQUIRED = ('velocity_topic', 'command_timeout', 'limits')
 #: The keys whose text is a field of the profile.
 TEXTS = ('name', 'namespace', 'velocity_topic', 'odometry_topic', 'message_type', 'frame')
+#: The parts of a file that are objects: key, quantities, class.
+PARTS: tuple[tuple[str, Mapping[str, Quantity], type], ...] = (
+    ('limits', LIMIT_QUANTITIES, Limits),
+    ('calibration', {'veer': VEER, 'delay': TIME}, Calibration),
+    ('odometry_calibration', {'track': SIZE}, OdometryCalibration))
 #: A robot of which nothing is known but what its file says.
 PLAIN = RobotProfile(
     name='', namespace='/', velocity_topic='', odometry_topic=None, manual_control_service=None,
@@ -218,7 +233,7 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
 
 
 def _without(key: str, lines: list[str]) -> list[str]:
-    """Return the lines of a file without a key of its and what belongs to that."""
+    """Return the lines of a file without one of its keys and the lines below that."""
     start = next((number for number, line in enumerate(lines)
                   if re.match(f'["\']?{key}["\']?\\s*:', line)), None)
     if start is None:
@@ -238,10 +253,10 @@ def _read(document: Document, source: str) -> RobotProfile:
     numbers = document.read_quantities([], {'command_timeout': COMMAND_TIMEOUT})
     timeout = document.read_quantities(['manual_control'], {'timeout': COMMAND_TIMEOUT})
     values: dict[str, Any] = {
-        name: read(document) for name, read in (
-            ('limits', _limits), ('footprint', _footprint), ('calibration', _calibration),
-            ('odometry_calibration', _odometry_calibration))
-        if name in data}
+        key: _part(document, key, quantities, make) for key, quantities, make in PARTS
+        if key in data}
+    if 'footprint' in data:
+        values['footprint'] = _footprint(document)
     if document.problems or base is None:
         raise UnreadableFileError(*document.problems)
     values.update({name: data[name] for name in TEXTS if name in data}, **numbers)
@@ -261,7 +276,7 @@ def _read(document: Document, source: str) -> RobotProfile:
 
 
 def _base(document: Document, data: dict[str, Any]) -> RobotProfile | None:
-    """Return what is true of a robot as long as its file does not say otherwise."""
+    """Return the profile whose values hold where a file has none of its own."""
     from kachaka_simple_control.files.schema import did_you_mean, missing, read_schema
     name = data.get('extends')
     if name is None:
@@ -279,38 +294,23 @@ def _base(document: Document, data: dict[str, Any]) -> RobotProfile | None:
     return find_robot(name)
 
 
-def _calibration(document: Document) -> Calibration | None:
-    node = document.root.at(['calibration'])
-    numbers = document.read_quantities(['calibration'], {'veer': VEER, 'delay': TIME})
+def _part(
+        document: Document, key: str, quantities: Mapping[str, Quantity],
+        make: Callable[..., _Part]) -> _Part | None:
+    """
+    Return what a key of the file holds; None if that is wrong.
+
+    :param quantities: those of its values that have a unit, by name
+    :param make: makes it of its values, by name
+    """
+    node = document.root.at([key])
+    numbers = document.read_quantities([key], quantities)
     if node.has_problem:
         return None
     try:
-        return Calibration(**{**node.data, **numbers})
+        return make(**{**node.data, **numbers})
     except InvalidMotionError as error:
-        document.add_error(['calibration'], error)
-        return None
-
-
-def _odometry_calibration(document: Document) -> OdometryCalibration | None:
-    node = document.root.at(['odometry_calibration'])
-    numbers = document.read_quantities(['odometry_calibration'], {'track': SIZE})
-    if node.has_problem:
-        return None
-    try:
-        return OdometryCalibration(**{**node.data, **numbers})
-    except InvalidMotionError as error:
-        document.add_error(['odometry_calibration'], error)
-        return None
-
-
-def _limits(document: Document) -> Limits | None:
-    numbers = document.read_quantities(['limits'], LIMIT_QUANTITIES)
-    if document.root.at(['limits']).has_problem or document.root.has_problem:
-        return None
-    try:
-        return Limits(**numbers)
-    except InvalidMotionError as error:
-        document.add_error(['limits'], error)
+        document.add_error([key], error)
         return None
 
 
