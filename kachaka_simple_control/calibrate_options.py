@@ -133,7 +133,7 @@ def _parser() -> OneLineParser:
              'one of --robot, which then gets what a tape measured')
     add('--floor', default='', metavar='TEXT', help='on which floor it drives, for people')
     add('--plot', metavar='FILE',
-        help='draw what was sent, seen and fitted, as .png, .svg or .pdf')
+        help='draw what was sent, what odometry reported and the fit, as .png, .svg or .pdf')
     add('--yes', action='store_true', help='drive without asking; needed without a terminal')
     add('--dry-run', action='store_true', help='show what would be driven, and drive nothing')
     tape = parser.add_argument_group('with a tape measure').add_argument
@@ -193,7 +193,7 @@ def confirm(options: Options, more: CalibrateOptions, view: PlanView, before: st
     if options.sim or more.is_confirmed:
         return
     if not sys.stdin.isatty():
-        raise UsageError('a robot will move: say --yes, for nobody can be asked here')
+        raise UsageError('a robot will move: pass --yes, for there is no terminal to ask at')
     print(f'\nThe robot needs {view.floor_size} of free floor.  {before}Enter drives, Ctrl+C '
           'ends.', flush=True)
     if not sys.stdin.readline():

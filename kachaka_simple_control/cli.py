@@ -57,7 +57,7 @@ examples:
   kachaka_simple_control ./mine.yaml --sim --report run1
   kachaka_simple_control square --ros-args -p robot_timeout:=30
 """
-#: What somebody may take ``--wait`` to need.
+#: A time typed after ``--wait``, which takes none.
 TIME = re.compile(r'\d+(\.\d*)?(s|min)?|inf|forever')
 PRECEDENCE = """
 what wins: an option or -p (they must not differ), then the motion's file, then the
@@ -81,7 +81,7 @@ class Options:
     :param plot: the file to plot what a motion will do to; None for none
     :param wait: whether to drive only when the service ``~/run`` is called
     :param ros_arguments: the arguments of ROS, with their marks
-    :param report: the folder for a report; None for no report
+    :param report: the directory for a report; None for no report
     :param quiet: whether to print only the node's log lines while the robot drives
     :param address: the real robot to start a bridge for; None for no bridge
     :param simulation: options of the simulated robot, as they are written
@@ -141,8 +141,8 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         motions=tuple(values.pop('motions')), ros_arguments=tuple(ros),
         command=shlex.join([NAME, *arguments]), simulation=simulation, **values)
     if options.wait and any(map(TIME.fullmatch, options.motions)):
-        parser.error('--wait stands by, and takes no time; how long a robot is waited for says '
-                     '-p robot_timeout:=30, after --ros-args')
+        parser.error('--wait takes no time; -p robot_timeout:=30, after --ros-args, sets how '
+                     'long to wait for a robot')
     if len(options.motions) > 1 and not options.is_preview:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
     if options.is_preview:
@@ -193,7 +193,7 @@ def _parser() -> OneLineParser:
         help="show nothing while the robot drives but the node's log lines")
     parser.add_argument(
         '--speed', type=_speed, metavar='PERCENT',
-        help='drive slower than planned, as in --speed 50%%, on the same way; for a careful '
+        help='drive slower than planned, as in --speed 50%%, on the same path; for a careful '
              'first drive')
     add_drive_options(parser)
     parser.add_argument(
@@ -209,7 +209,7 @@ def add_drive_options(parser: OneLineParser) -> None:
     robot = parser.add_mutually_exclusive_group()
     robot.add_argument(
         '--sim', action='store_true',
-        help='start a simulated Kachaka, drive it, and print what was asked, sent and driven')
+        help='start a simulated Kachaka, drive it, and print what was requested, sent and driven')
     robot.add_argument(
         '--address', type=lambda text: str(address_argument(text)), metavar='HOST',
         help='do the same with the real Kachaka at this address, HOST or HOST:PORT')
@@ -222,7 +222,7 @@ def add_drive_options(parser: OneLineParser) -> None:
         help='how often a velocity is sent (default: what the motion says, or 10)')
     parser.add_argument(
         '--report', metavar='DIR',
-        help='leave a report and a recording of the drive in this new folder')
+        help='write a report and a recording of the drive to this new directory')
     add_simulation_options(
         parser.add_argument_group('errors of the simulated robot, with --sim'),
         'the simulated robot')

@@ -164,14 +164,14 @@ def _motion_file(options: Options) -> MotionFile | None:
     profile = settings.profile
     if options.starts_bridge and profile.velocity_topic != KACHAKA.velocity_topic:
         raise UsageError(
-            f'--sim and --address bring a kachaka along, not a {profile.name}: leave out that '
+            f'--sim and --address start a kachaka, not a {profile.name}: leave out that '
             'option, or --robot')
     if motion_file is not None:
         settings.limits_of(motion_file)
     elif settings.closed_loop:
         raise UsageError(
-            'a closed loop is for motions: the lesson calls move_robot(), which sends what it is '
-            'told; `lesson --closed-loop` drives its movements as a motion')
+            'a closed loop is for motions: the lesson calls move_robot(), which odometry '
+            'never corrects; `lesson --closed-loop` drives its movements as a motion')
     return motion_file
 
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 
 class ControlError(RuntimeError):
-    """Base of all errors of this package; each message is one line, of a file one a problem."""
+    """Base of all errors of this package; one line, or one for each problem of a file."""
 
 
 class UsageError(ControlError):
@@ -45,7 +45,7 @@ class RunFaultError(ControlError):
 
 
 class PauseTimeoutError(RunFaultError):
-    """A run was paused for too long; the robot was given back."""
+    """A run was paused for too long; the robot was released."""
 
 
 class InvalidMotionError(ControlError, ValueError):

@@ -36,7 +36,7 @@ def escaped(text: object, max_length: int = 200) -> str:
 
 
 def escaped_lines(error: BaseException) -> str:
-    """Return the text of an error, each line escaped; an invalid file has one a problem."""
+    """Return the text of an error, each line escaped; an invalid file has one for each problem."""
     return '\n'.join(escaped(line, MAX_LINE_LENGTH) for line in str(error).split('\n'))
 
 

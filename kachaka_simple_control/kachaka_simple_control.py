@@ -83,7 +83,9 @@ signal_dispatcher.handle_uncaught()
 
 class KachakaSimpleControl(Node):
     """
-    Drives a robot by feedforward control: velocities, exactly timed, and a stop at the end.
+    Drives a robot by exactly timed velocities, and stops it at the end.
+
+    Control is feedforward, unless the parameter ``closed_loop`` is set.
 
     Positive ``linear_x`` is forward [m/s], positive ``angular_z`` turns left [rad/s] (REP-103).
     Whatever ends the program (its end, a signal, an exception), the robot is stopped first.
@@ -94,7 +96,7 @@ class KachakaSimpleControl(Node):
     :ivar drive_log: keeps the events, if the parameter ``summary`` is true
     :ivar session: the connection with the robot, for the command; a user needs the methods only
     :ivar speed_control: what services and keys call, for the command
-    :ivar publisher: can be looked at; refuses to publish
+    :ivar publisher: the publisher of velocities, to inspect; its ``publish()`` raises
     """
 
     def __init__(
@@ -104,8 +106,8 @@ class KachakaSimpleControl(Node):
         Make the node; nothing is sent before the first movement.
 
         :param parameter_defaults: values of parameters, for those that nothing else sets
-        :param sim: whether to bring a simulated robot along, on this machine alone; at the end a
-            table is printed.  Calls ``rclpy.init()`` if that is not done
+        :param sim: whether to start a simulated robot, on this machine alone; at the end a table
+            is printed.  Calls ``rclpy.init()`` if that is not done
         :param node_options: options of ``rclpy.node.Node``, such as ``namespace``
         :raises UsageError: if the value of a parameter, or a name, cannot work
         """
@@ -235,8 +237,8 @@ class KachakaSimpleControl(Node):
         """
         Bring the robot to rest within its limits, and hold the motion there; from any thread.
 
-        A pause is a courtesy: it brakes gently and goes on when asked.  To stop, stop.  Without a
-        motion the next one is held at its start.
+        A pause is not a stop: it brakes gently and goes on when asked.  To stop, call
+        ``stop_robot()``.  Without a motion the next one is held at its start.
         """
         self.speed_control.pause()
 
@@ -253,9 +255,9 @@ class KachakaSimpleControl(Node):
     @property
     def speed_factor(self) -> float:
         """
-        By how much less than planned the robot drives, from 0 to 1: the product of all factors.
+        The speed relative to the plan, from 0 to 1: the product of all factors.
 
-        Set it, above 0 and up to 1, to drive slower; from any thread.  The way stays the same.
+        Set it, above 0 and up to 1, to drive slower; from any thread.  The path stays the same.
         """
         return self.session.speed_factor.value
 
@@ -271,14 +273,14 @@ class KachakaSimpleControl(Node):
     @property
     def stop_confirmed_after(self) -> float | None:
         """
-        Return how long after the last stop began odometry saw the robot stand still [s].
+        Return how long after the start of the last stop odometry showed standstill [s].
 
         None if it still moves, or there is no odometry.
         """
         return self.session.stop_confirmed_after
 
     def destroy_node(self) -> None:
-        """Stop the robot, give it back, and destroy the node."""
+        """Stop the robot, release it, and destroy the node."""
         self._close()
         self._introspection.close()
         signal_dispatcher.unregister(self._signal_handler)
@@ -367,17 +369,17 @@ class KachakaSimpleControl(Node):
         rclpy.signals.uninstall_signal_handlers()
         if not signal_dispatcher.register(self._signal_handler):
             self.get_logger().warning(
-                'Made outside the main thread, this node does not hear signals: make it in the '
+                'Made outside the main thread, this node does not receive signals: make it in the '
                 'main thread, or call stop_robot() on the way out')
         signal_dispatcher.reinstall()
         before_shutdown(self.context, self.session.close)
-        # Called in reverse order: the robot is given back first.
+        # Called in reverse order: the robot is released first.
         atexit.unregister(_discard_if_stopped)
         atexit.register(_discard_if_stopped)
         atexit.register(self._close)
 
     def _close(self) -> None:
-        """Stop the robot and give it back; end the simulated one."""
+        """Stop the robot and release it; end the simulated one."""
         self.session.close()
         if self._simulation is not None:
             self._simulation.end(self.drive_log, self.stop_confirmed_after)
@@ -427,11 +429,11 @@ def _reason(error: BaseException) -> str:
 
 def play_lesson(robot_control: KachakaSimpleControl) -> None:
     """
-    Play the lesson's seven movements: forward, left and right, with a stand before each.
+    Drive the lesson's seven movements: forward, left and right, with a rest around each.
 
     The one definition of the lesson: ``--plan``, ``--list`` and a report follow from these lines.
 
-    :param robot_control: the node to play it with
+    :param robot_control: the node to drive it with
     """
     robot_control.move_robot(0.0, 0.0, 1.0)  # stand still for 1 s
     robot_control.move_robot(0.1, 0.0, 1.0)  # forward at 0.1 m/s for 1 s
@@ -444,10 +446,10 @@ def play_lesson(robot_control: KachakaSimpleControl) -> None:
 
 def lesson(arguments: list[str] | None) -> None:
     """
-    Play the lesson from the first line of a program to its last.
+    Drive the lesson from the first line of a program to its last.
 
     :param arguments: what ROS is told; None for the arguments of the process
-    :raises ControlError: if it could not be played; the robot was stopped
+    :raises ControlError: if it could not be driven to its end; the robot was stopped
     """
     rclpy.init(args=arguments)
     robot_control = KachakaSimpleControl()
@@ -465,7 +467,7 @@ def lesson(arguments: list[str] | None) -> None:
 
 def main(args: list[str] | None = None) -> int:
     """
-    Play the lesson; the command of the same name can do more.
+    Drive the lesson; the command of the same name can do more.
 
     :param args: what ROS is told; None for the arguments of the process
     :returns: the exit code

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A simulated robot that a node brings along: for a script of one's own, in one terminal."""
+"""A simulated robot that a node starts: for a script of one's own, in one terminal."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class OwnSimulation:
 
     def __init__(self, profile: RobotProfile, namespace: str) -> None:
         if profile.velocity_topic != KACHAKA.velocity_topic:
-            raise UsageError(f'sim=True brings a kachaka along, not a {profile.name}')
+            raise UsageError(f'sim=True starts a simulated kachaka, not a {profile.name}')
         self._bridge: BridgeProcess | None = BridgeProcess(['--sim', '--namespace', namespace])
         #: returns its DDS participant, for ``Session.require_robot``
         self.require_participant = self._bridge.require_participant

@@ -128,13 +128,13 @@ def describe_overrides(
 
 
 def _in_file(motion_file: MotionFile | None) -> dict[str, object]:
-    """Return what the motion's file says of robot and rate."""
+    """Return the values of NAMES that the motion's file sets."""
     values = {name: getattr(motion_file, name, None) for name in NAMES}
     return {name: value for name, value in values.items() if value is not None}
 
 
 def _given(options: Options) -> dict[str, object]:
-    """Return what the command line says of robot and rate."""
+    """Return the values of NAMES that the command line sets."""
     values: dict[str, object] = {}
     parameters = parameter_arguments(options.ros_arguments)
     for name in NAMES:

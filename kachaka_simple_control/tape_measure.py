@@ -68,7 +68,7 @@ class _Answers:
                 f'--measured is here {len(given)} times; {len(quantities)} answers are needed')
         if not given and not sys.stdin.isatty():
             raise UsageError(
-                'what is measured must be said by --measured, for nobody can be asked here')
+                'pass the measurements by --measured, for there is no terminal to ask at')
         try:
             self._given = [
                 _parse(answer, kinds) for answer, kinds in zip(given, quantities, strict=False)]

@@ -92,7 +92,7 @@ def test_a_dry_run_shows_the_drive_and_drives_nothing(run, tmp_path):
 def test_a_real_robot_is_driven_only_after_somebody_has_confirmed(run, monkeypatch):
     code, _, errors, driven = run('--address', 'robot')
     assert (code, driven) == (2, [])
-    assert 'a robot will move: say --yes, for nobody can be asked here' in errors
+    assert 'a robot will move: pass --yes, for there is no terminal to ask at' in errors
     assert len(run('--address', 'robot', '--yes')[3]) == 1
 
     class Terminal(io.StringIO):

@@ -154,7 +154,7 @@ def test_a_simulation_of_another_robot_than_a_kachaka_is_refused(tmp_path):
     with program([*COMMAND, '--sim', '--robot', 'turtlebot3'], tmp_path) as started:
         assert started.end() == 2
     (line,) = started.text.splitlines()
-    assert 'bring a kachaka along, not a turtlebot3' in line
+    assert 'start a kachaka, not a turtlebot3' in line
 
 
 def test_by_the_service_it_drives_and_stops(listener, tmp_path):
@@ -268,7 +268,7 @@ exit(main(['straight', '--wait']))
         started.send(signal.SIGINT)
         assert started.end() == 130
     served = [line for line in started.text.splitlines() if line.startswith('served by')]
-    assert served == ['served by spinner']
+    assert served == ['served by executor']
 
 
 def test_standing_by_without_a_drive_prints_no_table(tmp_path):

@@ -186,7 +186,7 @@ def test_without_an_answer_it_ends_and_writes_nothing(run, tmp_path, typed, coun
 
 @pytest.mark.parametrize('words, line', [
     (['floor', '--sim'],
-     'what is measured must be said by --measured, for nobody can be asked here'),
+     'pass the measurements by --measured, for there is no terminal to ask at'),
     (['floor', '--sim', '--measured', '1 m'],
      '--measured is here 1 times; 2 answers are needed'),
     (['floor', '--sim', '--measured', '1', '--measured', '6 rad'],
@@ -194,7 +194,7 @@ def test_without_an_answer_it_ends_and_writes_nothing(run, tmp_path, typed, coun
     (['floor', '--sim', '--measured', '1 m', '--measured', '358'],
      '--measured: 358 has no unit; an angle needs one: write 358 deg or 358 rad'),
     (['floor', '--address', 'robot', '--measured', '1 m', '--measured', '358 deg'],
-     'a robot will move: say --yes, for nobody can be asked here'),
+     'a robot will move: pass --yes, for there is no terminal to ask at'),
     (['floor', '--sim', '--plot', 'fit.svg'], '--plot is not about kachaka_calibrate floor'),
     (['floor', '--sim', '--track', '1 m'], '--track is about kachaka_calibrate umbmark'),
     (['floor', '--sim', '--robot', './blind.yaml'],

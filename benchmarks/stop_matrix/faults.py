@@ -156,10 +156,10 @@ def check_released(context: TrialContext, _fault: float) -> list[str]:
     assert isinstance(context.robot.process, RobotProcess)
     zeros = [velocity.time for velocity in context.recorder.sent_since(context.first + 0.01)
              if not velocity.moves]
-    is_whole = bool(zeros) and zeros[-1] - zeros[0] > COMMAND_TIMEOUT
+    is_complete = bool(zeros) and zeros[-1] - zeros[0] > COMMAND_TIMEOUT
     released = context.robot.process.released_since(zeros[-1] if zeros else context.first)
-    return ([] if is_whole else ['the stop was not sent whole']) + (
-        [] if released else ['manual control was not given back'])
+    return ([] if is_complete else ['the stop was not sent whole']) + (
+        [] if released else ['manual control was not released'])
 
 
 def signal_robot(name: str) -> Injector:

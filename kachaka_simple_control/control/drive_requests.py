@@ -82,18 +82,18 @@ class DriveRequests:
         # request before it, which is checked only here.
         if (previous is not None and previous.stopped_by is not None
                 and self._continues(previous, request)):
-            self.finish(request, is_whole=False)
+            self.finish(request, is_complete=False)
             raise previous.stopped_by
         return request
 
-    def finish(self, request: DriveRequest, is_whole: bool) -> None:
+    def finish(self, request: DriveRequest, is_complete: bool) -> None:
         """
         End a drive; the next may be accepted.
 
         :param request: what ``accept`` returned
-        :param is_whole: whether it was driven to its end
+        :param is_complete: whether it was driven to its end
         """
-        request.ended = self._clock() if is_whole else None
+        request.ended = self._clock() if is_complete else None
         self._busy.release()
 
     def on_stop(self, reason: ControlError) -> None:

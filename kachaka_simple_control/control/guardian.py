@@ -116,11 +116,11 @@ class Guardian:
         now = time.monotonic()
         if now - self._last_heartbeat >= HEARTBEAT_PERIOD:
             self._last_heartbeat = now
-            self._send(GuardianMessage.BEAT)
+            self._send(GuardianMessage.HEARTBEAT)
 
     def report_stopping(self) -> None:
         """Report that the run is over and its stop goes on."""
-        self._send_if_alive(GuardianMessage.REST)
+        self._send_if_alive(GuardianMessage.STOPPING)
 
     def report_stopped(self) -> None:
         """Report that the stop was sent whole."""

@@ -54,7 +54,7 @@ class LeaseRenewer:
 
     def granted(self, requested: float) -> None:
         """
-        Take note that manual control was granted.
+        Record that manual control was granted.
 
         :param requested: when it was requested [s]; it lasts at least from then
         """

@@ -33,7 +33,7 @@ class RunMonitor(Protocol):
 
     @property
     def speed_factor(self) -> float:
-        """Return by how much slower than planned to drive, from 0 to 1."""
+        """Return the speed factor, from 0 to 1; 1: as planned."""
 
     def correct(self, tick: Tick, now: float) -> Velocity:
         """

@@ -45,7 +45,7 @@ from kachaka_simple_control.motion.plan import Plan
 #: The largest correction at the largest velocity, as a part of that.
 MAX_CORRECTION = 0.2
 #: The largest gain [1/s]: more would pass on the noise of odometry.
-MAX_GAIN = 1.5
+MAX_LOOP_GAIN = 1.5
 #: How many samples of a robot at rest make the pose where it starts: half a second of a Kachaka.
 START_SAMPLES = 25
 #: A pose beyond this counts as none [m], [rad].
@@ -78,7 +78,7 @@ def loop_gain(delay: float) -> float:
 
     :param delay: of the robot, dead time and lag together [s]
     """
-    return min(MAX_GAIN, 1.0 / (math.e * delay)) if delay else MAX_GAIN
+    return min(MAX_LOOP_GAIN, 1.0 / (math.e * delay)) if delay else MAX_LOOP_GAIN
 
 
 class PoseFeedback:
@@ -106,12 +106,12 @@ class PoseFeedback:
 
     def on_odometry(self, arrived: float, pose: Pose, is_moving: bool) -> None:
         """
-        Take note of a sample.
+        Process a sample.
 
         :param arrived: when it arrived [s on the steady clock]; it is ignored unless that is after
             the sample before
         :param pose: the pose; it is ignored if it is not finite, or absurd
-        :param is_moving: whether odometry sees the robot move
+        :param is_moving: whether odometry shows motion
         """
         if not (math.isfinite(arrived)
                 and abs(pose.x) + abs(pose.y) + abs(pose.theta) < MAX_COORDINATE):
@@ -140,7 +140,7 @@ class PoseFeedback:
         self._limits = limits
         self._gain = loop_gain(self._delay)
         self._plan = plan
-        # Without a limit, the plan's own largest velocity says what is much.
+        # Without a limit, the plan's largest velocity takes its place.
         self._top = Velocity(
             *(limit if limit < math.inf else planned for limit, planned in (
                 (self._limits.max_linear_velocity, plan.max_linear_velocity),
@@ -187,7 +187,7 @@ class PoseFeedback:
         distance, angle = math.hypot(error.x, error.y), abs(error.theta)
         if distance > MAX_POSITION_ERROR or angle > MAX_HEADING_ERROR:
             raise RunFaultError(
-                f'odometry sees the robot {distance * 100.0:.0f} cm and '
+                f'odometry shows the robot {distance * 100.0:.0f} cm and '
                 f'{math.degrees(angle):.0f} deg from where it should be, more than '
                 f'{MAX_POSITION_ERROR * 100.0:.0f} cm or {math.degrees(MAX_HEADING_ERROR):.0f} '
                 'deg: wheels slip, or something holds or moves it')
@@ -204,7 +204,7 @@ class PoseFeedback:
                          self._limits.angular_deceleration, left)
             return Velocity(0.0, _clip(
                 gain * error.theta, min(top.angular_z * MAX_CORRECTION, rate)))
-        # How near to its largest velocities it is to drive: a correction ends where a step does.
+        # The bound scales with the planned velocity, so a correction ends where a step does.
         pace = MAX_CORRECTION * max(_ratio(abs(planned.linear_x), top.linear_x),
                                     _ratio(abs(planned.angular_z), top.angular_z))
         fastest = max(abs(planned.linear_x), top.linear_x * CLOSED_LOOP_SHARE)

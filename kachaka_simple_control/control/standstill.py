@@ -30,7 +30,7 @@ from kachaka_simple_control.motion.geometry import distance_between, Pose, Veloc
 
 
 class StandstillDetector:
-    """Tells from odometry whether the robot stands still."""
+    """Detects by odometry whether the robot stands still."""
 
     def __init__(self) -> None:
         self._received: float | None = None
@@ -38,7 +38,7 @@ class StandstillDetector:
 
     def on_odometry(self, now: float, velocity: Velocity) -> None:
         """
-        Take note of a sample.
+        Process a sample.
 
         :param now: when it arrived [s]
         :param velocity: the robot's velocity in it
@@ -68,7 +68,7 @@ class StandstillDetector:
 
 
 class PausePose:
-    """Tells by odometry how far a paused robot was moved by somebody else."""
+    """Measures by odometry how far a paused robot was moved from outside."""
 
     def __init__(self) -> None:
         self._standstill = StandstillDetector()
@@ -78,7 +78,7 @@ class PausePose:
 
     def on_sent(self, is_paused: bool) -> None:
         """
-        Take note of a message.
+        Process a sent message.
 
         :param is_paused: whether it holds the robot at rest
         """
@@ -87,7 +87,7 @@ class PausePose:
 
     def on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
         """
-        Take note of a sample.
+        Process a sample.
 
         :param now: when it arrived [s]
         """

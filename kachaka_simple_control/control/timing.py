@@ -47,7 +47,7 @@ STOP_BURST_COUNT = 10
 STOP_REPEAT_PERIOD = 0.04
 #: How much longer than the robot's command timeout zeros are sent.  Chosen.
 STOP_MARGIN = 0.1
-#: How much longer zeros are sent while odometry sees the robot move.  Chosen: from a signal to the
+#: How much longer zeros are sent while odometry shows motion.  Chosen: from a signal to the
 #: exit of the program at most 3 s may pass (``ros2 launch`` escalates after 5 s).
 STOP_CONFIRM_TIMEOUT = 1.0
 #: Slower than this is standstill [m/s], [rad/s].  Chosen: above the noise of wheel encoders.
@@ -63,12 +63,12 @@ SIGNAL_DEBOUNCE = 3.0
 
 #: Heartbeats are at least this far apart.  Chosen: below POLL_PERIOD, so each check sends one.
 HEARTBEAT_PERIOD = 0.015
-#: Without a heartbeat for this long in a run, the guardian stops the robot.  Chosen: five periods;
-#: SIGSTOP to the first zero stays below 0.15 s (measured: 0.102 s).
+#: Without a heartbeat for this long in a run, the guardian stops the robot.  Chosen: five times
+#: POLL_PERIOD; SIGSTOP to the first zero stays below 0.15 s (measured: 0.102 s).
 HEARTBEAT_TIMEOUT = 0.1
 #: The same from the zero at the end of a run to the last zero of its stop.  The node waits up to
 #: 0.2 s for a next movement, and DDS may hold it up for PUBLISH_TIMEOUT; the robot has had a zero.
-REST_TIMEOUT = 1.0
+STOPPING_TIMEOUT = 1.0
 #: How often the guardian compares the time since the last heartbeat.  Longer pauses are its own,
 #: as of a machine that stood still, and do not count.  Chosen.
 WATCHDOG_PERIOD = 0.02
@@ -118,13 +118,13 @@ MAX_HEADING_ERROR = 0.785
 
 # --- Claim: one program drives -------------------------------------------------------------------
 
-#: How long other publishers are listened to before the robot is taken, or given back.  Longer than
-#: a Kachaka keeps a velocity: a program that drives it sends within that time.
-LISTEN_TIME = 0.4
+#: How long other publishers are observed before the robot is taken, or released.  Longer than a
+#: Kachaka keeps a velocity: a program that drives it sends within that time.
+FOREIGN_CHECK_TIME = 0.4
 #: The sender of a message older than this no longer drives.  Chosen.
 FOREIGN_MESSAGE_MAX_AGE = 1.0
-#: What was sent longer ago cannot still arrive when listening begins.  Chosen; through shared
-#: memory, which the commands avoid, 0.33 s were measured.
+#: What was sent longer ago cannot still arrive when the subscription begins.  Chosen; through
+#: shared memory, which the commands avoid, 0.33 s were measured.
 MAX_TRANSIT_TIME = 0.2
 #: A zero that the guardian was asked for arrives within this time, or was lost.  Chosen.
 MAX_GUARDIAN_DELAY = 1.0

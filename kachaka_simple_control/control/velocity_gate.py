@@ -38,11 +38,11 @@ class GateState(Enum):
     """Whether velocities may leave."""
 
     #: The robot has not been taken.  Not even a zero may leave: it takes a Kachaka off its dock.
-    NOT_OPENED = 'not yet'
+    NOT_OPENED = 'not taken yet'
     #: This program has taken the robot.
     OPEN = 'open'
-    #: The robot was given back.  Nothing may leave: a zero would take it again.
-    CLOSED = 'closed'
+    #: The robot was released.  Nothing may leave: a zero would take it again.
+    CLOSED = 'released'
 
 
 class Run:
@@ -261,9 +261,9 @@ class VelocityGate:
     def _require_permission(self) -> None:
         if self._latch.is_set:
             raise MotionRefusedError(
-                'the robot was stopped for good; only a new node moves it again')
+                'the robot was stopped permanently; only a new node moves it again')
         if self._state is not GateState.OPEN:
-            raise MotionRefusedError(f'the robot is not ours ({self._state.value})')
+            raise MotionRefusedError(f'the robot cannot be driven: it is {self._state.value}')
 
     def _require_limits(self, velocity: Velocity) -> None:
         # A velocity object never changes, and the same one is sent many times.

@@ -20,12 +20,12 @@ from enum import Enum
 from kachaka_simple_control.control.timing import (
     HEARTBEAT_TIMEOUT,
     PUBLISH_TIMEOUT,
-    REST_TIMEOUT,
+    STOPPING_TIMEOUT,
     WATCHDOG_PERIOD,
 )
 
 #: Differences of times below this are rounding errors [s].
-TIME_TOLERANCE = 1e-6
+ROUNDING_ERROR = 1e-6
 
 
 class GuardianMessage(bytes, Enum):
@@ -34,9 +34,9 @@ class GuardianMessage(bytes, Enum):
     #: publish one zero and report it, so that the robot's reader is matched before a run
     PRIME = b'p'
     #: heartbeat: a run is on, and its thread is alive
-    BEAT = b'b'
+    HEARTBEAT = b'b'
     #: the run is over; a zero is about to leave, and more will follow
-    REST = b'r'
+    STOPPING = b'r'
     #: the stop was sent whole: no heartbeat is due any more
     STOPPED = b's'
 
@@ -67,23 +67,23 @@ class Watchdog:
 
     def on_message(self, message: bytes, now: float) -> None:
         """
-        Take note of a message of the node.
+        Process a message of the node.
 
         :param message: one byte
         :param now: when it was read [s]
         """
-        if message == GuardianMessage.BEAT or (
-                message == GuardianMessage.REST and self._must_stop):
+        if message == GuardianMessage.HEARTBEAT or (
+                message == GuardianMessage.STOPPING and self._must_stop):
             self._counted, self._silent, self._publishing = now, 0.0, 0.0
-            is_heartbeat = message == GuardianMessage.BEAT
-            self._allowed = self._heartbeat_timeout if is_heartbeat else REST_TIMEOUT
+            is_heartbeat = message == GuardianMessage.HEARTBEAT
+            self._allowed = self._heartbeat_timeout if is_heartbeat else STOPPING_TIMEOUT
             self._must_stop = True
         elif message == GuardianMessage.STOPPED:
             self._must_stop, self._counted = False, None
 
     def on_disconnect(self) -> bool:
         """
-        Take note that the node is gone, or that the guardian was told to end.
+        Handle the end of the node, or of the guardian.
 
         :returns: whether the robot must be stopped now
         """
@@ -93,7 +93,7 @@ class Watchdog:
 
     def has_timed_out(self, now: float, is_publishing: bool = False) -> bool:
         """
-        Return, once, that messages have stayed away too long; ask after each ``timeout()``.
+        Return whether messages have stayed away too long: True once; ask after each ``timeout()``.
 
         :param now: the time [s]
         :param is_publishing: whether the node is awake and in DDS
@@ -107,8 +107,8 @@ class Watchdog:
             self._publishing += awake
         else:
             self._silent += awake
-        if (self._silent < self._allowed - TIME_TOLERANCE
-                and self._publishing < PUBLISH_TIMEOUT - TIME_TOLERANCE):
+        if (self._silent < self._allowed - ROUNDING_ERROR
+                and self._publishing < PUBLISH_TIMEOUT - ROUNDING_ERROR):
             return False
         self._must_stop, self._counted = False, None
         return True

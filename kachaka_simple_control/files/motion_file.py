@@ -142,7 +142,7 @@ class MotionFile:
 
 
 def _bound(limits: Limits, name: str) -> float:
-    # Limits has properties without max_ for those that may be None: what stands for them.
+    # For a limit that may be None, the property without max_ has the value that applies.
     bound: float = getattr(limits, name.removeprefix('max_'), getattr(limits, name))
     return bound
 

@@ -176,12 +176,12 @@ class SimulatedBridge(BridgeNode):
     def set_manual_control(self, enabled: bool) -> str:
         """Switch manual control; return why the robot refuses, empty if it does not."""
         now = time.monotonic()
-        # A client may repeat its request, and renews it: only a change is news.
-        is_news = self._robot.manual_control(now) != enabled
+        # A client may repeat its request, and renews it: only a change is logged.
+        is_change = self._robot.manual_control(now) != enabled
         code = self._robot.set_manual_control(enabled, now)
-        if is_news and code == SUCCESS:
+        if is_change and code == SUCCESS:
             self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
-        if is_news and not enabled and self._robot.has_wrong_odometry:
+        if is_change and not enabled and self._robot.has_wrong_odometry:
             pose, _ = self._robot.state(now)
             # 0.0 is added because -0 is 0 to people.
             self.get_logger().info(

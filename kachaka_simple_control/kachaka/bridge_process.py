@@ -110,7 +110,7 @@ class BridgeProcess:
     def __init__(
             self, options: Sequence[str], name: str = 'the simulated robot') -> None:
         self._name = name
-        self._last_line = 'it said nothing'
+        self._last_line = 'it printed nothing'
         #: its DDS participant; None until it has printed it
         self.participant: bytes | None = None
         self._ready = threading.Event()

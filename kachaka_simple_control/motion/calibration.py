@@ -27,7 +27,7 @@ from kachaka_simple_control.motion.units import format_number, require_finite
 MIN_GAIN, MAX_GAIN = 0.5, 2.0
 #: The largest veer [rad/m].
 MAX_VEER = 1.0
-#: The longest delay [s]: a robot that is later is driven otherwise.
+#: The longest delay [s]: beyond it neither a plan nor a closed loop is of use.
 MAX_DELAY = 3.0
 #: What rounding may add to a velocity that was planned at its limit.
 MARGIN = 1e-9
@@ -61,7 +61,7 @@ class Calibration:
 
     def __post_init__(self) -> None:
         """
-        Refuse what cannot be.
+        Check the figures.
 
         :raises InvalidMotionError: if a gain, the veer or the delay is out of range
         """

@@ -70,7 +70,7 @@ class OdometryCalibration:
 
     def __post_init__(self) -> None:
         """
-        Refuse what cannot be.
+        Check the figures.
 
         :raises InvalidMotionError: if a figure is out of range, or the track is missing
         """
@@ -88,7 +88,7 @@ class OdometryCalibration:
         """
         Return what a velocity by odometry is on the floor.
 
-        It is linear, so it takes a way and a turn [m, rad] as well: those of an increment.
+        It is linear, so it also holds for an increment: a distance [m] and an angle [rad].
         """
         return self._to_floor().apply(velocity)
 
@@ -96,20 +96,20 @@ class OdometryCalibration:
         """
         Return the pose on the floor after odometry went from one pose to the next.
 
-        What of an increment is across the robot's way, as noise is, is kept to scale.
+        A lateral part of an increment, which is noise, is multiplied by the scale.
 
         :param pose: on the floor, where odometry was at ``before``
         :param before: by odometry
         :param after: by odometry, less than half a turn later
         """
-        moved = relative_to(before, after)
-        angle = math.remainder(moved.theta, math.tau)
+        change = relative_to(before, after)
+        angle = math.remainder(change.theta, math.tau)
         # In the direction half-way an arc is its chord, and nothing across.
-        reported = relative_to(Pose(theta=angle / 2.0), moved)
-        way = self.on_floor(Velocity(reported.x / sinc(angle / 2.0), angle))
-        half = way.angular_z / 2.0
+        reported = relative_to(Pose(theta=angle / 2.0), change)
+        moved = self.on_floor(Velocity(reported.x / sinc(angle / 2.0), angle))
+        half = moved.angular_z / 2.0
         end = compose(Pose(theta=half), Pose(
-            way.linear_x * sinc(half), self.scale * reported.y, half))
+            moved.linear_x * sinc(half), self.scale * reported.y, half))
         return compose(pose, end)
 
     def in_odometry(self, velocity: Velocity) -> Velocity:

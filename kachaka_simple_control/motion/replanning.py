@@ -88,7 +88,7 @@ class Phase(NamedTuple):
 @dataclass(frozen=True)
 class Replanned:
     """
-    How the rest of a path is driven, or the way to a rest on it.
+    How the rest of a path is driven, or the path to a rest on it.
 
     :param phases: times of constant jerk, in order; between two of them the velocity may jump
     :param end: the state at its end

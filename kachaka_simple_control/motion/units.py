@@ -129,7 +129,7 @@ class Quantity:
         number = require_finite(name, value, self.unit)
         if self.sign is SignRule.NOT_NEGATIVE and number < 0.0:
             raise InvalidMotionError(
-                f'{name} is {value} {self.unit}; it must be 0 {self.unit} or longer')
+                f'{name} is {value} {self.unit}; it must not be negative')
         if self.sign is SignRule.POSITIVE:
             require_positive(name, value, self.unit)
 

@@ -81,24 +81,24 @@ def use_localhost_only() -> None:
 
 
 def is_localhost_requested() -> bool:
-    """Tell whether the environment sets ROS's range LOCALHOST, for ``use_localhost_only``."""
+    """Return whether the environment sets ROS's range LOCALHOST, for ``use_localhost_only``."""
     return os.environ.get(RANGE) == 'LOCALHOST'
 
 
 def is_range_chosen() -> bool:
-    """Tell whether the environment says how far discovery goes, or our profile does."""
+    """Return whether the environment says how far discovery goes, or our profile does."""
     is_range_read = RANGE in os.environ and not _is_humble()
     return is_range_read or LOCALHOST_ONLY in os.environ or is_localhost_only()
 
 
 def can_still_be_localhost_only() -> bool:
-    """Tell whether a process that has initialised ROS can still be kept on this machine."""
+    """Return whether a process that has initialised ROS can still be kept on this machine."""
     is_profile_read = _fast_dds() not in (None, HUMBLE)
     return is_profile_read and not _is_transport_chosen() and not os.environ.get(PEERS)
 
 
 def is_localhost_only() -> bool:
-    """Tell whether ROS's variables or our profile keep discovery on this machine."""
+    """Return whether ROS's variables or our profile keep discovery on this machine."""
     is_range_localhost = is_localhost_requested() and not _is_humble()
     if is_range_localhost or os.environ.get(LOCALHOST_ONLY) == '1':
         return not os.environ.get(PEERS)
@@ -115,7 +115,7 @@ def _use_profile(profile: Path) -> bool:
 
 
 def _is_humble() -> bool:
-    """Tell whether this is Humble, which does not read the range."""
+    """Return whether this is Humble, which does not read the range."""
     return _fast_dds() == HUMBLE or os.environ.get('ROS_DISTRO') == 'humble'
 
 

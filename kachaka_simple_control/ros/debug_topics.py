@@ -41,7 +41,7 @@ THREAD_EXIT_TIMEOUT = 1.0
 TOPIC = '~/commanded_velocity'
 SPEED_TOPIC = '~/speed_factor'
 #: How often subscribers are counted [s]: counting takes longer than all the rest here.
-VIEWER_CHECK_PERIOD = 0.2
+SUBSCRIBER_COUNT_PERIOD = 0.2
 
 
 class NoEventCallbacks:
@@ -195,7 +195,7 @@ class CommandedVelocityPublisher:
         """Publish the velocity of a ``VelocitySent``, which left just now."""
         if not isinstance(event, VelocitySent):
             return
-        if event.time - self._check_time >= VIEWER_CHECK_PERIOD:
+        if event.time - self._check_time >= SUBSCRIBER_COUNT_PERIOD:
             self._check_time = event.time
             self._has_subscribers = self._publisher.get_subscription_count() > 0
         if self._has_subscribers:

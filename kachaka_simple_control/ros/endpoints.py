@@ -125,12 +125,12 @@ def with_qos_overrides(
         # Of several lines only the first says what is wrong.
         text = escaped(str(error).splitlines()[0], 400)
         if isinstance(error, (TypeError, UserWarning)):
-            text = f'a quality of service cannot be had: {text}; the depth must be {_DEPTHS}'
+            text = f'a quality of service is not possible: {text}; the depth must be {_DEPTHS}'
         raise UsageError(text) from None
 
 
 def _check_depth(qos: QoSProfile) -> SetParametersResult:
-    # Of this DDS would print a dozen lines.
+    # DDS would report this in a dozen lines.
     is_possible = 1 <= qos.depth <= MAX_DEPTH
     return SetParametersResult(
         successful=is_possible,

@@ -54,7 +54,7 @@ class BackgroundExecutor:
         self._node = node
         self._on_error = on_error
         self._executor = SingleThreadedExecutor(context=node.context)
-        self._thread = threading.Thread(target=self._run, name='spinner', daemon=True)
+        self._thread = threading.Thread(target=self._run, name='executor', daemon=True)
         self._thread.start()
 
     def ensure_spinning(self, take_over: bool = False) -> None:
@@ -68,7 +68,7 @@ class BackgroundExecutor:
 
     def is_executor_thread(self) -> bool:
         """
-        Tell whether the calling thread is in a callback of the node's executor.
+        Return whether the calling thread is in a callback of the node's executor.
 
         To wait there for another callback would never end.
         """

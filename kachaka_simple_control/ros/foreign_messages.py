@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
-from kachaka_simple_control.control.timing import FOREIGN_MESSAGE_MAX_AGE, LISTEN_TIME
+from kachaka_simple_control.control.timing import FOREIGN_CHECK_TIME, FOREIGN_MESSAGE_MAX_AGE
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotTakenError
 from kachaka_simple_control.escaping import escaped
@@ -83,12 +83,12 @@ class ForeignMessages:
         return bool(self._names)
 
     def has_recent(self, now: float) -> bool:
-        """Tell whether a message of others came within FOREIGN_MESSAGE_MAX_AGE before a time."""
+        """Return whether a message of others came within FOREIGN_MESSAGE_MAX_AGE before a time."""
         return now - self._newest <= FOREIGN_MESSAGE_MAX_AGE
 
     def detect(self, check: Callable[[], None] = lambda: None) -> bool:
         """
-        Wait for a message of others for LISTEN_TIME; not at all if there is no other publisher.
+        Wait for a message of others, up to FOREIGN_CHECK_TIME; not at all without a publisher.
 
         :param check: called while waiting; what it raises ends the wait
         :returns: whether one came
@@ -97,7 +97,7 @@ class ForeignMessages:
             return False
         self._is_detecting = True
         try:
-            return wait_until(lambda: self.has_recent(time.monotonic()), LISTEN_TIME, check)
+            return wait_until(lambda: self.has_recent(time.monotonic()), FOREIGN_CHECK_TIME, check)
         finally:
             self._is_detecting = False
 
@@ -110,7 +110,8 @@ class ForeignMessages:
         """
         if self.detect(check):
             # Discovery delivers node names last, and nothing moves yet.
-            wait_until(lambda: UNKNOWN_NODE not in self._other_publishers(), LISTEN_TIME, check)
+            wait_until(
+                lambda: UNKNOWN_NODE not in self._other_publishers(), FOREIGN_CHECK_TIME, check)
             raise RobotTakenError(
                 f'{self.describe_sender()} sends velocities on {self._publisher.topic_name}; '
                 'nothing was sent. Stop that program, or set the parameter '
@@ -121,9 +122,9 @@ class ForeignMessages:
         if UNKNOWN_NODE in self._names:
             self._names = self._other_publishers() or self._names  # discovery delivers names last
         names = sorted({
-            'with a name that is not told here' if name == UNKNOWN_NODE else escaped(name, 60)
+            'whose name is not known' if name == UNKNOWN_NODE else escaped(name, 60)
             for name in self._names})
-        return f'somebody else (node {" or ".join(names)})'
+        return f'another program (node {" or ".join(names)})'
 
     def _on_data(self, data: bytes) -> None:
         now, zero = time.monotonic(), is_zero(data)

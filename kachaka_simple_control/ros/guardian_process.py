@@ -39,7 +39,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 #: How many messages are read from the pipe at once [bytes]: more than a minute's.
-PIPE_SIZE = 65536
+READ_SIZE = 65536
 
 
 class GuardianNode:
@@ -133,9 +133,9 @@ class GuardianProcess:
             if signals in readable:
                 self._on_disconnect('the guardian was told to end')
             elif messages in readable:
-                self._on_messages(os.read(messages, PIPE_SIZE), now)
+                self._on_messages(os.read(messages, READ_SIZE), now)
             elif self._watchdog.has_timed_out(now, self._node_is_publishing()):
-                self._stop('the node fell silent')
+                self._stop('the node sent no heartbeat')
             self._report_match()
 
     def _node_is_publishing(self) -> bool:

@@ -168,10 +168,10 @@ class IntrospectionPublishers:
                 return
             try:
                 handler(argument)
-            except Exception as error:  # whatever it is, the robot comes first
+            except Exception as error:  # whatever it is, it must not end the drive
                 has_failed = True
                 self._node.get_logger().warning(
-                    f'{name} is shown no more: {type(error).__name__}: {error}')
+                    f'{name} is no longer published: {type(error).__name__}: {error}')
         return guarded
 
     def _log_error(self, publisher: Publisher, error: Exception) -> None:
@@ -179,4 +179,4 @@ class IntrospectionPublishers:
         if self._is_open and name not in self._failed:
             self._failed.add(name)
             self._node.get_logger().warning(
-                f'{name} could not be shown: {type(error).__name__}: {error}')
+                f'{name} could not be published: {type(error).__name__}: {error}')

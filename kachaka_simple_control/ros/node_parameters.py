@@ -60,29 +60,29 @@ class NodeParameters:
     robot_timeout: float = _parameter(
         10.0, 'How long to wait for a robot before giving up [s]', 0.1, 3600.0)
     prime_time: float = _parameter(
-        0.5, 'How long zeros are sent to a robot just met, before it moves [s]', 0.0, 10.0)
+        0.5, 'How long zeros are sent after the robot is matched, before it moves [s]', 0.0, 10.0)
     manual_control: bool = _parameter(
         True, 'Switch the manual control of the robot on before the first velocity, and renew it')
     release_manual_control: bool = _parameter(
-        True, 'Give manual control back at the end, if this node switched it on')
+        True, 'Release manual control at the end, if this node switched it on')
     guardian: bool = _parameter(
         True, 'Have a second process stop the robot if this one is killed, frozen or crashes')
     odometry_timeout: float = _parameter(
-        1.0, 'How long odometry may be silent in a run before it is given up [s]; 0: for ever',
+        1.0, 'How long odometry may be silent in a run before it is given up [s]; 0: no limit',
         0.0, 60.0)
     allow_other_publishers: bool = _parameter(
         False,
-        'Drive even while somebody else sends velocities to the same robot; of two programs of '
-        'this kind one drives all the same')
+        'Drive even while another program sends velocities to the same robot; two instances of '
+        'this program still exclude each other')
     pause_timeout: float = _parameter(
         600.0, 'How long a run may be paused before it is given up [s]', 1.0, 86_400.0)
     speed_factor: float = _parameter(
-        1.0, 'Drive slower than planned, by this factor; can be changed while the robot drives',
+        1.0, 'Speed relative to the plan, 1: as planned; can be changed while the robot drives',
         MIN_SPEED_FACTOR, 1.0, read_only=False)
     closed_loop: bool = _parameter(
         False, 'Correct motions by odometry; the delay of the robot must be calibrated')
     summary: bool = _parameter(
-        False, 'Record what is sent and what odometry answers, for the table at the end')
+        False, 'Record what is sent and what odometry reports, for the table at the end')
 
 
 def parameter_arguments(arguments: Sequence[str]) -> dict[str, str]:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Where the robot is to go, and where it went."""
+"""Publish the planned and the driven path of the robot."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PLANNED, DRIVEN = '~/planned_path', '~/driven_path'
 #: The frame of poses before odometry has named one.
 FRAME = 'odom'
 #: The driven path is not published more often than this [s].
-PERIOD = 0.5
+MIN_PUBLISH_PERIOD = 0.5
 
 
 class PlannedPathPublisher:
@@ -81,7 +81,7 @@ class PlannedPathPublisher:
 
 class DrivenPathPublisher:
     """
-    Publishes where odometry saw the robot, from its first pose on, if there are subscribers.
+    Publishes where odometry showed the robot, from its first pose on, if there are subscribers.
 
     :param velocities: the publisher that moves the robot
     :raises UsageError: if the topic is remapped to where it would move the robot
@@ -104,7 +104,7 @@ class DrivenPathPublisher:
     def on_odometry(self, event: OdometryReceived) -> None:
         """Add a pose, and publish the path if that is due."""
         self._history.add(event.pose)
-        if (event.time - self._publish_time >= PERIOD
+        if (event.time - self._publish_time >= MIN_PUBLISH_PERIOD
                 and self._publisher.get_subscription_count()):
             self._publish_time = event.time
             path = self._serializer.path(self._history.kept, self._clock.now().nanoseconds)

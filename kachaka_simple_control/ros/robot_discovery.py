@@ -101,8 +101,8 @@ class RobotDiscovery:
                 lambda: self._guardian.is_matched and not self._problem(), timeout, check):
             # What discovery has found meanwhile is the better explanation.
             raise RobotNotFoundError(self._not_found(timeout) if self._problem() else (
-                f'the guardian has not met the robot within {timeout:g} s, so nothing moved; the '
-                'parameter guardian:=false drives without one'))
+                f'the guardian has matched no subscriber within {timeout:g} s, so nothing moved; '
+                'the parameter guardian:=false drives without one'))
 
     def check_subscribed(self) -> None:
         """
@@ -115,7 +115,7 @@ class RobotDiscovery:
 
     def has_changed(self) -> bool:
         """
-        Tell whether a number of endpoints has changed since the last call.
+        Return whether a number of endpoints has changed since the last call.
 
         A robot that was replaced by another within that time is not seen here.
         """
@@ -185,7 +185,8 @@ class RobotDiscovery:
             return self._several_robots(len(robots))
         if self._required_participant is not None and self._required_participant() not in robots:
             if not robots:
-                return f'the robot that was brought along does not publish {self._odometry_topic}'
+                return ('the robot that this program started does not publish '
+                        f'{self._odometry_topic}')
             return (f'another robot publishes {self._odometry_topic}: stop its bridge, or name a '
                     'robot_namespace for this one')
         if not self._manual_control.is_available:

@@ -45,11 +45,11 @@ class RosRunMonitor:
 
     :param guardian: gets the heartbeats
     :param lease: renews manual control; None for a robot that needs none
-    :param discovery: what the ROS graph tells of the robot
-    :param foreign: listens to other publishers of velocities
-    :param odometry: what odometry tells of the robot
+    :param discovery: what the ROS graph shows of the robot
+    :param foreign: detects the velocities of other publishers
+    :param odometry: what odometry shows of the robot
     :param parameters: how long odometry may be silent, and a run paused
-    :param speed_factor: by how much slower than planned the robot drives
+    :param speed_factor: the speed relative to the plan
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class RosRunMonitor:
 
     @property
     def speed_factor(self) -> float:
-        """Return by how much slower than planned to drive, from 0 to 1."""
+        """Return the speed factor, from 0 to 1; 1: as planned."""
         return self._speed_factor.value
 
     def correct(self, tick: Tick, now: float) -> Velocity:
@@ -141,14 +141,14 @@ class RosRunMonitor:
                 'link to it is lost')
         if self._feedback is not None:
             age = self._feedback.age(now)
-            # Its messages may come, and say nothing new.
+            # Messages may still arrive, with an old stamp.
             if age > (self._odometry_timeout or FEEDBACK_TIMEOUT):
                 raise RunFaultError(
                     f'odometry has had nothing new for {age:.1f} s: a closed loop needs it')
         if self._held_since is not None and now - self._held_since > self._pause_timeout:
             raise PauseTimeoutError(
                 f'paused for {self._pause_timeout:g} s (parameter pause_timeout): the motion was '
-                'given up, and the robot given back')
+                'given up, and the robot released')
         if now - self._graph_counted >= GRAPH_COUNT_PERIOD:
             self._graph_counted = now
             self._check_graph(now)

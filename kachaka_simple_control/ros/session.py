@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A session with one robot: connect, drive, stop, give back."""
+"""A session with one robot: connect, drive, stop, release."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Session:
             profile.feedback_delay(), profile.odometry_calibration) if (
                 parameters.closed_loop) else None
         self._feedback_topic = names.odometry
-        #: what odometry tells of the robot's velocity
+        #: what odometry shows of the robot's velocity
         self.odometry = StandstillDetector()
         self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._on_conflict)
         self._publisher = publisher
@@ -113,7 +113,7 @@ class Session:
         self._lease = LeaseRenewer(
             lambda: self._manual_control.request(True),
             response_timeout=profile.command_timeout - 1.0 / parameters.rate)
-        #: by how much slower than planned the robot drives, and who wants that
+        #: the speed relative to the plan, and who wants it slower
         self.speed_factor = SpeedFactor()
         self._monitor = RosRunMonitor(
             self._guardian, self._lease if self._manual_control.is_needed else None,
@@ -272,12 +272,12 @@ class Session:
             self._monitor.pause_pose.require_not_moved()
 
     def close(self) -> None:
-        """Stop the robot, give it back and end the executor; nothing is sent afterwards."""
+        """Stop the robot, release it and end the executor; nothing is sent afterwards."""
         with self._closing:
             if not self._is_closed:
                 self.stop_permanently(MotionRefusedError('the node is closed'))
                 self.gate.close()
-                # The guardian's publisher must be gone as well before the robot is given back.
+                # The guardian's publisher must be gone as well before the robot is released.
                 self._guardian.shutdown()
                 self._release_manual_control()
                 self._is_closed = True
@@ -311,7 +311,7 @@ class Session:
 
     @property
     def stop_confirmed_after(self) -> float | None:
-        """Time from the start of the last stop until odometry saw standstill [s], or None."""
+        """Time from the start of the last stop until odometry showed standstill [s], or None."""
         started, still = self._stopper.stop_started, self.odometry.still_since(time.monotonic())
         return None if started is None or still is None else max(0.0, still - started)
 
@@ -354,7 +354,7 @@ class Session:
         self._lease.granted(requested)
 
     def _begin_feedback(self, plan: Plan, limits: Limits) -> PoseFeedback:
-        """Wait until odometry sees the robot at rest, and begin to correct a plan by it."""
+        """Wait until odometry shows the robot at rest, and begin to correct a plan by it."""
         assert self._feedback is not None
         feedback = self._feedback
 

@@ -89,7 +89,7 @@ class TickStatistics:
             self._process(self._unread.popleft())
             count += 1
             if count % BATCH_SIZE == 0:
-                time.sleep(0.0)  # lets go of the interpreter: the robot's thread may wait for it
+                time.sleep(0.0)  # releases the interpreter lock for the robot's thread
 
     def step(self, now: float) -> tuple[int, int]:
         """
@@ -154,9 +154,9 @@ class SessionStatus:
     :param guardian: the state of the guardian
     :param odometry_age: how old the newest odometry is [s]; None if there was none
     :param manual_control: whether manual control is on, as far as this node knows
-    :param speed_factor: by how much slower than planned the robot drives, from 0 to 1
+    :param speed_factor: the speed factor, from 0 to 1; 1: as planned
     :param speed: who asks for less speed
-    :param halted_by: why nothing moves any more; None if it does
+    :param stopped_by: why nothing moves any more; None if it does
     """
 
     subscriber_count: int
@@ -166,26 +166,26 @@ class SessionStatus:
     manual_control: str
     speed_factor: float
     speed: str
-    halted_by: str | None
+    stopped_by: str | None
 
 
 class StatusReader:
     """
     Reads the state of the parts of a session, from any thread, and changes nothing.
 
-    :param halted_by: returns why nothing moves any more
+    :param stopped_by: returns why nothing moves any more
     """
 
     def __init__(
             self, gate: VelocityGate, discovery: RobotDiscovery, guardian: Guardian | NullGuardian,
             odometry: StandstillDetector, manual_control: ManualControlClient,
-            halted_by: Callable[[], ControlError | None], speed_factor: SpeedFactor) -> None:
+            stopped_by: Callable[[], ControlError | None], speed_factor: SpeedFactor) -> None:
         self._gate = gate
         self._discovery = discovery
         self._guardian = guardian
         self._odometry = odometry
         self._manual_control = manual_control
-        self._halted_by = halted_by
+        self._stopped_by = stopped_by
         self._speed_factor = speed_factor
 
     @property
@@ -199,7 +199,7 @@ class StatusReader:
 
         :param now: the time [s on the steady clock]
         """
-        halted_by = self._halted_by()
+        stopped_by = self._stopped_by()
         return SessionStatus(
             subscriber_count=self._discovery.subscriber_count,
             other_publishers=tuple(self._discovery.other_publishers()),
@@ -208,7 +208,7 @@ class StatusReader:
             manual_control=self._manual_control.state(now),
             speed_factor=self._speed_factor.value,
             speed=self._speed_factor.describe(),
-            halted_by=str(halted_by) if halted_by else None)
+            stopped_by=str(stopped_by) if stopped_by else None)
 
 
 def _guardian(guardian: Guardian | NullGuardian) -> str:
@@ -234,18 +234,18 @@ def diagnose(statistics: TickStatistics, status: SessionStatus, now: float) -> D
         'step': '{} of {}'.format(*statistics.step(now)),
         'late ticks': str(statistics.late),
         'skipped ticks': str(statistics.skipped),
-        'listeners': str(status.subscriber_count),
+        'subscribers': str(status.subscriber_count),
         'other publishers': ', '.join(status.other_publishers) or 'none',
         'guardian': status.guardian,
-        'odometry age': 'never heard' if age is None else f'{age:.2f} s',
+        'odometry age': 'none received' if age is None else f'{age:.2f} s',
         'manual control': status.manual_control,
         'speed': status.speed,
     })
 
 
 def _state(statistics: TickStatistics, status: SessionStatus) -> str:
-    if status.halted_by is not None:
-        return 'halted'
+    if status.stopped_by is not None:
+        return 'stopped permanently'
     if statistics.is_active:
         if not statistics.has_started:
             return 'connecting to the robot'
@@ -256,14 +256,14 @@ def _state(statistics: TickStatistics, status: SessionStatus) -> str:
 
 
 def _worst(statistics: TickStatistics, status: SessionStatus, state: str) -> tuple[Level, str]:
-    if status.halted_by is not None:
-        return Level.ERROR, f'halted for good: {status.halted_by}'
+    if status.stopped_by is not None:
+        return Level.ERROR, f'stopped permanently: {status.stopped_by}'
     if status.guardian.startswith('stopped'):
         return Level.ERROR, f'the guardian {status.guardian}'
     if statistics.failure is not None:
         return Level.WARN, f'the last motion was over before its end: {statistics.failure}'
     warnings = [
-        ('nobody takes our velocities', not status.subscriber_count),
+        ('no subscriber for the velocities', not status.subscriber_count),
         (f'others have publishers of velocities: {", ".join(status.other_publishers)}',
          status.other_publishers),
         ('odometry is silent', (status.odometry_age or 0.0) > ODOMETRY_WARN_AGE),

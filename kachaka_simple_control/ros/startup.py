@@ -159,7 +159,7 @@ def one_line_errors(name: str) -> Iterator[None]:
         text = escaped(str(error).splitlines()[0])
         if 'Failed to construct ~' in text or 'should not exceed' in text:
             # The longest name is that of a service which every node has.
-            text = (f'with its namespace, a name of its has more than {MAX_NAME_LENGTH} '
+            text = (f'with its namespace, one of its names has more than {MAX_NAME_LENGTH} '
                     f'characters; ROS takes {MAX_NAME_LENGTH} at most: take a shorter namespace '
                     'or name')
         raise UsageError(f'there can be no node {escaped(name, 60)}: {text}') from None

@@ -33,7 +33,7 @@ DEPTH = 10
 
 
 def is_zero(data: bytes) -> bool:
-    """Tell whether a serialized Twist or TwistStamped has only zero components."""
+    """Return whether a serialized Twist or TwistStamped has only zero components."""
     # In both, the six doubles of the velocity come last.
     return not any(data[-48:])
 

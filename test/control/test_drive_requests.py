@@ -49,11 +49,11 @@ class Bench:
         thread.start()
         thread.join()
 
-    def drive(self, is_whole=True):
+    def drive(self, is_complete=True):
         """Begin and end a drive."""
         request = self.requests.accept()
         self.gate.begin(0.2, request.run)
-        self.requests.finish(request, is_whole)
+        self.requests.finish(request, is_complete)
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_one_drive_at_a_time(bench):
     first = bench.requests.accept()
     with pytest.raises(MotionRefusedError, match='running already'):
         bench.requests.accept()
-    bench.requests.finish(first, is_whole=True)
+    bench.requests.finish(first, is_complete=True)
     bench.drive()
 
 
@@ -80,7 +80,7 @@ def test_a_drive_that_has_not_begun_is_ended_by_a_stop(bench):
 def test_after_such_a_stop_a_drive_may_be_requested(bench):
     request = bench.requests.accept()
     bench.stop_from_outside()
-    bench.requests.finish(request, is_whole=False)
+    bench.requests.finish(request, is_complete=False)
     bench.drive()
 
 
@@ -98,7 +98,7 @@ def test_a_stop_at_the_last_moment_of_a_movement_refuses_the_next(bench):
     request = bench.requests.accept()
     bench.gate.begin(0.2, request.run)
     bench.stop_from_outside()
-    bench.requests.finish(request, is_whole=True)
+    bench.requests.finish(request, is_complete=True)
     with pytest.raises(MotionRefusedError, match='from outside'):
         bench.drive()
 

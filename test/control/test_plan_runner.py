@@ -181,7 +181,7 @@ def test_a_gap_within_the_limit_does_not_end_the_run():
 def test_a_set_latch_ends_the_run_before_anything_else_is_sent():
     bench = Bench(Move(0.1, 0.0, 1.0))
     bench.time.on_sleep = lambda: bench.latch.trip() if len(bench.wire.sent) == 3 else None
-    with pytest.raises(MotionRefusedError, match='stopped for good'):
+    with pytest.raises(MotionRefusedError, match='stopped permanently'):
         bench.run()
     assert len(bench.wire.sent) == 3
 

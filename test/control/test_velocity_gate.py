@@ -55,7 +55,7 @@ def gate(time, wire, latch):
 def test_before_the_gate_is_open_not_even_a_zero_is_sent(gate, wire):
     """A zero switches a Kachaka's manual control on, and drives it off its dock."""
     assert not gate.send_zero(after=None)
-    with pytest.raises(MotionRefusedError, match='not ours'):
+    with pytest.raises(MotionRefusedError, match='the robot cannot be driven: it is'):
         gate.begin(0.2)
     assert wire.sent == []
 
@@ -65,10 +65,10 @@ def test_after_the_gate_is_closed_nothing_is_sent(gate, wire):
     run = gate.begin(0.2)
     gate.close()
     assert not gate.send_zero(after=run)
-    with pytest.raises(MotionRefusedError, match='not ours'):
+    with pytest.raises(MotionRefusedError, match='the robot cannot be driven: it is'):
         gate.send(run, FORWARD)
     gate.open()
-    with pytest.raises(MotionRefusedError, match='not ours'):
+    with pytest.raises(MotionRefusedError, match='the robot cannot be driven: it is'):
         gate.begin(0.2)
     assert wire.sent == []
 
@@ -107,9 +107,9 @@ def test_after_the_latch_is_set_only_zeros_are_sent(gate, wire, latch):
     gate.open()
     run = gate.begin(0.2)
     latch.trip()
-    with pytest.raises(MotionRefusedError, match='for good'):
+    with pytest.raises(MotionRefusedError, match='stopped permanently'):
         gate.send(run, FORWARD)
-    with pytest.raises(MotionRefusedError, match='for good'):
+    with pytest.raises(MotionRefusedError, match='stopped permanently'):
         gate.begin(0.2)
     assert gate.send_zero(after=run)
     assert [v for _, v in wire.sent] == [ZERO]
@@ -303,5 +303,5 @@ def test_a_program_that_was_stopped_while_a_message_was_sent_is_told_at_once(lat
     gate = VelocityGate(lambda _: latch.trip(), Limits(0.3, 1.57), latch)
     gate.open()
     run = gate.begin(0.2)
-    with pytest.raises(MotionRefusedError, match='stopped for good'):
+    with pytest.raises(MotionRefusedError, match='stopped permanently'):
         gate.send(run, FORWARD)

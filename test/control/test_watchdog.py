@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 from kachaka_simple_control.control.timing import (
     HEARTBEAT_TIMEOUT,
     PUBLISH_TIMEOUT,
-    REST_TIMEOUT,
+    STOPPING_TIMEOUT,
     WATCHDOG_PERIOD,
 )
-from kachaka_simple_control.control.watchdog import GuardianMessage, TIME_TOLERANCE, Watchdog
+from kachaka_simple_control.control.watchdog import GuardianMessage, ROUNDING_ERROR, Watchdog
 import pytest
 
 MESSAGES = st.lists(
@@ -38,22 +38,22 @@ def after(*messages, pause=0.02):
 
 
 def test_a_disconnect_during_a_run_requires_a_stop():
-    watchdog, _ = after(GuardianMessage.PRIME, GuardianMessage.BEAT)
+    watchdog, _ = after(GuardianMessage.PRIME, GuardianMessage.HEARTBEAT)
     assert watchdog.on_disconnect()
     assert watchdog.is_over
 
 
 @pytest.mark.parametrize('messages', [
-    (), (GuardianMessage.PRIME,), (GuardianMessage.BEAT, GuardianMessage.STOPPED),
-    (GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.STOPPED),
-    (GuardianMessage.BEAT, GuardianMessage.STOPPED, GuardianMessage.REST)])
+    (), (GuardianMessage.PRIME,), (GuardianMessage.HEARTBEAT, GuardianMessage.STOPPED),
+    (GuardianMessage.HEARTBEAT, GuardianMessage.STOPPING, GuardianMessage.STOPPED),
+    (GuardianMessage.HEARTBEAT, GuardianMessage.STOPPED, GuardianMessage.STOPPING)])
 def test_a_disconnect_before_a_motion_or_after_a_whole_stop_requires_none(messages):
     watchdog, _ = after(*messages)
     assert not watchdog.on_disconnect()
 
 
 def test_one_zero_at_the_end_of_a_run_is_not_a_stop():
-    watchdog, _ = after(GuardianMessage.BEAT, GuardianMessage.REST)
+    watchdog, _ = after(GuardianMessage.HEARTBEAT, GuardianMessage.STOPPING)
     assert watchdog.on_disconnect()
 
 
@@ -68,7 +68,7 @@ def wait(watchdog, now, duration):
 
 
 def test_missing_heartbeats_in_a_run_are_detected_once():
-    watchdog, now = after(GuardianMessage.BEAT)
+    watchdog, now = after(GuardianMessage.HEARTBEAT)
     assert wait(watchdog, now, 60.0) == pytest.approx(now + HEARTBEAT_TIMEOUT)
     assert wait(watchdog, now, 60.0) is None
     assert not watchdog.on_disconnect()
@@ -76,14 +76,14 @@ def test_missing_heartbeats_in_a_run_are_detected_once():
 
 def test_time_in_which_the_guardian_was_suspended_does_not_count():
     """The whole machine was suspended, node and guardian alike."""
-    watchdog, now = after(GuardianMessage.BEAT)
+    watchdog, now = after(GuardianMessage.HEARTBEAT)
     assert not watchdog.has_timed_out(now + 0.5)
-    watchdog.on_message(GuardianMessage.BEAT, now + 0.51)
+    watchdog.on_message(GuardianMessage.HEARTBEAT, now + 0.51)
     assert not watchdog.has_timed_out(now + 1.0)
 
 
 def test_a_node_that_waits_for_dds_is_given_more_time():
-    watchdog, now = after(GuardianMessage.BEAT)
+    watchdog, now = after(GuardianMessage.HEARTBEAT)
     looks = round(0.4 / 0.02)
     assert not any(
         watchdog.has_timed_out(now + 0.02 * (k + 1), is_publishing=True) for k in range(looks))
@@ -92,23 +92,23 @@ def test_a_node_that_waits_for_dds_is_given_more_time():
 
 
 def test_a_node_that_never_returns_from_dds_is_detected():
-    watchdog, now = after(GuardianMessage.BEAT)
+    watchdog, now = after(GuardianMessage.HEARTBEAT)
     told = [
         k for k in range(100) if watchdog.has_timed_out(now + 0.02 * (k + 1), is_publishing=True)]
     assert told == [pytest.approx(PUBLISH_TIMEOUT / 0.02 - 1, abs=1)]
 
 
 def test_a_node_that_stays_silent_after_a_stall_is_detected():
-    watchdog, now = after(GuardianMessage.BEAT)
+    watchdog, now = after(GuardianMessage.HEARTBEAT)
     assert not watchdog.has_timed_out(now + 0.5)
     assert wait(watchdog, now + 0.5, 1.0) <= now + 0.5 + HEARTBEAT_TIMEOUT
 
 
 @pytest.mark.parametrize('messages', [
-    (), (GuardianMessage.PRIME,), (GuardianMessage.REST,),
-    (GuardianMessage.BEAT, GuardianMessage.STOPPED),
-    (GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.STOPPED),
-    (GuardianMessage.BEAT, GuardianMessage.STOPPED, GuardianMessage.REST)])
+    (), (GuardianMessage.PRIME,), (GuardianMessage.STOPPING,),
+    (GuardianMessage.HEARTBEAT, GuardianMessage.STOPPED),
+    (GuardianMessage.HEARTBEAT, GuardianMessage.STOPPING, GuardianMessage.STOPPED),
+    (GuardianMessage.HEARTBEAT, GuardianMessage.STOPPED, GuardianMessage.STOPPING)])
 def test_silence_outside_a_run_and_its_stop_is_no_fault(messages):
     watchdog, now = after(*messages)
     assert not watchdog.has_timed_out(now + 3600.0)
@@ -117,44 +117,46 @@ def test_silence_outside_a_run_and_its_stop_is_no_fault(messages):
 
 def test_a_node_that_falls_silent_before_its_whole_stop_is_detected():
     """Its run has sent a zero, which may be lost; whatever holds it up may hold it for ever."""
-    watchdog, now = after(GuardianMessage.BEAT, GuardianMessage.REST)
-    assert wait(watchdog, now, 60.0) == pytest.approx(now + REST_TIMEOUT)
+    watchdog, now = after(GuardianMessage.HEARTBEAT, GuardianMessage.STOPPING)
+    assert wait(watchdog, now, 60.0) == pytest.approx(now + STOPPING_TIMEOUT)
     assert wait(watchdog, now, 60.0) is None
     assert not watchdog.on_disconnect()
 
 
 def test_a_stop_under_way_is_no_silence():
     """Nor one that goes on for longer than silence may, while the robot is seen to move."""
-    watchdog, now = after(GuardianMessage.BEAT)
+    watchdog, now = after(GuardianMessage.HEARTBEAT)
     for _ in range(100):
-        watchdog.on_message(GuardianMessage.REST, now)
+        watchdog.on_message(GuardianMessage.STOPPING, now)
         assert wait(watchdog, now, 0.04) is None
         now += 0.04
     assert watchdog.on_disconnect()
 
 
 def test_the_next_movement_has_the_same_heartbeat_timeout():
-    watchdog, now = after(GuardianMessage.BEAT, GuardianMessage.REST, GuardianMessage.BEAT)
+    watchdog, now = after(
+        GuardianMessage.HEARTBEAT, GuardianMessage.STOPPING, GuardianMessage.HEARTBEAT)
     assert wait(watchdog, now, 60.0) == pytest.approx(now + HEARTBEAT_TIMEOUT)
 
 
 def test_time_in_which_the_guardian_was_suspended_after_a_run_does_not_count():
-    watchdog, now = after(GuardianMessage.BEAT, GuardianMessage.REST)
+    watchdog, now = after(GuardianMessage.HEARTBEAT, GuardianMessage.STOPPING)
     assert not watchdog.has_timed_out(now + 3600.0)
     assert wait(watchdog, now + 3600.0, 60.0) == pytest.approx(
-        now + 3600.0 + REST_TIMEOUT, abs=0.03)
+        now + 3600.0 + STOPPING_TIMEOUT, abs=0.03)
 
 
 @given(st.lists(st.tuples(
     st.lists(st.floats(0.0, HEARTBEAT_TIMEOUT - 2 * WATCHDOG_PERIOD), min_size=1, max_size=5),
-    st.floats(0.0, REST_TIMEOUT - 2 * WATCHDOG_PERIOD), st.integers(0, 5)), max_size=5))
+    st.floats(0.0, STOPPING_TIMEOUT - 2 * WATCHDOG_PERIOD), st.integers(0, 5)), max_size=5))
 def test_a_healthy_node_is_never_stopped(movements):
     """Heartbeats, a zero, a pause, and then a stop, whole or cut short by the next movement."""
     watchdog, now = Watchdog(), 0.0
     for beats, pause, zeros in movements:
-        messages = [(0.0, GuardianMessage.BEAT), *((beat, GuardianMessage.BEAT) for beat in beats),
-                    (0.0, GuardianMessage.REST), (pause, GuardianMessage.REST),
-                    *[(0.04, GuardianMessage.REST)] * zeros]
+        messages = [(0.0, GuardianMessage.HEARTBEAT),
+                    *((beat, GuardianMessage.HEARTBEAT) for beat in beats),
+                    (0.0, GuardianMessage.STOPPING), (pause, GuardianMessage.STOPPING),
+                    *[(0.04, GuardianMessage.STOPPING)] * zeros]
         for silence, message in messages:
             assert wait(watchdog, now, silence) is None
             now += silence
@@ -174,8 +176,8 @@ def test_the_robot_is_stopped_at_most_once_unless_it_moved_again(messages):
             assert moved
             moved = False
         watchdog.on_message(message, now)
-        moved = (
-            moved or message is GuardianMessage.BEAT) and message is not GuardianMessage.STOPPED
+        moved = (moved or message is GuardianMessage.HEARTBEAT) and (
+            message is not GuardianMessage.STOPPED)
     if watchdog.on_disconnect():
         assert moved
     assert not watchdog.on_disconnect()
@@ -190,12 +192,12 @@ def test_silence_is_detected_within_its_timeout(messages):
         watchdog.on_message(message, now)
     told = wait(watchdog, now, 10.0)
     left = [message for message in since_stop(messages) if message is not GuardianMessage.PRIME]
-    if GuardianMessage.BEAT not in left:
+    if GuardianMessage.HEARTBEAT not in left:
         assert told is None
     else:
-        allowed = HEARTBEAT_TIMEOUT if left[-1] is GuardianMessage.BEAT else REST_TIMEOUT
+        allowed = HEARTBEAT_TIMEOUT if left[-1] is GuardianMessage.HEARTBEAT else STOPPING_TIMEOUT
         # A message that changes nothing may have come since the last one that did.
-        assert told - now <= allowed + TIME_TOLERANCE
+        assert told - now <= allowed + ROUNDING_ERROR
 
 
 def since_stop(messages):

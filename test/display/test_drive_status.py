@@ -358,7 +358,7 @@ def test_the_bar_can_be_read_without_colours(drawn, encoding):
 
 def test_a_long_reason_takes_two_lines(drawn):
     tracker = driven(1.0)
-    reason = 'the guardian stopped the robot: the node fell silent, and stayed so'
+    reason = 'the guardian stopped the robot: the node sent no heartbeat, and stayed so'
     tracker.on_event(MotionEnded(START + 1.0, reason))
     lines = drawn(tracker.status_at(START + 5.0), 60)
     assert ' '.join(' '.join(lines[1:3]).split()) == f'CUT SHORT {reason}'

@@ -87,7 +87,7 @@ def test_a_robot_that_is_held_is_stopped_with_one_line(robot, tmp_path):
                   '--linear-gain', '0'], tmp_path) as started:
         assert started.end(40.0) == 1
     (line,) = [line for line in started.text.splitlines() if 'wheels slip' in line]
-    assert re.search('odometry sees the robot 2. cm and 0 deg from where it should be', line)
+    assert re.search('odometry shows the robot 2. cm and 0 deg from where it should be', line)
 
 
 @contextlib.contextmanager
@@ -166,7 +166,7 @@ def test_odometry_whose_stamps_stand_still_is_refused(listener, observer, make, 
 
 def test_a_stop_that_is_unconfirmed_does_not_hide_why_there_was_one(
         listener, observer, robot, tmp_path):
-    """Two lines: odometry sees the robot move, before and after."""
+    """Two lines: odometry shows motion, before and after."""
     assert listener
     with repeated_odometry(observer.node, 0.1), program(
             [*COMMAND, 'straight', '--closed-loop', '--robot', robot], tmp_path) as started:

@@ -226,7 +226,7 @@ def cable():
             other.stdin.close()
 
 
-#: Scripts that bring a simulated robot along, before and after ROS is initialised.
+#: Scripts that start a simulated robot, before and after ROS is initialised.
 SCRIPTS = {
     'script': """
 from kachaka_simple_control import KachakaSimpleControl

@@ -116,14 +116,14 @@ def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, 
     assert driving.status[0].hardware_id == f'kachaka on {VELOCITY}'
     values = figures(driving)
     assert list(values) == [
-        'state', 'motion', 'step', 'late ticks', 'skipped ticks', 'listeners',
+        'state', 'motion', 'step', 'late ticks', 'skipped ticks', 'subscribers',
         'other publishers', 'guardian', 'odometry age', 'manual control', 'speed']
     assert values['motion'] == 'move_robot'
     assert values['step'] == '1 of 1'
-    assert values['listeners'] == '1'
+    assert values['subscribers'] == '1'
     assert values['other publishers'] == 'none'
     assert values['guardian'] == 'matched'
-    assert values['odometry age'] == 'never heard'
+    assert values['odometry age'] == 'none received'
     assert values['manual control'].startswith('asked for')
     thread.join()
     assert wait_until(lambda: figures(seen[-1])['state'] == 'at rest')
@@ -140,7 +140,7 @@ def test_a_diagnosis_reports_the_end_of_a_motion(listener, observer, make):
     assert seen[-1].status[0].level == b'\x01'
     assert 'ended by stop_robot()' in seen[-1].status[0].message
     node.session.stop_permanently(MotionRefusedError('enough'))
-    assert wait_until(lambda: figures(seen[-1])['state'] == 'halted')
+    assert wait_until(lambda: figures(seen[-1])['state'] == 'stopped permanently')
     assert seen[-1].status[0].level == b'\x02'
     assert 'enough' in seen[-1].status[0].message
 

@@ -187,7 +187,7 @@ def test_a_zero_of_another_publisher_ends_the_run(listener, tmp_path):
         time.sleep(0.5)
         other.send(0.0)
         assert started.end() == 1
-    assert 'somebody else (node listener) sends velocities' in started.text
+    assert 'another program (node listener) sends velocities' in started.text
     assert ours(listener, other) == []
     other.leave()
 
@@ -198,7 +198,7 @@ def test_another_publisher_that_joins_in_mid_motion_ends_the_run(listener, tmp_p
         other = OtherPublisher(listener)
         other.send()
         assert started.end() == 1
-    assert 'somebody else (node listener) sends velocities' in started.text
+    assert 'another program (node listener) sends velocities' in started.text
     assert end_of_motion_of_ours(listener) - other.began < 1.0
     other.leave()
 
@@ -228,7 +228,7 @@ def test_no_run_begins_while_another_publisher_sends(listener, tmp_path):
     listener.wait_for(lambda heard: heard.moves)
     with program(COMMAND, tmp_path) as started:
         code = started.end()
-    assert 'somebody else (node ' in started.text
+    assert 'another program (node ' in started.text
     assert f') sends velocities on {listener._subscription.topic_name}' in started.text
     # 1 where discovery found the publisher after the robot: then zeros were sent already.
     assert code in (3, 1)

@@ -96,7 +96,7 @@ def test_a_frozen_node_is_stopped_once_and_sends_no_motion_when_it_resumes(liste
         assert frozen[-1] - frozen[0] < 0.7  # then silence: one stop, not a flood
         thawed = started.send(signal.SIGCONT)
         assert started.end() == 1
-    assert 'the guardian stopped the robot: the node fell silent' in started.text
+    assert 'the guardian stopped the robot: the node sent no heartbeat' in started.text
     assert not [heard for heard in listener.heard if heard.moves and heard.time > thawed]
     assert len(listener.released) == 1
 
@@ -121,7 +121,7 @@ node.move_robot(0.1, 0.0, 0.5)
         assert zeros[1] - zeros[0] < 1.5
         started.send(signal.SIGCONT)
         assert started.end() == 1
-    assert 'the guardian stopped the robot: the node fell silent' in started.text
+    assert 'the guardian stopped the robot: the node sent no heartbeat' in started.text
     assert len(listener.moves()) == 1
 
 
@@ -176,7 +176,7 @@ node.move_robot(0.1, 0.0, 20.0)
     with script(text, tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
         assert started.end() == 1
-    assert 'the guardian stopped the robot: the node fell silent' in started.text
+    assert 'the guardian stopped the robot: the node sent no heartbeat' in started.text
     moves = [heard.time for heard in listener.heard if heard.moves]
     zeros = [heard.time for heard in listener.heard if not heard.moves and heard.time > moves[0]]
     # A few of the motion's own heartbeats may come late; the guardian's bound is 0.5 s.

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A script that brings a simulated robot along."""
+"""A script that starts a simulated robot."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_it_brings_a_kachaka_along(tmp_path):
         'KachakaSimpleControl({"robot": "turtlebot3"}, sim=True).move_robot(0.1, 0.0, 1.0)',
         tmp_path)
     assert code == 2
-    assert err.rstrip().endswith('sim=True brings a kachaka along, not a turtlebot3')
+    assert err.rstrip().endswith('sim=True starts a simulated kachaka, not a turtlebot3')
     assert out == ''
 
 

@@ -194,5 +194,5 @@ def test_two_programs_that_discover_each_other_too_late_both_stop(listener, tmp_
             assert (first.end(), second.end()) == (1, 1)
     for text in (first.text, second.text):
         assert 'another program drives the robot as well' in text or (
-            'somebody else (node kachaka_simple_control) sends velocities' in text)
+            'another program (node kachaka_simple_control) sends velocities' in text)
     assert not listener.heard[-1].moves

@@ -142,7 +142,7 @@ def test_lateness_is_counted_tick_by_tick(delays):
 
 IN_ORDER = SessionStatus(
     subscriber_count=1, other_publishers=(), guardian='matched', odometry_age=0.02,
-    manual_control='asked for 3 s ago', speed_factor=1.0, speed='full speed', halted_by=None)
+    manual_control='asked for 3 s ago', speed_factor=1.0, speed='full speed', stopped_by=None)
 
 
 def diagnosis_of(statistics=None, **changes):
@@ -153,14 +153,14 @@ def diagnosis_of(statistics=None, **changes):
 @pytest.mark.parametrize('changes, level, text', [
     ({}, Level.OK, 'nothing to drive yet'),
     ({'odometry_age': None}, Level.OK, 'nothing to drive yet'),
-    ({'subscriber_count': 0}, Level.WARN, 'nobody takes our velocities'),
+    ({'subscriber_count': 0}, Level.WARN, 'no subscriber for the velocities'),
     ({'other_publishers': ('joy', 'nav')}, Level.WARN,
      'others have publishers of velocities: joy, nav'),
     ({'odometry_age': 1.5}, Level.WARN, 'odometry is silent'),
-    ({'guardian': 'stopped the robot because the node fell silent', 'subscriber_count': 0},
-     Level.ERROR, 'the guardian stopped the robot because the node fell silent'),
-    ({'halted_by': 'stopped by SIGINT', 'odometry_age': 9.0},
-     Level.ERROR, 'halted for good: stopped by SIGINT'),
+    ({'guardian': 'stopped the robot because the node sent no heartbeat', 'subscriber_count': 0},
+     Level.ERROR, 'the guardian stopped the robot because the node sent no heartbeat'),
+    ({'stopped_by': 'stopped by SIGINT', 'odometry_age': 9.0},
+     Level.ERROR, 'stopped permanently: stopped by SIGINT'),
 ])
 def test_the_worst_is_the_message(changes, level, text):
     assert diagnosis_of(**changes)[:2] == (level, text)
@@ -182,6 +182,6 @@ def test_skipped_velocities_and_an_early_end_are_a_warning():
 
 def test_unknown_values_are_said_to_be_unknown():
     values = diagnosis_of(odometry_age=None).values
-    assert values['odometry age'] == 'never heard'
+    assert values['odometry age'] == 'none received'
     assert values['motion'] == values['other publishers'] == 'none'
     assert values['step'] == '0 of 0'

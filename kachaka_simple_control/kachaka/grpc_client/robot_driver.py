@@ -226,7 +226,7 @@ class RobotDriver:
         self._on_abort(reason)
 
     def _set_control(self, enabled: bool) -> None:
-        # Clients repeat and renew their request: only a change is news.
+        # Clients repeat and renew their request: only a change is logged.
         now = time.monotonic()
         if enabled != (self._has_control and now < self._control_until):
             self._log(Level.OK, f"manual control {'enabled' if enabled else 'disabled'}")
