@@ -21,8 +21,9 @@ from collections.abc import Sequence
 import sys
 from typing import TYPE_CHECKING
 
-from kachaka_simple_control.cli import exit_code, Options, parse
+from kachaka_simple_control.cli import Options, parse
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.run_command import run_command
 
 if TYPE_CHECKING:
     from kachaka_simple_control.report.drive_log import DriveLog
@@ -62,7 +63,7 @@ def main(args: Sequence[str] | None = None) -> int:
     :returns: the exit code
     """
     options = parse(args)
-    return exit_code(lambda: _run(options))
+    return run_command(lambda: _run(options))
 
 
 if __name__ == '__main__':

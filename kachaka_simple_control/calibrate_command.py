@@ -35,7 +35,7 @@ from kachaka_simple_control.calibrate_options import (
     write_robot,
     written,
 )
-from kachaka_simple_control.cli import exit_code, Options
+from kachaka_simple_control.cli import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.preview_command import plan_view
@@ -43,6 +43,7 @@ from kachaka_simple_control.report.calibration_fit import CalibrationFit, fit_ca
 from kachaka_simple_control.report.calibration_plot import save_calibration_plot
 from kachaka_simple_control.report.plan_plot import check_plot_file
 from kachaka_simple_control.report.text_tables import columns
+from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.tape_measure import measure_floor, measure_squares
 
 HEAD = (('', ''), ('value', ''), ('standard error', ''))
@@ -98,7 +99,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     options, more = parse(sys.argv[1:] if args is None else args)
     measure = {FLOOR: measure_floor, UMBMARK: measure_squares}.get(more.part, calibrate)
-    return exit_code(partial(measure, options, more), NAME)
+    return run_command(partial(measure, options, more), NAME)
 
 
 if __name__ == '__main__':

@@ -11,12 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Options and exit codes of the ``kachaka_simple_control`` command; needs no ROS."""
+"""The options of the ``kachaka_simple_control`` command; needs no ROS."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import contextlib
 from dataclasses import dataclass, field
 from glob import escape, glob
@@ -25,22 +25,16 @@ from pathlib import Path
 import re
 import shlex
 import sys
-import traceback
 from typing import Any, NoReturn
 
-from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
-from kachaka_simple_control.errors import ControlError
-from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.exit_codes import (
-    code_of,
     DONE,
     FAULTED,
     HELP,
     OneLineParser,
-    SIGNALLED,
 )
-from kachaka_simple_control.files.document import FileError
 from kachaka_simple_control.kachaka.grpc_client.address import address_argument
 from kachaka_simple_control.kachaka.program import (
     add_simulation_options,
@@ -281,43 +275,3 @@ def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]
         (ros if is_for_ros else own).append(argument)
         is_for_ros = is_for_ros and argument != '--'
     return own, ros
-
-
-def exit_code(body: Callable[[], None], name: str = NAME) -> int:
-    """
-    Run a program, and turn the error that ends it into one line and an exit code.
-
-    :param name: the name of the program
-    :returns: the exit code; after a signal that of the signal, whatever followed from it
-    """
-    code = DONE
-    try:
-        body()
-    except KeyboardInterrupt:
-        code = SIGNALLED + 2
-    except Exception as error:
-        code = code_of(error)
-        # After a signal an expected error only says that it stopped the motion.
-        if signal_dispatcher.signum is None or not _is_expected(error):
-            first = error.__context__
-            # What is wrong with the stop must not hide why there was one.
-            if isinstance(first, ControlError) and not error.__suppress_context__:
-                print(_message(first, name), file=sys.stderr)
-            print(_message(error, name), file=sys.stderr)
-    return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
-
-
-def _is_expected(error: Exception) -> bool:
-    return isinstance(error, ControlError)
-
-
-def _message(error: Exception, name: str) -> str:
-    if isinstance(error, FileError) and error.problems[0].line is not None:
-        # File and line come first: there editors look for a link.
-        return escaped_lines(error)
-    if _is_expected(error):
-        return f'{name}: {escaped(error, MAX_LINE_LENGTH)}'
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    text = escaped(error, MAX_LINE_LENGTH)
-    return (f'{name}: unexpected {type(error).__name__}: {text} '
-            f'({frame.filename}:{frame.lineno}); the robot was stopped')

@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from kachaka_simple_control.cli import exit_code
 from kachaka_simple_control.exit_codes import OneLineParser
 from kachaka_simple_control.report.comparison import (
     comparison_table,
@@ -29,6 +28,7 @@ from kachaka_simple_control.report.comparison import (
 )
 from kachaka_simple_control.report.plan_plot import check_plot_file
 from kachaka_simple_control.report.text_tables import terminal_columns, WIDEST
+from kachaka_simple_control.run_command import run_command
 
 NAME = 'kachaka_compare'
 
@@ -66,7 +66,7 @@ def main(args: Sequence[str] | None = None) -> int:
     parser.add_argument('--plot', metavar='FILE',
                         help='draw all paths over the planned one, as .png, .svg or .pdf')
     options = parser.parse_args(args)
-    return exit_code(lambda: compare(options.reports, options.plot), NAME)
+    return run_command(lambda: compare(options.reports, options.plot), NAME)
 
 
 if __name__ == '__main__':

@@ -29,7 +29,6 @@ if __name__ == '__main__':
     # Run as a file, Python looks for packages beside it, and would find the file itself.
     sys.path[0] = __file__.rpartition('/kachaka_simple_control/')[0] or '..'
 
-from kachaka_simple_control import cli
 from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
@@ -54,6 +53,7 @@ from kachaka_simple_control.ros.session import Session
 from kachaka_simple_control.ros.speed_control import SpeedControl
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.telemetry.events import (
     EventBus,
     MotionEnded,
@@ -472,7 +472,7 @@ def main(args: list[str] | None = None) -> int:
     :param args: what ROS is told; None for the arguments of the process
     :returns: the exit code
     """
-    return cli.exit_code(lambda: lesson(args))
+    return run_command(lambda: lesson(args))
 
 
 if __name__ == '__main__':

@@ -17,19 +17,10 @@ from importlib import metadata
 import os
 from pathlib import Path
 import re
-import signal
 import subprocess
 
 import kachaka_simple_control
-from kachaka_simple_control import cli
-from kachaka_simple_control.cli import exit_code, Options, parse, split_ros_arguments
-from kachaka_simple_control.control.signals import SignalDispatcher
-from kachaka_simple_control.errors import (
-    InvalidMotionError,
-    RobotNotFoundError,
-    RunFaultError,
-    UsageError,
-)
+from kachaka_simple_control.cli import Options, parse, split_ros_arguments
 from kachaka_simple_control.version import ros_distro
 from program import COMMAND, environment
 import pytest
@@ -145,27 +136,6 @@ def test_the_arguments_of_ros_are_left_to_ros(arguments, own, ros):
     assert split_ros_arguments(arguments) == (own, ros)
 
 
-@pytest.mark.parametrize('error, code', [
-    (InvalidMotionError('linear_x is 3 m/s'), 2),
-    (UsageError('rate is 0'), 2),
-    (RobotNotFoundError('no robot'), 3),
-    (RunFaultError('late'), 1),
-    (RunFaultError('the robot says \x1b[2J' + 'no' * 50_000), 1),
-    (KeyError('oops'), 1),
-    (KeyboardInterrupt(), 130),
-])
-def test_each_error_has_its_exit_code_and_no_traceback(error, code, capsys):
-    def body():
-        raise error
-
-    assert exit_code(body) == code
-    printed = capsys.readouterr().err
-    assert 'Traceback' not in printed
-    assert printed.replace('\n', '').isprintable()
-    assert len(printed) < 1200
-    assert len(printed.splitlines()) <= 1
-
-
 @pytest.mark.parametrize('option', ['--list', '--plan'])
 def test_a_reader_that_closes_the_pipe_is_no_error(option):
     """As in ``--list | head -1``."""
@@ -188,10 +158,6 @@ def test_what_cannot_be_printed_is_one_line():
                             'device\n')
 
 
-def test_a_body_that_returns_has_exit_code_0():
-    assert exit_code(lambda: None) == 0
-
-
 @pytest.mark.needs('yaml', 'jsonschema')
 @pytest.mark.parametrize('text', [
     'steps: [wait: 1 s', 'steps: [{wait: 2 m}]\nrate: x\n',
@@ -207,30 +173,3 @@ def test_the_errors_of_a_file_begin_with_file_and_line(text, tmp_path):
     lines = ended.stderr.splitlines()
     assert lines
     assert all(re.match(r'(\./)?(mine|bad)\.yaml:\d+: ', line) for line in lines), lines
-
-
-def test_an_error_about_a_path_is_one_line_whatever_is_in_it(capsys):
-    def body():
-        raise UsageError('a\nb\x1b\u202e\udcff: there is no such folder')
-
-    assert exit_code(body) == 2
-    assert capsys.readouterr().err == (
-        'kachaka_simple_control: a\\nb\\x1b\\u202e\\udcff: there is no such folder\n')
-
-
-@pytest.mark.parametrize('error, printed', [
-    (RunFaultError('late'), ''),
-    (TypeError('oops'), 'kachaka_simple_control: unexpected TypeError: oops'),
-])
-def test_a_signal_decides_the_exit_code_whatever_followed_from_it(
-        monkeypatch, capsys, error, printed):
-    """A run that a signal stopped fails in one way or another; only the unexpected is printed."""
-    dispatcher = SignalDispatcher()
-    dispatcher.signum = signal.SIGTERM
-    monkeypatch.setattr(cli, 'signal_dispatcher', dispatcher)
-
-    def body():
-        raise error
-
-    assert exit_code(body) == 143
-    assert capsys.readouterr().err[:len(printed) or None] == printed

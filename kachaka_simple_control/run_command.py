@@ -1,0 +1,69 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Run the program of a command: its last error becomes one line and an exit code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import sys
+import traceback
+
+from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.errors import ControlError
+from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
+from kachaka_simple_control.exit_codes import code_of, DONE, SIGNALLED
+from kachaka_simple_control.files.document import FileError
+
+#: The command that most programs belong to.
+NAME = 'kachaka_simple_control'
+
+
+def run_command(body: Callable[[], None], name: str = NAME) -> int:
+    """
+    Run a program, and turn the error that ends it into one line and an exit code.
+
+    :param name: the name of the program
+    :returns: the exit code; after a signal that of the signal, whatever followed from it
+    """
+    code = DONE
+    try:
+        body()
+    except KeyboardInterrupt:
+        code = SIGNALLED + 2
+    except Exception as error:
+        code = code_of(error)
+        # After a signal an expected error only says that it stopped the motion.
+        if signal_dispatcher.signum is None or not _is_expected(error):
+            first = error.__context__
+            # What is wrong with the stop must not hide why there was one.
+            if isinstance(first, ControlError) and not error.__suppress_context__:
+                print(_message(first, name), file=sys.stderr)
+            print(_message(error, name), file=sys.stderr)
+    return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
+
+
+def _is_expected(error: Exception) -> bool:
+    return isinstance(error, ControlError)
+
+
+def _message(error: Exception, name: str) -> str:
+    if isinstance(error, FileError) and error.problems[0].line is not None:
+        # File and line come first: there editors look for a link.
+        return escaped_lines(error)
+    if _is_expected(error):
+        return f'{name}: {escaped(error, MAX_LINE_LENGTH)}'
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    text = escaped(error, MAX_LINE_LENGTH)
+    return (f'{name}: unexpected {type(error).__name__}: {text} '
+            f'({frame.filename}:{frame.lineno}); the robot was stopped')
