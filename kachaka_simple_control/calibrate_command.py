@@ -25,6 +25,7 @@ from kachaka_simple_control.__main__ import drive
 from kachaka_simple_control.calibrate_options import (
     CalibrateOptions,
     confirm,
+    FIT_HEAD,
     FLOOR,
     NAME,
     parse,
@@ -33,7 +34,6 @@ from kachaka_simple_control.calibrate_options import (
     today,
     UMBMARK,
     write_robot,
-    written,
 )
 from kachaka_simple_control.cli import Options
 from kachaka_simple_control.errors import UsageError
@@ -45,8 +45,6 @@ from kachaka_simple_control.report.plan_plot import check_plot_file
 from kachaka_simple_control.report.text_tables import columns
 from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.tape_measure import measure_floor, measure_squares
-
-HEAD = (('', ''), ('value', ''), ('standard error', ''))
 
 
 def calibrate(options: Options, more: CalibrateOptions) -> None:
@@ -75,7 +73,6 @@ def calibrate(options: Options, more: CalibrateOptions) -> None:
     write_robot(settings.robot, fit.calibration(today(), more.floor), more.file)
     if plot is not None:
         save_calibration_plot(log, fit, plot)
-    print(written(more.file))
 
 
 def _table(fit: CalibrationFit) -> list[str]:
@@ -87,7 +84,7 @@ def _table(fit: CalibrationFit) -> list[str]:
         ('delay: dead time and lag', f'{fit.delay.value:.3f} s', f'{fit.delay.error:.3f} s'),
         ('noise of odometry, position', f'{1e3 * fit.position_noise:.1f} mm', ''),
         ('noise of odometry, heading', f'{math.degrees(fit.heading_noise):.2f} deg', '')]
-    return columns(HEAD, rows)
+    return columns(FIT_HEAD, rows)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What all parts of ``kachaka_calibrate`` share: options, the question before, the file after."""
+"""What all parts of ``kachaka_calibrate`` share: options, the question before, the result."""
 
 from __future__ import annotations
 
@@ -42,6 +42,8 @@ from kachaka_simple_control.settings import choose_settings, Settings
 
 NAME = 'kachaka_calibrate'
 OUTPUT = Path('my_kachaka.yaml')
+#: The head of the table of a fit.
+FIT_HEAD = (('', ''), ('value', ''), ('standard error', ''))
 #: The parts that need a tape measure.
 FLOOR, UMBMARK = 'floor', 'umbmark'
 EPILOG = """\
@@ -208,7 +210,7 @@ def today() -> str:
 def write_robot(
         robot: str, calibration: Calibration | OdometryCalibration, file: Path) -> None:
     """
-    Write the file of a calibrated robot.
+    Write the file of a calibrated robot, and print how to drive by it.
 
     :param robot: the name or the file of the robot
     :raises UsageError: if that fails
@@ -217,9 +219,4 @@ def write_robot(
         write_atomically(file, calibrated_text(robot, calibration).encode())
     except OSError as error:
         raise UsageError(f'{escaped(str(file))}: {error.strerror}') from None
-
-
-def written(file: Path) -> str:
-    """Return the line that says how to use a file of a robot."""
-    return (f'{file}: written; drive with --robot '
-            f'{file if file.is_absolute() else f"./{file}"}')
+    print(f'{file}: written; drive with --robot {file if file.is_absolute() else f"./{file}"}')

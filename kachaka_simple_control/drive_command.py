@@ -36,7 +36,6 @@ from kachaka_simple_control.display.terminal import (
 )
 from kachaka_simple_control.errors import ControlError, RunFaultError, UsageError
 from kachaka_simple_control.files.library import find, lesson_motion
-from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.report.report_directory import missing_libraries, prepare_report_dir
 from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
@@ -162,7 +161,7 @@ def _motion_file(options: Options) -> MotionFile | None:
         motion_file = find(options.motions[0] if options.motions else 'lesson')
     settings = choose_settings(options, motion_file)
     profile = settings.profile
-    if options.starts_bridge and profile.velocity_topic != KACHAKA.velocity_topic:
+    if options.starts_bridge and not profile.is_kachaka:
         raise UsageError(
             f'--sim and --address start a kachaka, not a {profile.name}: leave out that '
             'option, or --robot')

@@ -18,7 +18,7 @@ from __future__ import annotations
 import gc
 
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
+from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.kachaka.bridge_process import BridgeProcess
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
@@ -65,7 +65,7 @@ class OwnSimulation:
     """
 
     def __init__(self, profile: RobotProfile, namespace: str) -> None:
-        if profile.velocity_topic != KACHAKA.velocity_topic:
+        if not profile.is_kachaka:
             raise UsageError(f'sim=True starts a simulated kachaka, not a {profile.name}')
         self._bridge: BridgeProcess | None = BridgeProcess(['--sim', '--namespace', namespace])
         #: returns its DDS participant, for ``Session.require_robot``

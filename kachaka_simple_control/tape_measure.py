@@ -27,17 +27,17 @@ from kachaka_simple_control.__main__ import drive
 from kachaka_simple_control.calibrate_options import (
     CalibrateOptions,
     confirm,
+    FIT_HEAD,
     require_ready,
     show,
     today,
     write_robot,
-    written,
 )
 from kachaka_simple_control.cli import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.files.library import find
-from kachaka_simple_control.files.robot_profile import KACHAKA, KACHAKA_TRACK, RobotProfile
+from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK, RobotProfile
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.units import ANGLE, LENGTH, Quantity, SIZE, UnitError
@@ -46,7 +46,6 @@ from kachaka_simple_control.report.odometry_fit import fit_floor, reported_path,
 from kachaka_simple_control.report.text_tables import columns
 from kachaka_simple_control.report.umbmark_fit import fit_umbmark, Square, UmbmarkFit
 
-HEAD = (('', ''), ('value', ''), ('standard error', ''))
 #: The side of the squares as the library has it, and the range of another one [m].
 SIDE, MIN_SIDE, MAX_SIDE = '4 m', 0.5, 10.0
 MARK = 'Mark where the middle between its wheels is, and which way it looks.  '
@@ -127,7 +126,7 @@ def measure_floor(options: Options, more: CalibrateOptions) -> None:
     angle, = answers.ask('How far has it turned, in all?  Such as 358 deg', [ANGLE])
     fit = fit_floor(line, distance, turn, angle)
     # First of all: what was measured is not lost if a file cannot be written.
-    print('\n'.join(['', *columns(HEAD, [
+    print('\n'.join(['', *columns(FIT_HEAD, [
         ('scale', f'{fit.scale.value:.4f}', f'{fit.scale.error:.4f}'),
         ('track ratio', f'{fit.track_ratio.value:.4f}', f'{fit.track_ratio.error:.4f}'),
         ('1 m by odometry', f'{line:.4f} m', ''),
@@ -136,7 +135,6 @@ def measure_floor(options: Options, more: CalibrateOptions) -> None:
     write_robot(settings.robot, replace(
         known, scale=round(fit.scale.value, 5), track_ratio=round(fit.track_ratio.value, 5),
         date=today(), floor=more.floor or known.floor), more.file)
-    print(written(more.file))
 
 
 def measure_squares(options: Options, more: CalibrateOptions) -> None:
@@ -181,7 +179,6 @@ def measure_squares(options: Options, more: CalibrateOptions) -> None:
         known, wheel_ratio=round(fit.wheel_ratio.value, 6),
         track_ratio=round(fit.track_ratio.value, 5), date=today(),
         floor=more.floor or known.floor), more.file)
-    print(written(more.file))
 
 
 def _drive(options: Options, motion: str, report: str) -> list[Pose]:
@@ -220,7 +217,7 @@ def _known_track(profile: RobotProfile) -> float | None:
     known = profile.odometry_calibration
     if known is not None and known.track is not None:
         return known.track
-    return KACHAKA_TRACK if profile.velocity_topic == KACHAKA.velocity_topic else None
+    return KACHAKA_TRACK if profile.is_kachaka else None
 
 
 def _size(option: str, text: str) -> float:
@@ -232,7 +229,7 @@ def _size(option: str, text: str) -> float:
 
 def _table(fit: UmbmarkFit) -> list[str]:
     wheels, track = fit.closed_form
-    return columns(HEAD, [
+    return columns(FIT_HEAD, [
         ('wheel ratio, right over left', f'{fit.wheel_ratio.value:.5f}',
          f'{fit.wheel_ratio.error:.5f}'),
         ('track ratio', f'{fit.track_ratio.value:.4f}', f'{fit.track_ratio.error:.4f}'),

@@ -161,7 +161,7 @@ class SignalDispatcher:
         elif signum == signal.SIGINT:
             raise KeyboardInterrupt
         else:
-            raise SystemExit(128 + signum)
+            raise SystemExit(SIGNALLED + signum)
 
     def _except(
             self,

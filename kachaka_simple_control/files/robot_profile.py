@@ -87,6 +87,11 @@ class RobotProfile:
     odometry_calibration: OdometryCalibration | None = None
 
     @property
+    def is_kachaka(self) -> bool:
+        """Return whether it has a Kachaka's names in ROS, as the bridges here have."""
+        return self.velocity_topic == KACHAKA.velocity_topic
+
+    @property
     def is_calibrated(self) -> bool:
         """Whether what is sent for a velocity may differ from it."""
         return self.calibration is not None or self.odometry_calibration is not None

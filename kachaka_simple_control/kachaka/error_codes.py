@@ -80,10 +80,6 @@ class ErrorTexts:
     def __init__(self, text: str = '') -> None:
         self._texts = dict(_entries(text))
 
-    def __len__(self) -> int:
-        """Return the number of known errors."""
-        return len(self._texts)
-
     def find(self, code: int) -> ErrorText:
         """Return the text of an error code, which may be empty."""
         return self._texts.get(code, ErrorText(''))

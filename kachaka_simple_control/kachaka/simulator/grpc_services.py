@@ -195,16 +195,14 @@ class StateService(Service):
     async def GetRobotSerialNumber(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRobotSerialNumberResponse:
         """Return a serial number that no real robot has."""
-        cursor, _ = await self._constant.get(request.metadata.cursor)
         return pb2.GetRobotSerialNumberResponse(
-            metadata=pb2.Metadata(cursor=cursor), serial_number=SERIAL_NUMBER)
+            metadata=await self._constant_metadata(request), serial_number=SERIAL_NUMBER)
 
     async def GetRobotVersion(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRobotVersionResponse:
         """Return the release of the software."""
-        cursor, _ = await self._constant.get(request.metadata.cursor)
         return pb2.GetRobotVersionResponse(
-            metadata=pb2.Metadata(cursor=cursor), version=VERSION)
+            metadata=await self._constant_metadata(request), version=VERSION)
 
     async def IsReady(self, request: pb2.EmptyRequest, context: Any) -> pb2.IsReadyResponse:
         """Return that the robot is ready."""
@@ -309,7 +307,7 @@ class MapService(Service):
             self, request: pb2.GetRequest, context: Any) -> pb2.GetLocationsResponse:
         """Return the location of the dock."""
         return pb2.GetLocationsResponse(
-            metadata=await self._metadata(request), default_location_id=HOME,
+            metadata=await self._constant_metadata(request), default_location_id=HOME,
             locations=[pb2.Location(
                 id=HOME, name=HOME, pose=self._dock, type=pb2.LOCATION_TYPE_CHARGER)])
 
@@ -317,23 +315,23 @@ class MapService(Service):
             self, request: pb2.GetRequest, context: Any) -> pb2.GetLocationsDigestResponse:
         """Return that there is a dock."""
         return pb2.GetLocationsDigestResponse(
-            metadata=await self._metadata(request),
+            metadata=await self._constant_metadata(request),
             locations=[pb2.LocationDigest(id=HOME, name=HOME, type=pb2.LOCATION_TYPE_CHARGER)])
 
     async def GetShelves(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetShelvesResponse:
         """Return an empty list."""
-        return pb2.GetShelvesResponse(metadata=await self._metadata(request))
+        return pb2.GetShelvesResponse(metadata=await self._constant_metadata(request))
 
     async def GetShelvesDigest(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetShelvesDigestResponse:
         """Return an empty list."""
-        return pb2.GetShelvesDigestResponse(metadata=await self._metadata(request))
+        return pb2.GetShelvesDigestResponse(metadata=await self._constant_metadata(request))
 
     async def GetMovingShelfId(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetMovingShelfIdResponse:
         """Return that the robot carries no shelf."""
-        return pb2.GetMovingShelfIdResponse(metadata=await self._metadata(request))
+        return pb2.GetMovingShelfIdResponse(metadata=await self._constant_metadata(request))
 
     async def ResetShelfPose(
             self, request: pb2.ResetShelfPoseRequest, context: Any) -> pb2.ResetShelfPoseResponse:
@@ -344,13 +342,9 @@ class MapService(Service):
     async def GetMapList(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetMapListResponse:
         """Return an empty list."""
-        return pb2.GetMapListResponse(metadata=await self._metadata(request))
+        return pb2.GetMapListResponse(metadata=await self._constant_metadata(request))
 
     async def GetCurrentMapId(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetCurrentMapIdResponse:
         """Return that there is no map."""
-        return pb2.GetCurrentMapIdResponse(metadata=await self._metadata(request))
-
-    async def _metadata(self, request: pb2.GetRequest) -> pb2.Metadata:
-        cursor, _ = await self._constant.get(request.metadata.cursor)
-        return pb2.Metadata(cursor=cursor)
+        return pb2.GetCurrentMapIdResponse(metadata=await self._constant_metadata(request))

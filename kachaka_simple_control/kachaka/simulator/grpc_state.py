@@ -22,6 +22,7 @@ import math
 import time
 from typing import Generic, TypeVar
 
+from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_simple_control.kachaka.simulator.grpc_messages import MapToOdom
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 
@@ -173,3 +174,8 @@ class Service:
         self._state = state
         #: of values that never change
         self._constant = LongPollValue(state, lambda _: None)
+
+    async def _constant_metadata(self, request: pb2.GetRequest) -> pb2.Metadata:
+        """Return the metadata of a value that never changes, once that is new to the caller."""
+        cursor, _ = await self._constant.get(request.metadata.cursor)
+        return pb2.Metadata(cursor=cursor)

@@ -209,8 +209,7 @@ class CommandService(Service):
     async def GetShortcuts(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetShortcutsResponse:
         """Return an empty list."""
-        cursor, _ = await self._constant.get(request.metadata.cursor)
-        return pb2.GetShortcutsResponse(metadata=pb2.Metadata(cursor=cursor))
+        return pb2.GetShortcutsResponse(metadata=await self._constant_metadata(request))
 
     async def StartShortcutCommand(
             self, request: pb2.StartShortcutCommandRequest, context: Any

@@ -18,7 +18,7 @@ from __future__ import annotations
 from enum import Enum
 import math
 
-from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
+from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.error_codes import (
     ERROR_CANCELLED,
     ERROR_NO_MANUAL_CONTROL,
@@ -68,7 +68,6 @@ class SimulatedKachaka:
     :param parameters: deviations of the drive and of odometry from the ideal
     :param docked: whether the robot starts on its charging dock
     :param seed: of all noise: the same calls at the same times return the same values
-    :param profile: limits, command timeout and duration of manual control
     """
 
     def __init__(
@@ -76,16 +75,14 @@ class SimulatedKachaka:
             start: float = 0.0,
             parameters: SimulationParameters = IDEAL,
             docked: bool = False,
-            seed: int = 0,
-            profile: RobotProfile = KACHAKA) -> None:
-        self._profile = profile
+            seed: int = 0) -> None:
         self._parameters = parameters
         self._drive = DriveModel(parameters, start, seed)
         self._odometry = NoisyOdometry(parameters, start, seed)
         self._now = start
         self._is_docked = docked
         self._is_paused = False
-        self._tasks = TaskQueue(profile.limits, parameters)
+        self._tasks = TaskQueue(KACHAKA.limits, parameters)
         # Off its dock, the robot starts where undocking would have taken it.
         self.dock = Pose(0.0 if docked else -parameters.undock_distance)
         self._until: dict[TimedState, float] = {}
@@ -101,7 +98,7 @@ class SimulatedKachaka:
             return ERROR_PAUSED
         if enabled:
             self._drop_tasks(ERROR_CANCELLED, now)
-            self._until[TimedState.MANUAL_CONTROL] = now + self._profile.manual_control_timeout
+            self._until[TimedState.MANUAL_CONTROL] = now + KACHAKA.manual_control_timeout
             self._leave_dock(now)
         elif TimedState.MANUAL_CONTROL in self._until:
             self._end_state(TimedState.MANUAL_CONTROL, now)
@@ -127,8 +124,8 @@ class SimulatedKachaka:
         if TimedState.MANUAL_CONTROL not in self._until:
             return ERROR_NO_MANUAL_CONTROL
         if TimedState.UNDOCKING not in self._until:
-            self._until[TimedState.VELOCITY] = now + self._profile.command_timeout
-            limits = self._profile.limits
+            self._until[TimedState.VELOCITY] = now + KACHAKA.command_timeout
+            limits = KACHAKA.limits
             self._drive.set_target(
                 Velocity(max(-1.0, min(linear, 1.0)) * limits.max_linear_velocity,
                          max(-1.0, min(angular, 1.0)) * limits.max_angular_velocity),

@@ -108,7 +108,6 @@ def test_errors_are_described_in_english_in_one_line():
 def test_invalid_error_texts_are_ignored(text):
     """The official bridge aborts on what is no JSON."""
     texts = ErrorTexts(text)
-    assert len(texts) == 0
     assert texts.find(1) == ErrorText('')
 
 
