@@ -55,7 +55,7 @@ SETTLING_COUNT = 2
 #: A drive may take so much longer than its movements [s].
 DRIVE_TIMEOUT = 60.0
 HELPERS = {'display': 'display.display_process', 'reporter': 'report.report_process',
-           'guardian': 'guardian_process'}
+           'guardian': 'guardian_program'}
 
 
 @dataclass(frozen=True)

@@ -136,7 +136,7 @@ class Program:
         """Return the process id of its guardian."""
         for child in self._children:
             with contextlib.suppress(OSError):
-                if b'guardian_process' in Path(f'/proc/{child}/cmdline').read_bytes():
+                if b'guardian_program' in Path(f'/proc/{child}/cmdline').read_bytes():
                     return child
         raise RuntimeError('the program has no guardian')
 

@@ -481,6 +481,6 @@ def _start_guardian(
         publisher.topic_name, node.context.get_domain_id(), profile.command_timeout,
         profile.message_type, profile.frame]
     return Guardian(
-        [*processes.python_command('kachaka_simple_control.ros.guardian_process'),
+        [*processes.python_command('kachaka_simple_control.ros.guardian_program'),
          *map(str, arguments)],
         processes.child_environment(), claim)

@@ -56,7 +56,7 @@ def assert_whole_stop(zeros):
 def guardian_of(started):
     """Return the process id of the guardian of a program."""
     for child in children_of(started.process.pid):
-        if b'guardian_process' in Path(f'/proc/{child}/cmdline').read_bytes():
+        if b'guardian_program' in Path(f'/proc/{child}/cmdline').read_bytes():
             return child
     raise AssertionError('it has no guardian')
 

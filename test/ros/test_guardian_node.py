@@ -19,7 +19,7 @@ from optional_libraries import optional_imports
 import pytest
 
 with optional_imports():
-    from kachaka_simple_control.ros.guardian_process import create_matched_node, GuardianNode
+    from kachaka_simple_control.ros.guardian_program import create_matched_node, GuardianNode
     import rclpy
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]

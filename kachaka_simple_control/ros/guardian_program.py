@@ -100,7 +100,7 @@ def _may_stay(node: GuardianNode, is_needed: Callable[[], bool]) -> bool:
     return node.is_matched or is_needed()
 
 
-class GuardianProcess:
+class GuardianProgram:
     """
     Reads the node's messages, and publishes zeros on request or when heartbeats fail.
 
@@ -199,8 +199,8 @@ def main(args: Sequence[str] | None = None) -> int:
             lambda participant: _report(f'participant {participant.hex()}')),
         lambda: bool(select.select([options.messages, signals], [], [], 0.0)[0]))
     try:
-        process = GuardianProcess(node.publisher, shared, options.command_timeout)
-        process.serve(options.messages, signals)
+        program = GuardianProgram(node.publisher, shared, options.command_timeout)
+        program.serve(options.messages, signals)
     finally:
         node.end()
     return 0
