@@ -21,7 +21,7 @@ import math
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.units import format_number, require_finite
+from kachaka_simple_control.motion.units import format_number, require_between
 
 #: The range of a gain: what is beyond is no calibration but a wrong unit or a broken robot.
 MIN_GAIN, MAX_GAIN = 0.5, 2.0
@@ -68,17 +68,10 @@ class Calibration:
         for item in fields(self):
             value = getattr(self, item.name)
             if item.name.endswith('gain'):
-                require_finite(item.name, value, '')
-                if not MIN_GAIN <= value <= MAX_GAIN:
-                    raise InvalidMotionError(
-                        f'{item.name} is {value}; it must be from {MIN_GAIN:g} to {MAX_GAIN:g}')
-        if self.delay is not None and not (
-                0.0 <= require_finite('delay', self.delay, 's') <= MAX_DELAY):
-            raise InvalidMotionError(
-                f'delay is {self.delay} s; it must be from 0 to {MAX_DELAY:g} s')
-        if not abs(require_finite('veer', self.veer, 'rad/m')) <= MAX_VEER:
-            raise InvalidMotionError(
-                f'veer is {self.veer} rad/m; it must be from -{MAX_VEER:g} to {MAX_VEER:g} rad/m')
+                require_between(item.name, value, MIN_GAIN, MAX_GAIN)
+        if self.delay is not None:
+            require_between('delay', self.delay, 0.0, MAX_DELAY, 's')
+        require_between('veer', self.veer, -MAX_VEER, MAX_VEER, 'rad/m')
 
     def command(self, velocity: Velocity) -> Velocity:
         """Return what to send for a velocity; a zero is a zero."""

@@ -23,7 +23,7 @@ from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.calibration import MARGIN, MAX_GAIN, MIN_GAIN
 from kachaka_simple_control.motion.geometry import compose, Pose, relative_to, sinc, Velocity
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.units import format_number, require_finite
+from kachaka_simple_control.motion.units import format_number, require_between
 
 #: The range of the ratio of two wheels that were made alike.
 MIN_WHEEL_RATIO, MAX_WHEEL_RATIO = 0.9, 1.1
@@ -74,11 +74,11 @@ class OdometryCalibration:
 
         :raises InvalidMotionError: if a figure is out of range, or the track is missing
         """
-        _require('scale', self.scale, MIN_GAIN, MAX_GAIN)
-        _require('wheel_ratio', self.wheel_ratio, MIN_WHEEL_RATIO, MAX_WHEEL_RATIO)
-        _require('track_ratio', self.track_ratio, MIN_GAIN, MAX_GAIN)
+        require_between('scale', self.scale, MIN_GAIN, MAX_GAIN)
+        require_between('wheel_ratio', self.wheel_ratio, MIN_WHEEL_RATIO, MAX_WHEEL_RATIO)
+        require_between('track_ratio', self.track_ratio, MIN_GAIN, MAX_GAIN)
         if self.track is not None:
-            _require('track', self.track, MIN_TRACK, MAX_TRACK, ' m')
+            require_between('track', self.track, MIN_TRACK, MAX_TRACK, 'm')
         elif self.wheel_ratio != 1.0:
             raise InvalidMotionError(
                 f'wheel_ratio is {self.wheel_ratio}, which needs track, the one that odometry '
@@ -192,10 +192,3 @@ class OdometryCalibration:
         determinant = matrix.linear * matrix.spin - matrix.across * matrix.turn
         return _Matrix(matrix.spin / determinant, -matrix.across / determinant,
                        -matrix.turn / determinant, matrix.linear / determinant)
-
-
-def _require(name: str, value: float, least: float, most: float, unit: str = '') -> None:
-    require_finite(name, value, unit.strip())
-    if not least <= value <= most:
-        raise InvalidMotionError(
-            f'{name} is {value}{unit}; it must be from {least:g} to {most:g}{unit}')

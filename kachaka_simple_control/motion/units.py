@@ -211,6 +211,22 @@ def require_finite(name: str, value: object, unit: str) -> float:
     return number
 
 
+def require_between(
+        name: str, value: float, lowest: float, highest: float, unit: str = '') -> None:
+    """
+    Refuse a value that is not a number in a range.
+
+    :param name: the name of the value, for the message
+    :param unit: the unit of all three; empty for a ratio
+    :raises InvalidMotionError: if it is refused
+    """
+    require_finite(name, value, unit)
+    unit = unit and f' {unit}'
+    if not lowest <= value <= highest:
+        raise InvalidMotionError(
+            f'{name} is {value}{unit}; it must be from {lowest:g} to {highest:g}{unit}')
+
+
 def require_positive(name: str, value: object, unit: str) -> None:
     """
     Refuse a value that is not above zero; infinity is allowed.
