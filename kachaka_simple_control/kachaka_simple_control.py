@@ -46,7 +46,7 @@ from kachaka_simple_control.ros.dds_transport import use_udp_transport
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.introspection import IntrospectionPublishers
-from kachaka_simple_control.ros.names import names_of
+from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, names_of
 from kachaka_simple_control.ros.odometry import subscribe_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters
 from kachaka_simple_control.ros.session import Session
@@ -71,9 +71,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 NAME = 'kachaka_simple_control'
-#: The node's own topics and services, besides those that every node has.
-TOPICS = (
-    '~/planned_path', '~/driven_path', '~/commanded_velocity', '~/speed_factor', '/diagnostics')
+#: The node's own services, besides those that every node has.
 SERVICES = ('~/stop', '~/run', '~/pause', '~/resume')
 
 
@@ -136,7 +134,7 @@ class KachakaSimpleControl(Node):
         self.robot_names = names_of(
             self.profile, self.node_parameters.robot_namespace,
             self.node_parameters.manual_control)
-        check_node_names(self, self.robot_names, TOPICS, SERVICES)
+        check_node_names(self, self.robot_names, INTROSPECTION_TOPICS, SERVICES)
         self.publisher = VelocityPublisher(
             self, self.robot_names.velocity, self.profile.message_type, self.profile.frame)
         self._introspection = IntrospectionPublishers(self, self.publisher, self.profile)

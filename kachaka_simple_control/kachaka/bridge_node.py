@@ -31,7 +31,7 @@ from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.executors import ExecutorLoop, NodeExecutor
-from kachaka_simple_control.ros.names import RobotNames
+from kachaka_simple_control.ros.names import DIAGNOSTICS, RobotNames
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from nav_msgs.msg import Odometry
@@ -65,7 +65,7 @@ class BridgeNode(Node):
         check_node_names(
             self, RobotNames(
                 KACHAKA.velocity_topic, KACHAKA.odometry_topic, KACHAKA.manual_control_service),
-            (*ODOMETRY_TOPICS[1:], '/diagnostics'), ())
+            (*ODOMETRY_TOPICS[1:], DIAGNOSTICS), ())
         self._claim = RobotClaim(
             self, self.resolve_topic_name(KACHAKA.velocity_topic), 'bridge', on_conflict)
         self._take_claim()

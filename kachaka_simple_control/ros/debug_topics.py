@@ -25,6 +25,7 @@ from geometry_msgs.msg import TwistStamped
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros.endpoints import with_qos_overrides
+from kachaka_simple_control.ros.names import COMMANDED_VELOCITY, SPEED_FACTOR
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.telemetry.events import Event, VelocitySent
 from rcl_interfaces.msg import SetParametersResult
@@ -38,8 +39,6 @@ from std_msgs.msg import Float64
 MAX_QUEUE = 200
 #: How long the publisher thread may take to end [s].
 THREAD_EXIT_TIMEOUT = 1.0
-TOPIC = '~/commanded_velocity'
-SPEED_TOPIC = '~/speed_factor'
 #: How often subscribers are counted [s]: counting takes longer than all the rest here.
 SUBSCRIBER_COUNT_PERIOD = 0.2
 
@@ -154,7 +153,7 @@ class SpeedFactorPublisher:
     def __init__(
             self, node: Node, velocities: VelocityPublisher, thread: PublisherThread) -> None:
         self._publisher = create_debug_publisher(
-            node, velocities, Float64, SPEED_TOPIC,
+            node, velocities, Float64, SPEED_FACTOR,
             QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self._thread = thread
 
@@ -181,7 +180,7 @@ class CommandedVelocityPublisher:
             self, node: Node, velocities: VelocityPublisher, thread: PublisherThread,
             frame: str) -> None:
         self._publisher = create_debug_publisher(
-            node, velocities, TwistStamped, TOPIC,
+            node, velocities, TwistStamped, COMMANDED_VELOCITY,
             QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
         self._thread = thread
         self._clock = node.get_clock()

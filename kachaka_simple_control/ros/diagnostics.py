@@ -20,13 +20,13 @@ from collections.abc import Callable
 from diagnostic_msgs.msg import DiagnosticArray
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.debug_topics import create_debug_publisher, PublisherThread
+from kachaka_simple_control.ros.names import DIAGNOSTICS
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.telemetry.diagnosis import Diagnosis
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 
-TOPIC = '/diagnostics'
 DEPTH = 10
 
 
@@ -44,7 +44,7 @@ class DiagnosticsPublisher:
             self, node: Node, velocities: VelocityPublisher, thread: PublisherThread, robot: str,
             diagnose: Callable[[], Diagnosis | None]) -> None:
         self._publisher = create_debug_publisher(
-            node, velocities, DiagnosticArray, TOPIC, QoSProfile(depth=DEPTH))
+            node, velocities, DiagnosticArray, DIAGNOSTICS, QoSProfile(depth=DEPTH))
         self._thread = thread
         self._clock = node.get_clock()
         self._name = f'{node.get_fully_qualified_name().lstrip("/")}: drive'

@@ -24,9 +24,14 @@ from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.ros.debug_topics import (
     CommandedVelocityPublisher,
     PublisherThread,
-    SPEED_TOPIC,
     SpeedFactorPublisher,
-    TOPIC,
+)
+from kachaka_simple_control.ros.names import (
+    COMMANDED_VELOCITY,
+    DIAGNOSTICS,
+    DRIVEN_PATH,
+    PLANNED_PATH,
+    SPEED_FACTOR,
 )
 from kachaka_simple_control.ros.session_status import diagnose, StatusReader, TickStatistics
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
@@ -74,11 +79,12 @@ class IntrospectionPublishers:
         #: by type of event; called only while the session is open
         self._on_event: dict[type, list[Handler]] = {}
         #: called with all events, at any time: they return at once
-        self._always: list[EventHandler] = [self._failing_once(TOPIC, CommandedVelocityPublisher(
-            node, velocities, self._thread, profile.frame).on_sent)]
+        self._always: list[EventHandler] = [self._failing_once(
+            COMMANDED_VELOCITY, CommandedVelocityPublisher(
+                node, velocities, self._thread, profile.frame).on_sent)]
         self._speed_factor = SpeedFactorPublisher(node, velocities, self._thread)
         self._on_event[SpeedFactorChanged] = [self._failing_once(
-            SPEED_TOPIC, lambda event: self._speed_factor.publish(event.product))]
+            SPEED_FACTOR, lambda event: self._speed_factor.publish(event.product))]
         self._add_paths(velocities)
         self._add_diagnostics(velocities, profile.name)
 
@@ -117,21 +123,20 @@ class IntrospectionPublishers:
         # Optional: without nav_msgs a drive works, and only shows less of itself.
         try:
             from kachaka_simple_control.ros.path_topics import (
-                DRIVEN,
                 DrivenPathPublisher,
-                PLANNED,
                 PlannedPathPublisher,
             )
         except ImportError:
             return
         planned = PlannedPathPublisher(self._node, velocities, self._thread)
         driven = DrivenPathPublisher(self._node, velocities, self._thread)
-        self._on_plan.append(self._failing_once(PLANNED, planned.on_plan))
-        self._on_frame += [self._failing_once(PLANNED, planned.in_frame),
-                           self._failing_once(DRIVEN, driven.in_frame)]
-        self._on_event[MotionStarted] = [self._failing_once(PLANNED, planned.on_motion_started)]
-        self._on_event[OdometryReceived] = [self._failing_once(PLANNED, planned.on_odometry),
-                                            self._failing_once(DRIVEN, driven.on_odometry)]
+        self._on_plan.append(self._failing_once(PLANNED_PATH, planned.on_plan))
+        self._on_frame += [self._failing_once(PLANNED_PATH, planned.in_frame),
+                           self._failing_once(DRIVEN_PATH, driven.in_frame)]
+        self._on_event[MotionStarted] = [
+            self._failing_once(PLANNED_PATH, planned.on_motion_started)]
+        self._on_event[OdometryReceived] = [self._failing_once(PLANNED_PATH, planned.on_odometry),
+                                            self._failing_once(DRIVEN_PATH, driven.on_odometry)]
 
     def _add_diagnostics(self, velocities: VelocityPublisher, robot: str) -> None:
         try:
@@ -145,7 +150,7 @@ class IntrospectionPublishers:
         # A timer would otherwise follow /clock, which may stand still while the robot drives.
         self._timer = self._node.create_timer(
             DIAGNOSTICS_PERIOD,
-            self._failing_once('/diagnostics', lambda _: self._publish_diagnosis(diagnostics)),
+            self._failing_once(DIAGNOSTICS, lambda _: self._publish_diagnosis(diagnostics)),
             clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _publish_diagnosis(self, diagnostics: DiagnosticsPublisher) -> None:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Names of ROS: those of one robot, and what a name or a namespace may be."""
+"""Names of ROS: those of one robot and of the node, and what a name or a namespace may be."""
 
 from __future__ import annotations
 
@@ -27,6 +27,12 @@ from kachaka_simple_control.files.robot_profile import RobotProfile
 MAX_NAME_LENGTH = 247
 #: The longest namespace: RMW_NAMESPACE_MAX_LENGTH, which leaves room for a name in it.
 MAX_NAMESPACE_LENGTH = 245
+#: The topics on which a node shows what it does.
+COMMANDED_VELOCITY, SPEED_FACTOR = '~/commanded_velocity', '~/speed_factor'
+PLANNED_PATH, DRIVEN_PATH = '~/planned_path', '~/driven_path'
+DIAGNOSTICS = '/diagnostics'
+INTROSPECTION_TOPICS = (
+    COMMANDED_VELOCITY, SPEED_FACTOR, PLANNED_PATH, DRIVEN_PATH, DIAGNOSTICS)
 _NAMESPACE = re.compile('(/+[A-Za-z_][A-Za-z0-9_]*)*/*')
 
 

@@ -20,13 +20,13 @@ from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.report.cdr import PathSerializer
 from kachaka_simple_control.report.paths import MAX_POSES, PoseHistory, sample_path
 from kachaka_simple_control.ros.debug_topics import create_debug_publisher, PublisherThread
+from kachaka_simple_control.ros.names import DRIVEN_PATH, PLANNED_PATH
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.telemetry.events import MotionStarted, OdometryReceived
 from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-PLANNED, DRIVEN = '~/planned_path', '~/driven_path'
 #: The frame of poses before odometry has named one.
 FRAME = 'odom'
 #: The driven path is not published more often than this [s].
@@ -43,7 +43,7 @@ class PlannedPathPublisher:
 
     def __init__(self, node: Node, velocities: VelocityPublisher, thread: PublisherThread) -> None:
         self._publisher = create_debug_publisher(
-            node, velocities, Path, PLANNED,
+            node, velocities, Path, PLANNED_PATH,
             QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self._thread = thread
         self._clock = node.get_clock()
@@ -89,7 +89,7 @@ class DrivenPathPublisher:
 
     def __init__(self, node: Node, velocities: VelocityPublisher, thread: PublisherThread) -> None:
         self._publisher = create_debug_publisher(
-            node, velocities, Path, DRIVEN, QoSProfile(depth=1))
+            node, velocities, Path, DRIVEN_PATH, QoSProfile(depth=1))
         self._thread = thread
         self._clock = node.get_clock()
         self._publish_time = float('-inf')

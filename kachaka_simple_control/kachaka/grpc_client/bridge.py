@@ -40,6 +40,7 @@ from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME,
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.executors import ExecutorLoop, SubscriptionExecutor
+from kachaka_simple_control.ros.names import DIAGNOSTICS
 from kachaka_simple_control.telemetry.diagnosis import Level
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
@@ -106,7 +107,7 @@ class GrpcBridge(BridgeNode):
             client, KACHAKA.command_timeout, robot.texts, self._log_thread.log, give_up)
         self._health = HealthPoller(
             client, self._driver, self._log_thread.log, self._publish_diagnostics)
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         self._pollers = [
             self._odometry_poller(publisher, fetch)
             for publisher, fetch in zip(self._odometry, (client.odometry, client.wheel_odometry))]
