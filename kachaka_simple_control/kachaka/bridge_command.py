@@ -52,8 +52,8 @@ from kachaka_simple_control.ros.dds_transport import (
 from kachaka_simple_control.ros.names import MAX_NAMESPACE_LENGTH, require_namespace
 
 if TYPE_CHECKING:
+    from kachaka_simple_control.kachaka.bridge_executors import ExecutorLoop
     from kachaka_simple_control.kachaka.bridge_node import BridgeNode
-    from kachaka_simple_control.ros.executors import ExecutorLoop
 
 PROGRAM = 'kachaka_bridge'
 

@@ -21,6 +21,7 @@ import time
 
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.kachaka.bridge_executors import ExecutorLoop, NodeExecutor
 from kachaka_simple_control.kachaka.error_codes import ERROR_NO_MANUAL_CONTROL, SUCCESS
 from kachaka_simple_control.kachaka.simulator.drive_model import (
     ODOMETRY_FRAME,
@@ -30,7 +31,6 @@ from kachaka_simple_control.kachaka.simulator.drive_model import (
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions
-from kachaka_simple_control.ros.executors import ExecutorLoop, NodeExecutor
 from kachaka_simple_control.ros.names import DIAGNOSTICS, RobotNames
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors

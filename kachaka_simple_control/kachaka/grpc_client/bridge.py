@@ -22,6 +22,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.kachaka.bridge_executors import ExecutorLoop, SubscriptionExecutor
 from kachaka_simple_control.kachaka.bridge_node import BridgeNode
 from kachaka_simple_control.kachaka.grpc_client.client import ConnectedRobot
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
@@ -39,7 +40,6 @@ from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions
-from kachaka_simple_control.ros.executors import ExecutorLoop, SubscriptionExecutor
 from kachaka_simple_control.ros.names import DIAGNOSTICS
 from kachaka_simple_control.telemetry.diagnosis import Level
 from nav_msgs.msg import Odometry
