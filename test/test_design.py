@@ -135,12 +135,8 @@ def test_a_wrong_row_is_found(file, name, wrong):
     assert found is None if wrong is None else wrong in found
 
 
-def test_ten_questions_are_answered():
-    assert len(TABLES['Ten questions']) == 10
-
-
 def test_there_are_tables_for_beginners_and_on_libraries():
-    assert len(TABLES['Where to begin']) >= 15
+    assert len(TABLES['Where to begin']) >= 30
     assert len(TABLES['Why not a library']) == 8
 
 
