@@ -109,9 +109,7 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
     :raises CalibrationError: if it cannot tell
     """
     steps = completed_steps(log)
-    command_timeout = math.inf if log.session_started is None else (
-        log.session_started.command_timeout)
-    sent = DeadReckoning(log.sent, command_timeout)
+    sent = DeadReckoning(log.sent, log.command_timeout)
     odometry = [sample for sample in log.odometry if is_plausible(sample)]
     rests = [find_rest(odometry, step) if is_rest(step) else None for step in steps]
     drives = []

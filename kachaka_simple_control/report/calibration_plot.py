@@ -62,12 +62,11 @@ def save_calibration_plot(log: DriveLog, fit: CalibrationFit, path: Path) -> Non
 
 def _draw(figure: Figure, log: DriveLog, fit: CalibrationFit) -> None:
     drive, calibration = AlignedDrive(log), fit.calibration('', '')
-    timeout = math.inf if log.session_started is None else log.session_started.command_timeout
     # A lag is drawn as dead time: on the whole the robot is as late.
     fitted = DeadReckoning([
         replace(message, time=message.time + fit.delay.value,
                 velocity=calibration.response(message.velocity))
-        for message in drive.sent], timeout)
+        for message in drive.sent], log.command_timeout)
     times = [sample.time for sample in drive.odometry]
     poses = {
         'sent': [drive.dead_reckoning.at(sample.received.time) for sample in drive.odometry],

@@ -197,6 +197,12 @@ class DriveLog:
         """Return every message, in order."""
         return [message for motion in self.motions for message in motion.sent]
 
+    @property
+    def command_timeout(self) -> float:
+        """Return how long the robot keeps a velocity without a new one [s]; inf if unknown."""
+        started = self.session_started
+        return math.inf if started is None else started.command_timeout
+
     def on_event(self, event: Event) -> None:
         """Log an event; no velocity comes before the first plan."""
         match event:

@@ -144,14 +144,12 @@ class AlignedDrive:
     """
 
     def __init__(self, log: DriveLog) -> None:
-        session = log.session_started
         began = [motion.began for motion in log.motions if motion.has_begun]
         #: t = 0 [s on the steady clock]; nan if nothing began
         self.start_time = began[0] if began else math.nan
         #: every message from t = 0 on
         self.sent = [message for message in log.sent if message.time >= self.start_time - 1e-6]
-        self.dead_reckoning = DeadReckoning(
-            self.sent, math.inf if session is None else session.command_timeout)
+        self.dead_reckoning = DeadReckoning(self.sent, log.command_timeout)
         #: all motions, in order
         self.motion_starts = self._motion_starts(log.motions)
         #: odometry from t = 0 on

@@ -192,10 +192,9 @@ class Summary:
         """Return the steps that were begun."""
         pairs = [(step, motion.planned.motion.name) for motion in self.log.motions
                  for step in motion.steps if step.sent]
-        session = self.log.session_started
         odometry = [sample.received for sample in self.path.odometry]
         return step_results([step for step, _ in pairs], [name for _, name in pairs], odometry,
-                            math.inf if session is None else session.command_timeout)
+                            self.log.command_timeout)
 
     @cached_property
     def timing(self) -> Timing:
