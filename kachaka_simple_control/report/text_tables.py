@@ -367,18 +367,18 @@ def drive_table(log: DriveLog, still_after: float | None, widest: int | None = N
     """
     steps = log.steps
     cuts = segment_odometry(steps, log.odometry) if steps else []
-    rows = [_drive_row(step, driven(log.odometry, begin, end))
+    rows = [_drive_row(step, log.command_timeout, driven(log.odometry, begin, end))
             for step, begin, end in zip(steps, cuts, cuts[1:])]
     widest = widest or sys.maxsize
     lines = columns(DRIVE_HEAD, rows, widest=widest, spare=SPARE_OF_DRIVE)
     return '\n'.join([*lines, *_wrapped([_stop(still_after), _final_pose(log)], widest)])
 
 
-def _drive_row(step: StepLog, seen: Displacement | None) -> Row:
+def _drive_row(step: StepLog, command_timeout: float, seen: Displacement | None) -> Row:
     return (
         step.step.describe_fully() + ('' if step.is_complete else '; cut short'),
         _amount(step.step.displacement),
-        _amount(sent(step.sent)), 'none' if seen is None else _amount(seen))
+        _amount(sent(step.sent, command_timeout)), 'none' if seen is None else _amount(seen))
 
 
 def _amount(displacement: Displacement) -> str:

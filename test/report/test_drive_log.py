@@ -13,10 +13,13 @@
 # limitations under the License.
 """The drive log of drives that did not go as planned."""
 
+import re
+
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.report.text_tables import drive_table
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
@@ -28,6 +31,7 @@ from kachaka_simple_control.telemetry.events import (
 from outcome_logs import done
 from outcome_logs import stopped as stopped_square
 import pytest
+from simulated_drive import SimulatedDrive
 
 MOTION = Motion('two', (Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 1.0)))
 
@@ -103,3 +107,16 @@ def test_a_calibrated_drive_is_logged_as_what_the_robot_makes_of_it():
             velocity))
     log.on_event(MotionEnded(103.0))
     assert '0.1000 m  0.0000 rad   0.1000 m  0.0000 rad' in drive_table(log, 0.1)
+
+
+def test_the_table_counts_a_velocity_for_the_command_timeout_at_most():
+    """As the report does: after 0.8 s without a message a Kachaka has moved for 0.3 s."""
+    drive = SimulatedDrive()
+    drive.drive(Motion('second', (Move(0.1, 0.0, 1.0),)), lost=(0.1, 0.8))
+    log = drive.close()
+    (result,) = Summary(log).steps
+    (row,) = drive_table(log, 0.1).splitlines()[2:-2]
+    requested, sent, _ = re.findall(r'\d\.\d{4} m ', row)
+    assert requested == '0.1000 m '
+    assert float(sent[:-3]) == pytest.approx(result.sent.distance, abs=1e-4)
+    assert result.sent.distance == pytest.approx(0.05, abs=0.001)
