@@ -38,7 +38,8 @@ from kachaka_simple_control.errors import ControlError, RunFaultError, UsageErro
 from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.report.report_directory import missing_libraries, prepare_report_dir
-from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
+from kachaka_simple_control.report.table_layout import terminal_columns
+from kachaka_simple_control.report.text_tables import drive_table
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.parameters import session_started

@@ -25,7 +25,8 @@ from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.plan_plot import check_plot_file, save_plot
 from kachaka_simple_control.report.plan_view import PlanView
-from kachaka_simple_control.report.text_tables import plan_table, terminal_columns
+from kachaka_simple_control.report.table_layout import terminal_columns
+from kachaka_simple_control.report.text_tables import plan_table
 from kachaka_simple_control.ros.node_parameters import require_parameters_only
 from kachaka_simple_control.settings import choose_settings, describe_overrides
 

@@ -43,7 +43,7 @@ from kachaka_simple_control.motion.odometry_calibration import OdometryCalibrati
 from kachaka_simple_control.motion.units import ANGLE, LENGTH, Quantity, SIZE, UnitError
 from kachaka_simple_control.preview_command import plan_view
 from kachaka_simple_control.report.odometry_fit import fit_floor, reported_path, reported_way
-from kachaka_simple_control.report.text_tables import columns
+from kachaka_simple_control.report.table_layout import columns
 from kachaka_simple_control.report.umbmark_fit import fit_umbmark, Square, UmbmarkFit
 
 #: The side of the squares as the library has it, and the range of another one [m].

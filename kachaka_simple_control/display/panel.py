@@ -24,7 +24,7 @@ from kachaka_simple_control.display.drive_status import DriveState, DriveStatus,
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.report.plan_view import format_fixed
 from kachaka_simple_control.report.plot_style import BLUE, GREY, ORANGE
-from kachaka_simple_control.report.text_tables import one_line
+from kachaka_simple_control.report.table_layout import one_line
 from rich.console import Console
 from rich.text import Text
 

@@ -50,7 +50,7 @@ from kachaka_simple_control.report.plot_style import (
     set_map_limits,
     style_axes,
 )
-from kachaka_simple_control.report.text_tables import columns
+from kachaka_simple_control.report.table_layout import columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -35,7 +35,7 @@ from kachaka_simple_control.report.plan_view import format_fixed, pluralize
 from kachaka_simple_control.report.report_directory import NEEDS_JINJA2
 from kachaka_simple_control.report.speed_table import speed_rows
 from kachaka_simple_control.report.summary import OutcomeKind, Summary
-from kachaka_simple_control.report.text_tables import fold, Gap, repeat_labels
+from kachaka_simple_control.report.table_layout import fold, Gap, repeat_labels
 
 T = TypeVar('T')
 

@@ -59,7 +59,7 @@ from kachaka_simple_control.report.plot_style import (
     time_unit,
 )
 from kachaka_simple_control.report.report_directory import write_atomically
-from kachaka_simple_control.report.text_tables import one_line
+from kachaka_simple_control.report.table_layout import one_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
