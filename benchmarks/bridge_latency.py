@@ -38,7 +38,7 @@ from typing import Any
 from benchmarks.nanosleep import BILLION, sleep_until
 from benchmarks.resource_usage import process_time
 from benchmarks.tables import Table
-from kachaka_simple_control.report.metrics import median, quantile
+from kachaka_simple_control.report.quantiles import median, quantile
 from kachaka_simple_control.ros.dds_transport import use_localhost_only
 
 ROOT = Path(__file__).resolve().parent.parent

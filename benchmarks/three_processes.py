@@ -41,7 +41,7 @@ from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.report.metrics import median
+from kachaka_simple_control.report.quantiles import median
 from kachaka_simple_control.ros.dds_transport import use_localhost_only
 from kachaka_simple_control.ros.node_parameters import NodeParameters
 

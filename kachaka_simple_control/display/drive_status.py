@@ -22,7 +22,7 @@ from enum import Enum
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Displacement, Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.report.metrics import driven
+from kachaka_simple_control.report.step_results import driven
 from kachaka_simple_control.telemetry.events import (
     Event,
     MotionEnded,

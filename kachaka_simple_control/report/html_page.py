@@ -30,10 +30,11 @@ from kachaka_simple_control.report.drive_plots import (
     time_span,
 )
 from kachaka_simple_control.report.json_export import start_datetime
-from kachaka_simple_control.report.metrics import EXTRA, StepResult
 from kachaka_simple_control.report.plan_view import format_fixed, pluralize
 from kachaka_simple_control.report.report_directory import NEEDS_JINJA2
+from kachaka_simple_control.report.sleep_loop import EXTRA
 from kachaka_simple_control.report.speed_table import speed_rows
+from kachaka_simple_control.report.step_results import StepResult
 from kachaka_simple_control.report.summary import OutcomeKind, Summary
 from kachaka_simple_control.report.table_layout import fold, Gap, repeat_labels
 

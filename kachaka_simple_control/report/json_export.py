@@ -25,9 +25,10 @@ from typing import Any
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.report.drive_log import MotionLog
 from kachaka_simple_control.report.drive_path_plot import path_lines
-from kachaka_simple_control.report.metrics import Quantiles, StepResult
 from kachaka_simple_control.report.paths import simplify
+from kachaka_simple_control.report.quantiles import Quantiles
 from kachaka_simple_control.report.speed_table import speed_rows
+from kachaka_simple_control.report.step_results import StepResult
 from kachaka_simple_control.report.summary import PoseError, signal_name, Summary
 
 #: Increases when a field is removed or changes its meaning; new fields may be added at any time.

@@ -23,17 +23,12 @@ import signal
 
 from kachaka_simple_control.motion.geometry import distance_between, Pose
 from kachaka_simple_control.report.drive_log import DriveLog, MotionLog
-from kachaka_simple_control.report.metrics import (
-    estimate_sleep_loop,
-    SleepLoopEstimate,
-    step_results,
-    StepResult,
-    Timing,
-    timing,
-)
+from kachaka_simple_control.report.message_timing import Timing, timing
 from kachaka_simple_control.report.odometry_alignment import AlignedDrive, OdometrySample
 from kachaka_simple_control.report.plan_view import pluralize
+from kachaka_simple_control.report.sleep_loop import estimate_sleep_loop, SleepLoopEstimate
 from kachaka_simple_control.report.speed_history import speed_intervals, SpeedInterval
+from kachaka_simple_control.report.step_results import step_results, StepResult
 
 #: The reason of a program whose end was not reported.
 NO_END = (

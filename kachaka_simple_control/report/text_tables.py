@@ -25,8 +25,8 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.drive_log import DriveLog, StepLog
-from kachaka_simple_control.report.metrics import driven, segment_odometry, sent
 from kachaka_simple_control.report.plan_view import format_fixed, PlanView, pluralize
+from kachaka_simple_control.report.step_results import driven, segment_odometry, sent
 from kachaka_simple_control.report.table_layout import (
     columns,
     fold,

@@ -43,7 +43,7 @@ from benchmarks.wire import (  # noqa: E402
     Ticks,
     ticks,
 )
-from kachaka_simple_control.report.metrics import median, quantile  # noqa: E402
+from kachaka_simple_control.report.quantiles import median, quantile  # noqa: E402
 
 #: Times of some 1e9 s, in double precision, are known to a quarter of a microsecond.
 CLOCK = 1e9

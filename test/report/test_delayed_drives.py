@@ -23,7 +23,7 @@ from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParam
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn, Wait
 from kachaka_simple_control.report.html_page import render_page
 from kachaka_simple_control.report.json_export import run_json
-from kachaka_simple_control.report.metrics import timing
+from kachaka_simple_control.report.message_timing import timing
 from kachaka_simple_control.report.report_process import write_report
 from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.report.text_tables import drive_table

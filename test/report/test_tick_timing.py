@@ -23,14 +23,9 @@ from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.drive_plots import histogram
-from kachaka_simple_control.report.metrics import (
-    due_times,
-    estimate_sleep_loop,
-    EXTRA,
-    Quantiles,
-    quantiles,
-    timing,
-)
+from kachaka_simple_control.report.message_timing import due_times, timing
+from kachaka_simple_control.report.quantiles import Quantiles, quantiles
+from kachaka_simple_control.report.sleep_loop import estimate_sleep_loop, EXTRA
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
     MotionPlanned,

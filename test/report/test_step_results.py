@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The figures of a drive: displacements, and the table."""
+"""The displacements of the steps of a drive, and the table of them."""
 
 from dataclasses import replace
 import math
@@ -30,7 +30,7 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Turn, Wait
 from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.metrics import driven, segment_odometry, sent
+from kachaka_simple_control.report.step_results import driven, segment_odometry, sent
 from kachaka_simple_control.report.text_tables import drive_table
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
