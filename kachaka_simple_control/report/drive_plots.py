@@ -28,7 +28,6 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.drive_path_plot import draw_drive_path, draw_legend, TOP, WIDTH
 from kachaka_simple_control.report.odometry_alignment import AlignedDrive, OdometrySample
-from kachaka_simple_control.report.paths import min_max_decimate, StepPoint
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     ANGULAR,
@@ -47,12 +46,12 @@ from kachaka_simple_control.report.plot_style import (
     set_time_limits,
     style_axes,
     time_unit,
-    velocity_steps,
     VelocityComponent,
 )
 from kachaka_simple_control.report.speed_history import SpeedInterval
 from kachaka_simple_control.report.speed_table import shade_pauses
 from kachaka_simple_control.report.summary import Summary
+from kachaka_simple_control.report.time_series import min_max_decimate, StepPoint, velocity_steps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

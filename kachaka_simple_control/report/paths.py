@@ -15,12 +15,11 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 from kachaka_simple_control.motion.geometry import (
     advance,
@@ -328,43 +327,3 @@ class _Cone:
             self._low, self._high = max(self._low, off - half), min(self._high, off + half)
         self._reach = max(self._reach, distance)
         return True
-
-
-#: A time [s] and a value that is held from then on.
-StepPoint = tuple[float, float]
-
-
-class Band(NamedTuple):
-    """
-    The lowest and the highest value in a part of time.
-
-    :param begin: when the part begins [s]
-    """
-
-    begin: float
-    lowest: float
-    highest: float
-
-
-def min_max_decimate(points: Sequence[StepPoint], end: float, count: int) -> list[Band]:
-    """
-    Return the lowest and highest values in parts of time of equal length.
-
-    :param points: times [s] and values, in order; each value lasts until the next
-    :param end: until when [s], from 0 on
-    :param count: how many parts
-    :returns: a band for each part that the points reach into
-    """
-    bands = []
-    held: list[float] = []
-    first = 0
-    for number in range(count):
-        last = bisect_left(points, (end * (number + 1) / count,), first)
-        values = held + [value for _, value in points[first:last]]
-        if first >= len(points):
-            break
-        if values:
-            bands.append(Band(end * number / count, min(values), max(values)))
-            held = values[-1:]
-        first = last
-    return bands

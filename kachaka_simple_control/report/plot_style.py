@@ -18,17 +18,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import groupby
 import math
-from operator import attrgetter
 from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.units import format_number
-from kachaka_simple_control.report.paths import StepPoint
 from kachaka_simple_control.report.plan_view import PlanView
+from kachaka_simple_control.report.time_series import velocity_steps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -141,20 +138,6 @@ WORDS: dict[str, Any] = {
 DENSE = 2000
 #: Above this [s], time is in minutes.
 LONG = 600.0
-
-
-def velocity_steps(plan: Plan, attribute: str) -> list[StepPoint]:
-    """
-    Return when a component of the velocity changes, and to what.
-
-    :param plan: what is sent
-    :param attribute: ``linear_x`` or ``angular_z``
-    :returns: times [s] and values [m/s or rad/s], in order; the last is the zero at the end
-    """
-    value_of = attrgetter(attribute)
-    changes = groupby(plan.segments, key=lambda segment: value_of(segment.velocity))
-    points = [(next(segments).start, value + 0.0) for value, segments in changes]
-    return [*points, (plan.duration, 0.0)]
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,8 @@ from kachaka_simple_control.report.paths import (
     MAX_POINTS,
     polyline,
 )
-from kachaka_simple_control.report.plot_style import round_step, velocity_steps
+from kachaka_simple_control.report.plot_style import round_step
+from kachaka_simple_control.report.time_series import velocity_steps
 from plans import BACK, BOX, DISC, HOUR, preview, QUARTER, SQUARE
 import pytest
 from strategies import LIMITS, MOTIONS, RATES
