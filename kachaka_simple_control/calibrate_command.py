@@ -41,7 +41,7 @@ from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.preview_command import plan_view
 from kachaka_simple_control.report.calibration_fit import CalibrationFit, fit_calibration, MOTION
 from kachaka_simple_control.report.calibration_plot import save_calibration_plot
-from kachaka_simple_control.report.plan_plot import check_plot_file
+from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.table_layout import columns
 from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.tape_measure import measure_floor, measure_squares

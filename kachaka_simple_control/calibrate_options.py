@@ -35,8 +35,8 @@ from kachaka_simple_control.exit_codes import HELP, OneLineParser
 from kachaka_simple_control.files.robot_profile import calibrated_text
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
+from kachaka_simple_control.report.output_file import write_atomically
 from kachaka_simple_control.report.plan_view import PlanView
-from kachaka_simple_control.report.report_directory import write_atomically
 from kachaka_simple_control.report.table_layout import terminal_columns
 from kachaka_simple_control.report.text_tables import plan_table
 from kachaka_simple_control.settings import choose_settings, Settings

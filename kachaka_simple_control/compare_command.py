@@ -26,7 +26,7 @@ from kachaka_simple_control.report.comparison import (
     require_same,
     save_comparison,
 )
-from kachaka_simple_control.report.plan_plot import check_plot_file
+from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.table_layout import terminal_columns, WIDEST
 from kachaka_simple_control.run_command import run_command
 

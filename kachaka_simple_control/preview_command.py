@@ -23,7 +23,8 @@ from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.report.plan_plot import check_plot_file, save_plot
+from kachaka_simple_control.report.output_file import check_plot_file
+from kachaka_simple_control.report.plan_plot import save_plot
 from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.table_layout import terminal_columns
 from kachaka_simple_control.report.text_tables import plan_table

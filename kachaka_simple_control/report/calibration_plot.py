@@ -25,7 +25,7 @@ from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.report.calibration_fit import CalibrationFit
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.odometry_alignment import AlignedDrive, DeadReckoning
-from kachaka_simple_control.report.plan_plot import save_figure
+from kachaka_simple_control.report.output_file import save_figure
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     default_style,

@@ -36,7 +36,7 @@ from kachaka_simple_control.report.drive_path_plot import (
     WIDTH,
 )
 from kachaka_simple_control.report.json_export import FORMAT
-from kachaka_simple_control.report.plan_plot import save_figure
+from kachaka_simple_control.report.output_file import save_figure
 from kachaka_simple_control.report.plan_view import format_fixed, pluralize
 from kachaka_simple_control.report.plot_style import (
     add_axes,

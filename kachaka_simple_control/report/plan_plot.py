@@ -16,12 +16,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-import io
 import math
 import os
-from pathlib import Path
 from typing import Any, TYPE_CHECKING
-import warnings
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import (
@@ -34,6 +31,7 @@ from kachaka_simple_control.motion.geometry import (
     transform_point,
 )
 from kachaka_simple_control.motion.units import format_number
+from kachaka_simple_control.report.output_file import check_plot_file, save_figure
 from kachaka_simple_control.report.path_marks import draw_arrows, draw_step_numbers, step_places
 from kachaka_simple_control.report.paths import (
     arc_segments,
@@ -58,7 +56,6 @@ from kachaka_simple_control.report.plot_style import (
     style_axes,
     time_unit,
 )
-from kachaka_simple_control.report.report_directory import write_atomically
 from kachaka_simple_control.report.table_layout import one_line
 
 if TYPE_CHECKING:
@@ -212,12 +209,6 @@ def draw_legend(figure: Figure, corner: Point) -> None:
                   columnspacing=1.6)
 
 
-#: Metadata that are left out of each kind of file: two runs give the same bytes.
-METADATA: dict[str, dict[str, None]] = {
-    '.png': {'Software': None},
-    '.svg': {'Date': None, 'Creator': None},
-    '.pdf': {'CreationDate': None, 'Creator': None, 'Producer': None},
-}
 #: Pixels an inch, for files of pixels.
 RESOLUTION = 110
 #: A higher plot is more than people read, and PNG has its limits.
@@ -245,44 +236,6 @@ def save_plot(file: str | os.PathLike[str], views: Sequence[PlanView]) -> None:
     """
     path = check_plot_file(file)
     save_figure(draw_plans(views), path)
-
-
-def save_figure(figure: Figure, path: Path) -> None:
-    """
-    Save a figure; its suffix selects the format.
-
-    :param path: what ``check_plot_file`` returned
-    :raises UsageError: if it cannot be written
-    """
-    data = io.BytesIO()
-    suffix = path.suffix.lower()
-    with default_style(), warnings.catch_warnings():
-        # A letter that the font lacks becomes a box; the name is still in the table.
-        warnings.filterwarnings('ignore', message='Glyph')
-        figure.savefig(data, format=suffix[1:], metadata=METADATA[suffix])
-    try:
-        write_atomically(path.resolve(), data.getvalue())
-    except OSError as error:
-        raise UsageError(f'{path}: it cannot be written: {error.strerror}') from None
-
-
-def check_plot_file(file: str | os.PathLike[str]) -> Path:
-    """
-    Return the path of a file if a plot can be saved to it; nothing is drawn or imported.
-
-    :raises UsageError: if its suffix is no format of ours, or it cannot be written
-    """
-    path = Path(file)
-    if path.suffix.lower() not in METADATA:
-        raise UsageError(f'{path}: a plot is .png, .svg or .pdf; take one of these as its ending')
-    if not path.parent.is_dir():
-        raise UsageError(f'{path}: there is no folder {path.parent}; make it first')
-    if path.is_dir():
-        raise UsageError(f'{path}: this is a folder; name a file in it')
-    # It is written beside the old one, and renamed.
-    if not os.access(path.resolve().parent, os.W_OK):
-        raise UsageError(f'{path}: you are not allowed to write there')
-    return path
 
 
 def draw_plans(views: Sequence[PlanView]) -> Figure:

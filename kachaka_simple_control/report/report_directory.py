@@ -27,24 +27,6 @@ NEEDS_JINJA2 = 'it needs Jinja2: pip install jinja2, or sudo apt install python3
 NEEDS_MCAP = "it needs mcap 1.5 or newer: pip install 'mcap>=1.5'"
 
 
-def write_atomically(path: Path, data: bytes) -> None:
-    """
-    Write a file such that a reader sees the old one or the new one, never a part.
-
-    :param path: the file
-    :param data: its content
-    :raises OSError: if it cannot be written; the old one stays as it was
-    """
-    new = path.with_name(f'.{path.name}.new')
-    try:
-        new.write_bytes(data)
-        new.replace(path)
-    except OSError:
-        with contextlib.suppress(OSError):
-            new.unlink()
-        raise
-
-
 def missing_libraries() -> list[str]:
     """Return a sentence for each file that is left out because its library is missing."""
     needs = {'jinja2': f'report.html is left out: {NEEDS_JINJA2}',

@@ -35,11 +35,8 @@ from kachaka_simple_control.report.drive_plots import draw_drive_plots, DrivePlo
 from kachaka_simple_control.report.html_page import render_page
 from kachaka_simple_control.report.json_export import run_json
 from kachaka_simple_control.report.mcap_recorder import McapRecorder
-from kachaka_simple_control.report.report_directory import (
-    NEEDS_JINJA2,
-    NEEDS_MCAP,
-    write_atomically,
-)
+from kachaka_simple_control.report.output_file import write_atomically
+from kachaka_simple_control.report.report_directory import NEEDS_JINJA2, NEEDS_MCAP
 from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.telemetry.events import Event, EventBus
 from kachaka_simple_control.telemetry.subscriber_process import decode

@@ -25,7 +25,8 @@ from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
 from kachaka_simple_control.report import plot_style
-from kachaka_simple_control.report.plan_plot import check_plot_file, draw_plans, save_plot
+from kachaka_simple_control.report.output_file import check_plot_file
+from kachaka_simple_control.report.plan_plot import draw_plans, save_plot
 from kachaka_simple_control.report.text_tables import plan_table
 from plans import (
     ABRUPT,
