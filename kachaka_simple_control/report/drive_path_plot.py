@@ -32,20 +32,18 @@ from kachaka_simple_control.motion.geometry import (
 from kachaka_simple_control.report.odometry_alignment import AlignedDrive
 from kachaka_simple_control.report.path_marks import draw_arrows, draw_step_numbers, step_places
 from kachaka_simple_control.report.paths import ArcSegment, distinct, simplify, step_segments
-from kachaka_simple_control.report.plan_plot import (
-    GRAIN,
-    MARGIN,
-    MAX_MARKS,
-    PLACE,
-    SMALLEST,
-    TICK,
-)
 from kachaka_simple_control.report.plan_view import Area
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     GREEN,
     GREY,
+    HEADING_LENGTH,
+    MAP_GRAIN,
+    MAP_MARGIN,
+    MAX_MARKS,
+    MIN_MAP_SIZE,
     ODOMETRY,
+    PLACE_SIZE,
     PLANNED,
     SENT,
     set_map_limits,
@@ -106,15 +104,15 @@ def draw_drive_path(figure: Figure, path: AlignedDrive, footprint: Footprint | N
     set_map_limits(axes, *area, tick_distance=size / TICKS)
     style_axes(axes)
     for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
-        kept = simplify(points, size * GRAIN, MAX_POINTS)
+        kept = simplify(points, size * MAP_GRAIN, MAX_POINTS)
         thin = THIN if name == 'odometry' and len(kept) > MANY else {}
         axes.plot([x for x, _ in kept], [y for _, y in kept], **{**look, **thin}, label=name,
                   gid=name)
-    _draw_robots(axes, footprint, end, size * TICK)
+    _draw_robots(axes, footprint, end, size * HEADING_LENGTH)
     middles = (segment.middle for steps in planned for segment in chain(*steps)
                if segment.distance)
-    draw_arrows(axes, distinct(middles, size * PLACE, MAX_MARKS), SENT['color'])
-    draw_step_numbers(axes, step_places(enumerate(_begun(path, planned), 1), size * PLACE))
+    draw_arrows(axes, distinct(middles, size * PLACE_SIZE, MAX_MARKS), SENT['color'])
+    draw_step_numbers(axes, step_places(enumerate(_begun(path, planned), 1), size * PLACE_SIZE))
     draw_legend(figure, PATH_LEFT, 2)
 
 
@@ -172,9 +170,9 @@ def extent(points: Sequence[Point]) -> Area:
     """Return an area [m] that holds points with some room, neither too flat nor too high."""
     finite = [point for point in points if math.isfinite(point[0] + point[1])]
     xs, ys = [x for x, _ in finite], [y for _, y in finite]
-    free = 1.0 + 2.0 * MARGIN
-    width = max((max(xs) - min(xs)) * free, SMALLEST)
-    height = max((max(ys) - min(ys)) * free, SMALLEST)
+    free = 1.0 + 2.0 * MAP_MARGIN
+    width = max((max(xs) - min(xs)) * free, MIN_MAP_SIZE)
+    height = max((max(ys) - min(ys)) * free, MIN_MAP_SIZE)
     width, height = max(width, height / TALLEST), max(height, width * FLATTEST)
     return Area((min(xs) + max(xs) - width) / 2.0, (min(ys) + max(ys) - height) / 2.0,
                 width, height)

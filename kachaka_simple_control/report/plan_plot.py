@@ -49,8 +49,14 @@ from kachaka_simple_control.report.plot_style import (
     draw_velocity,
     GREEN,
     GREY,
+    HEADING_LENGTH,
     LINEAR,
+    MAP_GRAIN,
+    MAP_MARGIN,
+    MAX_MARKS,
+    MIN_MAP_SIZE,
     ORANGE,
+    PLACE_SIZE,
     set_map_limits,
     shared_scale,
     style_axes,
@@ -62,8 +68,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: At most so many robots and arrows are drawn on a path.
-MAX_MARKS = 16
 #: More turns in place than these are not drawn: the robots show where they end.
 MAX_TURNS = 12
 #: The start and the end of a plan; both can be seen if they coincide.
@@ -78,16 +82,6 @@ ROBOT: dict[str, Any] = {
 #: The floor that a plan needs.
 FLOOR: dict[str, Any] = {
     'facecolor': 'none', 'edgecolor': GREY, 'linewidth': 1.0, 'linestyle': (0, (6, 3))}
-#: This part of a map's size can hardly be seen.
-GRAIN = 1.0 / 1500.0
-#: This part of a map's size stays free on each side.
-MARGIN = 0.07
-#: Steps whose middles are nearer than this part of a map's size share their numbers' place.
-PLACE = 0.01
-#: The smallest map [m].
-SMALLEST = 0.2
-#: The length of a heading without a footprint, as a part of the map's size.
-TICK = 0.06
 #: A turn in place is drawn at this part of the distance from the axle to the front.
 TURN = 0.7
 
@@ -102,8 +96,8 @@ def extent(views: Sequence[PlanView], proportion: float) -> Area:
     xs = [x for floor in floors for x in (floor.left, floor.left + floor.width)]
     ys = [y for floor in floors for y in (floor.bottom, floor.bottom + floor.height)]
     width, height = max(xs) - min(xs), max(ys) - min(ys)
-    free = 1.0 + 2.0 * MARGIN
-    height = max(height * free, width * free / proportion, SMALLEST)
+    free = 1.0 + 2.0 * MAP_MARGIN
+    height = max(height * free, width * free / proportion, MIN_MAP_SIZE)
     width = height * proportion
     return Area((min(xs) + max(xs) - width) / 2.0, (min(ys) + max(ys) - height) / 2.0,
                 width, height)
@@ -123,13 +117,13 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
 
     axes.set_aspect('equal')
     set_map_limits(axes, *area, tick_distance=area.height / 8.0)
-    grain = area.height * GRAIN
+    grain = area.height * MAP_GRAIN
     steps = step_segments(view.plan)
     segments = [segment for step in steps for segment in step]
     points = polyline(segments, grain)
     axes.plot([x for x, _ in points], [y for _, y in points], color=BLUE, linewidth=1.6,
               solid_joinstyle='round', zorder=3.0, gid='path')
-    reach = area.height * TICK if view.footprint is None else (
+    reach = area.height * HEADING_LENGTH if view.footprint is None else (
         front_point(view.footprint, ORIGIN)[0])
     _draw_robots(axes, view, grain, reach)
     left, bottom, width, height = view.floor
@@ -138,7 +132,7 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     middles = distinct(
         (segment.middle for segment in segments if segment.distance), grain, MAX_MARKS)
     draw_arrows(axes, middles, BLUE)
-    draw_step_numbers(axes, step_places(enumerate(steps, 1), PLACE * area.height))
+    draw_step_numbers(axes, step_places(enumerate(steps, 1), PLACE_SIZE * area.height))
     end = view.plan.pose
     axes.plot(0.0, 0.0, **START, gid='start')
     axes.plot(end.x, end.y, **END, gid='end')

@@ -73,6 +73,21 @@ def style_axes(axes: Axes, width: float | None = None) -> None:
     axes.spines[['top', 'right']].set_visible(False)
 
 
+# Maps.
+#: At most so many robots and arrows are drawn on a path.
+MAX_MARKS = 16
+#: This part of a map's size can hardly be seen.
+MAP_GRAIN = 1.0 / 1500.0
+#: This part of a map's size stays free on each side.
+MAP_MARGIN = 0.07
+#: The smallest map [m].
+MIN_MAP_SIZE = 0.2
+#: Steps whose middles are nearer than this part of a map's size share their numbers' place.
+PLACE_SIZE = 0.01
+#: The length of a heading without a footprint, as a part of the map's size.
+HEADING_LENGTH = 0.06
+
+
 def set_map_limits(
         axes: Axes, left: float, bottom: float, width: float, height: float,
         tick_distance: float) -> None:
