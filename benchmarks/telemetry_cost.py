@@ -54,7 +54,7 @@ VELOCITY = 0.1
 SETTLING_COUNT = 2
 #: A drive may take so much longer than its movements [s].
 DRIVE_TIMEOUT = 60.0
-HELPERS = {'display': 'display.display_process', 'reporter': 'report.report_process',
+HELPERS = {'display': 'display.display_program', 'reporter': 'report.report_program',
            'guardian': 'guardian_program'}
 
 
@@ -137,7 +137,7 @@ def measure(rounds: int, count: int) -> dict[str, DriveStatistics]:
     :param count: number of movements of each drive
     :returns: the measurements by the name of the telemetry
     """
-    has_reporter = importlib.util.find_spec('kachaka_simple_control.report.report_process')
+    has_reporter = importlib.util.find_spec('kachaka_simple_control.report.report_program')
     choices = [one for one in CHOICES if has_reporter or not one.report]
     statistics = {one.name: DriveStatistics() for one in choices}
     for turn in range(rounds):

@@ -37,7 +37,11 @@ from kachaka_simple_control.display.terminal import (
 from kachaka_simple_control.errors import ControlError, RunFaultError, UsageError
 from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
-from kachaka_simple_control.report.report_directory import missing_libraries, prepare_report_dir
+from kachaka_simple_control.report.report_directory import (
+    missing_libraries,
+    prepare_report_dir,
+    REPORT_MODULE,
+)
 from kachaka_simple_control.report.table_layout import terminal_columns
 from kachaka_simple_control.report.text_tables import drive_table
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
@@ -53,7 +57,6 @@ from kachaka_simple_control.settings import (
 )
 from kachaka_simple_control.telemetry.events import SpeedFactorChanged
 from kachaka_simple_control.telemetry.subscriber_process import (
-    REPORTER,
     SubscriberProcess,
     SubscriberProcesses,
 )
@@ -142,7 +145,7 @@ def _start_subscribers(
     if options.report is not None:
         for missing in missing_libraries():
             print(f'report: {missing}', file=sys.stderr)
-        return subscribers.start(REPORTER, options.report)
+        return subscribers.start(REPORT_MODULE, options.report)
     return None
 
 

@@ -166,7 +166,7 @@ class TerminalProgram:
         """Return the id of the display process."""
         for child in children_of(self.process.pid):
             with contextlib.suppress(FileNotFoundError):
-                if b'display.display_process' in Path(f'/proc/{child}/cmdline').read_bytes():
+                if b'display.display_program' in Path(f'/proc/{child}/cmdline').read_bytes():
                     return child
         raise AssertionError(f'there is no display process:\n{self}')
 

@@ -40,7 +40,7 @@ _CLEAR_BELOW, _CLEAR_LINE = '\x1b[J', '\x1b[2K'
 #: Removes the rows; the cursor stays after what others wrote.  Harmless where there are none.
 RELEASE_ROWS = f'{_SAVE}{_SCROLL_ALL}{_RESTORE}{_CLEAR_BELOW}{_SHOW}'
 
-DISPLAY_MODULE = 'kachaka_simple_control.display.display_process'
+DISPLAY_MODULE = 'kachaka_simple_control.display.display_program'
 #: How long it may take to clear the terminal [s]; there is nothing worth waiting for.
 DISPLAY_EXIT_TIMEOUT = 1.0
 

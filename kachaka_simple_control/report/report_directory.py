@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a report needs before a drive begins: a directory to write to, and libraries."""
+"""What a report needs before a drive: a directory, libraries, and the program that writes it."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ import tempfile
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 
+#: The program that writes a report.
+REPORT_MODULE = 'kachaka_simple_control.report.report_program'
 NEEDS_JINJA2 = 'it needs Jinja2: pip install jinja2, or sudo apt install python3-jinja2'
 NEEDS_MCAP = "it needs mcap 1.5 or newer: pip install 'mcap>=1.5'"
 

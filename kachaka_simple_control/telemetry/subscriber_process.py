@@ -51,7 +51,6 @@ PLAN_WRITE_TIMEOUT = 2.0
 FINISH_TIMEOUT = 60.0
 #: How long it may delay a program that a signal ended [s]; it goes on by itself.
 FINISH_TIMEOUT_WHEN_STOPPED = 1.0
-REPORTER = 'kachaka_simple_control.report.report_process'
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ import types
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.display import terminal
-from kachaka_simple_control.display.display_process import TerminalDisplay
+from kachaka_simple_control.display.display_program import TerminalDisplay
 from kachaka_simple_control.display.renderers import LineRenderer, PanelRenderer, renderer_for
 from kachaka_simple_control.display.terminal import DISPLAY_MODULE
 from kachaka_simple_control.motion.geometry import Velocity

@@ -38,7 +38,7 @@ from kachaka_simple_control.motion.trajectory import PathSegment
 from kachaka_simple_control.motion.units import format_number, LENGTH, POSITIVE_LINEAR_VELOCITY
 from kachaka_simple_control.report.paths import arc_segments, sample_path
 from kachaka_simple_control.report.plan_view import PlanView
-from kachaka_simple_control.report.report_process import write_report
+from kachaka_simple_control.report.report_program import write_report
 from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.report.text_tables import drive_table, plan_table
 import pytest

@@ -20,7 +20,7 @@ from pathlib import Path
 import re
 
 from kachaka_simple_control.motion.steps import Motion, Move, Repeat, Turn
-from kachaka_simple_control.report.report_process import write_report
+from kachaka_simple_control.report.report_program import write_report
 from kachaka_simple_control.report.summary import Summary
 from outcome_logs import done, faulted, killed, lesson, never_began, stopped
 import pytest

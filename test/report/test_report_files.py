@@ -30,7 +30,7 @@ from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.html_page import MAX_ROWS, render_page
 from kachaka_simple_control.report.json_export import fields, run_json
 from kachaka_simple_control.report.report_directory import missing_libraries
-from kachaka_simple_control.report.report_process import try_write_report, write_report
+from kachaka_simple_control.report.report_program import try_write_report, write_report
 from kachaka_simple_control.report.summary import outcome, Summary
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,

@@ -26,9 +26,9 @@ from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report import report_process
+from kachaka_simple_control.report import report_program
 from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.report_directory import prepare_report_dir
+from kachaka_simple_control.report.report_directory import prepare_report_dir, REPORT_MODULE
 from kachaka_simple_control.telemetry.events import (
     EventBus,
     MotionEnded,
@@ -40,7 +40,6 @@ from kachaka_simple_control.telemetry.events import (
     VelocitySent,
 )
 from kachaka_simple_control.telemetry.subscriber_process import (
-    REPORTER,
     SubscriberProcess,
     SubscriberProcesses,
 )
@@ -58,7 +57,7 @@ PATIENCE = 30.0
 
 def reporter_of(folder, *before):
     """Return the subscriber process of a reporter, started by another command if one is given."""
-    return SubscriberProcess([*before, *processes.python_command(REPORTER), str(folder)])
+    return SubscriberProcess([*before, *processes.python_command(REPORT_MODULE), str(folder)])
 
 
 def drive(count, first=10.0):
@@ -84,7 +83,7 @@ def wait_for_file(file, size):
 
 
 def test_a_line_about_a_report_is_printed_escaped(capsys):
-    report_process.print_line('a\x1b[31m\n\u202e\udcff/report.html')
+    report_program.print_line('a\x1b[31m\n\u202e\udcff/report.html')
     assert capsys.readouterr().err == (
         'report: a\\x1b[31m\\n\\u202e\\udcff/report.html\n')
 
@@ -107,7 +106,7 @@ TELL = """
 import os, signal, sys
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 from kachaka_simple_control.control import processes
-from test_report_process import BEGINNING, drive, reporter_of
+from test_report_program import BEGINNING, drive, reporter_of
 process = reporter_of(sys.argv[1])
 for event in [*BEGINNING, *drive(200, 10.1)]:
     process.send(event)
@@ -215,7 +214,7 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
 def test_one_that_does_not_keep_up_gets_no_more_and_records_what_it_received(tmp_path, capfd):
     event_bus = EventBus()
     with SubscriberProcesses(event_bus) as subscribers:
-        subscribers.start(REPORTER, str(tmp_path))
+        subscribers.start(REPORT_MODULE, str(tmp_path))
         (process,) = subscribers._subscribers
         for event in BEGINNING:
             event_bus.publish(event)
@@ -250,18 +249,18 @@ def test_a_report_that_fails_is_a_one_line_message(error, text, monkeypatch, tmp
     def write_report(record, folder, recording):
         raise error
 
-    monkeypatch.setattr(report_process, 'write_report', write_report)
+    monkeypatch.setattr(report_program, 'write_report', write_report)
     record = DriveLog()
     record.on_event(OPENED)
-    assert report_process.try_write_report(record, tmp_path, None) == text
+    assert report_program.try_write_report(record, tmp_path, None) == text
 
 
 def test_the_report_gets_the_failure_of_the_recording(monkeypatch, tmp_path):
     calls = []
-    monkeypatch.setattr(report_process, 'write_report', lambda *arguments: calls.append(arguments))
+    monkeypatch.setattr(report_program, 'write_report', lambda *arguments: calls.append(arguments))
     record = DriveLog()
     record.on_event(OPENED)
-    assert report_process.try_write_report(record, tmp_path, 'run.mcap ends early') is None
+    assert report_program.try_write_report(record, tmp_path, 'run.mcap ends early') is None
     assert calls == [(record, tmp_path, 'run.mcap ends early')]
 
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The process that records a drive and writes its report."""
+"""The program that records a drive and writes its report; a process of its own."""
 
 from __future__ import annotations
 
