@@ -28,12 +28,9 @@ from typing import TYPE_CHECKING
 from kachaka_simple_control.cli import Options
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
 from kachaka_simple_control.control.speed_factor import OVERRIDE
+from kachaka_simple_control.display.display_process import DisplayProcess
 from kachaka_simple_control.display.keyboard import is_keyboard, Keyboard
-from kachaka_simple_control.display.terminal import (
-    DisplayProcess,
-    is_terminal,
-    should_display,
-)
+from kachaka_simple_control.display.terminal import is_terminal, should_display
 from kachaka_simple_control.errors import ControlError, RunFaultError, UsageError
 from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The terminal of a drive: rows at its bottom that stay, and the process that draws them.
+The terminal of a drive: rows at its bottom that stay.
 
 The terminal is told to scroll all rows but the lowest ones.  What others write goes straight to
 the terminal as before, and scrolls above the rows that stay; no one has to wait.  Each of the
@@ -24,13 +24,9 @@ The program that drives imports this module: it must load quickly, and without r
 from __future__ import annotations
 
 from collections.abc import Sequence
-import contextlib
 import os
-import threading
 
-from kachaka_simple_control.control import processes
-from kachaka_simple_control.control.output import has_room, STDERR
-from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
+from kachaka_simple_control.control.output import STDERR
 
 _SAVE, _RESTORE = '\x1b7', '\x1b8'
 _HIDE, _SHOW = '\x1b[?25l', '\x1b[?25h'
@@ -39,10 +35,6 @@ _CLEAR_BELOW, _CLEAR_LINE = '\x1b[J', '\x1b[2K'
 
 #: Removes the rows; the cursor stays after what others wrote.  Harmless where there are none.
 RELEASE_ROWS = f'{_SAVE}{_SCROLL_ALL}{_RESTORE}{_CLEAR_BELOW}{_SHOW}'
-
-DISPLAY_MODULE = 'kachaka_simple_control.display.display_program'
-#: How long it may take to clear the terminal [s]; there is nothing worth waiting for.
-DISPLAY_EXIT_TIMEOUT = 1.0
 
 
 def reserve_rows(rows: int, height: int) -> str:
@@ -84,38 +76,3 @@ def should_display(is_lesson: bool) -> bool:
     :param is_lesson: whether the node's own log lines describe each step
     """
     return not is_lesson or is_terminal(STDERR)
-
-
-class DisplayProcess(SubscriberProcess):
-    """
-    The process that shows a drive; this side restores the terminal.
-
-    A display that was killed cannot do that: it is done here, at once, so that what it drew last
-    is not taken for news.  One that hangs in the end is killed; but one that waits for a terminal
-    which takes nothing, after Ctrl+S, clears it when it does.
-    """
-
-    def __init__(self) -> None:
-        super().__init__(processes.python_command(DISPLAY_MODULE))
-        self._restoring = threading.Thread(target=self._restore, name='display', daemon=True)
-        self._restoring.start()
-
-    def close(self, timeout: float) -> int | None:
-        """
-        Close the pipe and wait for the process to exit.
-
-        :param timeout: how long to wait at most [s]
-        :returns: its exit code; None if it waits for the terminal
-        """
-        if super().close(min(timeout, DISPLAY_EXIT_TIMEOUT)) is None:
-            if not has_room(STDERR):
-                return None
-            self._process.kill()
-        code = self._process.wait()
-        self._restoring.join(DISPLAY_EXIT_TIMEOUT)
-        return code
-
-    def _restore(self) -> None:
-        if self._process.wait() != 0 and is_terminal(STDERR):
-            with contextlib.suppress(OSError):
-                os.write(STDERR, RELEASE_ROWS.encode())

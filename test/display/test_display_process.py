@@ -24,9 +24,9 @@ import types
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.display import terminal
+from kachaka_simple_control.display.display_process import DISPLAY_MODULE
 from kachaka_simple_control.display.display_program import TerminalDisplay
 from kachaka_simple_control.display.renderers import LineRenderer, PanelRenderer, renderer_for
-from kachaka_simple_control.display.terminal import DISPLAY_MODULE
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Wait
@@ -49,7 +49,7 @@ PUBLISHER = """
 import os, sys, time
 from kachaka_simple_control.telemetry.events import EventBus
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcesses
-from kachaka_simple_control.display.terminal import DisplayProcess
+from kachaka_simple_control.display.display_process import DisplayProcess
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
