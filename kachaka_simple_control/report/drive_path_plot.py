@@ -82,18 +82,18 @@ THIN: dict[str, Any] = {'linewidth': 0.6, 'linestyle': '-'}
 PlannedPath = list[list[ArcSegment]]
 
 
-def draw_drive_path(figure: Figure, path: AlignedDrive, footprint: Footprint | None) -> None:
+def draw_drive_path(figure: Figure, aligned: AlignedDrive, footprint: Footprint | None) -> None:
     """
     Draw the path of a drive, and set the size of the figure.
 
     :param figure: the figure, empty
-    :param path: the drive
+    :param aligned: the drive
     :param footprint: the robot's outline; None if it is not known
     """
-    planned = _planned(path)
-    lines = path_lines(path)
-    end = path.odometry[-1].pose if path.odometry else (
-        path.dead_reckoning.end if path.sent else path.planned_end)
+    planned = _planned(aligned)
+    lines = path_lines(aligned)
+    end = aligned.odometry[-1].pose if aligned.odometry else (
+        aligned.dead_reckoning.end if aligned.sent else aligned.planned_end)
     area = extent([*(point for points in lines.values() for point in points),
                     *_corners(footprint, (ORIGIN, end))])
     width = WIDTH - PATH_LEFT - PATH_RIGHT
@@ -112,33 +112,33 @@ def draw_drive_path(figure: Figure, path: AlignedDrive, footprint: Footprint | N
     middles = (segment.middle for steps in planned for segment in chain(*steps)
                if segment.distance)
     draw_arrows(axes, distinct(middles, size * PLACE_SIZE, MAX_MARKS), SENT['color'])
-    draw_step_numbers(axes, step_places(enumerate(_begun(path, planned), 1), size * PLACE_SIZE))
+    draw_step_numbers(axes, step_places(enumerate(_begun(aligned, planned), 1), size * PLACE_SIZE))
     draw_legend(figure, PATH_LEFT, 2)
 
 
-def _planned(path: AlignedDrive) -> list[PlannedPath]:
-    return [step_segments(start.motion.plan, start.pose) for start in path.motion_starts]
+def _planned(aligned: AlignedDrive) -> list[PlannedPath]:
+    return [step_segments(start.motion.plan, start.pose) for start in aligned.motion_starts]
 
 
-def path_lines(path: AlignedDrive) -> dict[str, list[Point]]:
+def path_lines(aligned: AlignedDrive) -> dict[str, list[Point]]:
     """Return the path as planned, as sent and by odometry [m], as far as there is each."""
     lines = {'planned': [(ORIGIN.x, ORIGIN.y)]}
-    for start, steps in zip(path.motion_starts, _planned(path)):
+    for start, steps in zip(aligned.motion_starts, _planned(aligned)):
         lines['planned'].append((start.pose.x, start.pose.y))
         for segment in chain(*steps):
             lines['planned'] += segment.points()
-    if path.sent:
-        poses = (*_sent_poses(path), path.dead_reckoning.end)
+    if aligned.sent:
+        poses = (*_sent_poses(aligned), aligned.dead_reckoning.end)
         lines['sent'] = [(pose.x, pose.y) for pose in poses]
-    if path.odometry:
-        lines['odometry'] = [(sample.pose.x, sample.pose.y) for sample in path.odometry]
+    if aligned.odometry:
+        lines['odometry'] = [(sample.pose.x, sample.pose.y) for sample in aligned.odometry]
     return lines
 
 
-def _begun(path: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[list[ArcSegment]]:
+def _begun(aligned: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[list[ArcSegment]]:
     """Return the paths of the steps that began, as in the table of steps; of all if none did."""
-    for start, steps in zip(path.motion_starts, planned):
-        if not path.sent:
+    for start, steps in zip(aligned.motion_starts, planned):
+        if not aligned.sent:
             yield from steps
             continue
         # Of a motion that was cut short the first steps began.
@@ -147,9 +147,9 @@ def _begun(path: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[list[
                 yield segments
 
 
-def _sent_poses(path: AlignedDrive) -> Iterator[Pose]:
+def _sent_poses(aligned: AlignedDrive) -> Iterator[Pose]:
     """Return the poses along what was sent, close enough to each other to show arcs."""
-    reckoning = path.dead_reckoning
+    reckoning = aligned.dead_reckoning
     for (begin, end), (one, two) in zip(pairwise(reckoning.times), pairwise(reckoning.poses)):
         yield one
         if one.x == two.x and one.y == two.y:

@@ -114,18 +114,18 @@ def draw_drive_plots(summary: Summary) -> DrivePlots:
 
 
 def _plots(summary: Summary) -> dict[str, Callable[[Figure], None]]:
-    log, path = summary.log, summary.path
+    log, aligned = summary.log, summary.aligned
     if not log.motions:
         return {}
     session = log.session_started
     limits = common_limits(log)
     footprint = None if session is None else session.footprint
     plots: dict[str, Callable[[Figure], None]] = {
-        PATH: lambda figure: draw_drive_path(figure, path, footprint),
+        PATH: lambda figure: draw_drive_path(figure, aligned, footprint),
         VELOCITIES: lambda figure: draw_drive_velocities(
-            figure, path, limits, [part for part in summary.speed if part.is_pause])}
-    if path.odometry:
-        plots[ERRORS] = lambda figure: draw_drive_errors(figure, path)
+            figure, aligned, limits, [part for part in summary.speed if part.is_pause])}
+    if aligned.odometry:
+        plots[ERRORS] = lambda figure: draw_drive_errors(figure, aligned)
     if summary.timing.interval_errors:
         plots[PERIODS] = lambda figure: draw_periods(figure, summary.timing.interval_errors)
     return plots
@@ -177,71 +177,71 @@ def embed_svg(svg: str, name: str) -> str:
     return re.sub(r'\n+\s*', '\n', svg)
 
 
-def draw_drive_velocities(figure: Figure, path: AlignedDrive, limits: Limits,
+def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
                           pauses: Sequence[SpeedInterval] = ()) -> None:
     """
     Draw both components of the velocity over time, with limits dashed and pauses shaded.
 
     :param figure: the figure, empty; its size is set
-    :param path: the drive
+    :param aligned: the drive
     :param limits: the limits to draw
     :param pauses: when the robot was paused
     """
     rows = _rows(figure, KEY)
-    duration = time_span(path)
+    duration = time_span(aligned)
     for axes, component in zip(rows, (LINEAR, ANGULAR)):
-        lines = _velocity_lines(path, component)
+        lines = _velocity_lines(aligned, component)
         values = [value for points in lines.values() for _, value in points]
         scale = scale_for(component, values or [0.0], [limits], duration)
-        _style_row(axes, path, scale, component.label)
+        _style_row(axes, aligned, scale, component.label)
         for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
-            _draw_line(axes, path, points, {**look, 'label': name, 'gid': name})
+            _draw_line(axes, aligned, points, {**look, 'label': name, 'gid': name})
         draw_limits(axes, component, limits)
-        shade_pauses(axes, pauses, path.start_time, time_unit(duration)[1])
+        shade_pauses(axes, pauses, aligned.start_time, time_unit(duration)[1])
     _label_time(rows, duration)
     draw_legend(figure, LEFT, 3, *rows[0].get_legend_handles_labels())
 
 
-def draw_drive_errors(figure: Figure, path: AlignedDrive) -> None:
+def draw_drive_errors(figure: Figure, aligned: AlignedDrive) -> None:
     """
     Draw how far odometry was from where the messages should have brought the robot.
 
     :param figure: the figure, empty; its size is set
-    :param path: the drive, with odometry
+    :param aligned: the drive, with odometry
     """
     rows = _rows(figure, 0.0)
-    duration = time_span(path)
+    duration = time_span(aligned)
     parts: tuple[tuple[str, str, Callable[[OdometrySample], float], dict[str, Any]], ...] = (
         ('distance [mm]', 'distance', lambda sample: 1e3 * sample.distance, {'color': BLUE}),
         ('heading [°]', 'heading', lambda sample: math.degrees(sample.angle),
          {'color': ORANGE, 'linestyle': '-'}))
     for axes, (label, name, value_of, look) in zip(rows, parts):
-        points = [(sample.time, value_of(sample)) for sample in path.odometry]
+        points = [(sample.time, value_of(sample)) for sample in aligned.odometry]
         values = [0.0, *(value for _, value in points)]
         span = max(max(values) - min(values), 1e-3)
         lowest = min(values) - 0.08 * span * (min(values) < 0.0)
-        _style_row(axes, path, Scale(lowest, max(values) + 0.08 * span, duration), label)
-        _draw_line(axes, path, points, {**look, 'linewidth': 1.4, 'gid': name})
+        _style_row(axes, aligned, Scale(lowest, max(values) + 0.08 * span, duration), label)
+        _draw_line(axes, aligned, points, {**look, 'linewidth': 1.4, 'gid': name})
     _label_time(rows, duration)
 
 
 def _velocity_lines(
-        path: AlignedDrive, component: VelocityComponent) -> dict[str, list[StepPoint]]:
+        aligned: AlignedDrive, component: VelocityComponent) -> dict[str, list[StepPoint]]:
     value_of = attrgetter(component.attribute)
     planned: list[StepPoint] = []
-    for start in path.motion_starts:
-        if start.time is not None or not path.sent:
+    for start in aligned.motion_starts:
+        if start.time is not None or not aligned.sent:
             offset = 0.0 if start.time is not None or not planned else planned[-1][0]
             times, values = zip(*velocity_steps(start.motion.plan, component.attribute))
             planned += [(offset + time, value) for time, value in zip(
-                path.planned_times(start, times), values)]
+                aligned.planned_times(start, times), values)]
     lines = {'planned': planned}
-    if path.sent:
-        lines['sent'] = [(message.time - path.start_time, value_of(message.velocity))
-                         for message in path.sent]
-    if path.odometry:
+    if aligned.sent:
+        lines['sent'] = [(message.time - aligned.start_time, value_of(message.velocity))
+                         for message in aligned.sent]
+    if aligned.odometry:
         lines['odometry'] = [(sample.time, value_of(sample.received.velocity))
-                             for sample in path.odometry]
+                             for sample in aligned.odometry]
     return lines
 
 
@@ -253,11 +253,11 @@ def _rows(figure: Figure, key: float) -> tuple[Axes, Axes]:
     return above, add_axes(figure, LEFT, bottom, WIDTH - LEFT - RIGHT, ROW)
 
 
-def _style_row(axes: Axes, path: AlignedDrive, scale: Scale, label: str) -> None:
+def _style_row(axes: Axes, aligned: AlignedDrive, scale: Scale, label: str) -> None:
     style_axes(axes, WIDTH - LEFT - RIGHT)
     set_time_limits(axes, scale, label, [
-        time for start in path.motion_starts if start.time is not None
-        for time in path.planned_times(start, [step.end for step in start.motion.plan.steps])])
+        time for start in aligned.motion_starts if start.time is not None
+        for time in aligned.planned_times(start, [step.end for step in start.motion.plan.steps])])
 
 
 def _label_time(rows: tuple[Axes, Axes], duration: float) -> None:
@@ -265,20 +265,21 @@ def _label_time(rows: tuple[Axes, Axes], duration: float) -> None:
     rows[1].set_xlabel(f'time since t = 0 [{time_unit(duration)[0]}]')
 
 
-def is_dense(path: AlignedDrive) -> bool:
+def is_dense(aligned: AlignedDrive) -> bool:
     """Return whether bands are drawn, for lines of so many points would be a wall of colour."""
-    return max(len(path.sent), len(path.odometry)) > MAX_LINE_POINTS
+    return max(len(aligned.sent), len(aligned.odometry)) > MAX_LINE_POINTS
 
 
-def time_span(path: AlignedDrive) -> float:
+def time_span(aligned: AlignedDrive) -> float:
     """Return the length of the time axis [s]."""
-    return max(path.duration, path.odometry[-1].time if path.odometry else 0.0) or 1.0
+    return max(aligned.duration, aligned.odometry[-1].time if aligned.odometry else 0.0) or 1.0
 
 
 def _draw_line(
-        axes: Axes, path: AlignedDrive, points: Sequence[StepPoint], look: dict[str, Any]) -> None:
-    duration = time_span(path)
-    if is_dense(path):
+        axes: Axes, aligned: AlignedDrive, points: Sequence[StepPoint],
+        look: dict[str, Any]) -> None:
+    duration = time_span(aligned)
+    if is_dense(aligned):
         _draw_band(axes, points, duration, look)
         return
     unit = time_unit(duration)[1]

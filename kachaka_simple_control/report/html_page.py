@@ -85,11 +85,11 @@ def render_page(summary: Summary, pictures: Mapping[str, str], no_pictures: str 
     steps, all_steps = _step_tables(summary)
     return template.render(
         style=_resource('report.css'), summary=summary, log=summary.log,
-        session=summary.log.session_started, path=summary.path, timing=summary.timing,
+        session=summary.log.session_started, aligned=summary.aligned, timing=summary.timing,
         sleep_loop=summary.sleep_loop, outcome=summary.outcome, sign=SIGNS[summary.outcome.kind],
         pictures=pictures, no_pictures=no_pictures, recording=recording, began=_began(summary),
         ended=_ended(summary), poses=list(_poses(summary)), silence=_silence(summary),
-        band=_band(summary), is_dense=is_dense(summary.path), steps=steps,
+        band=_band(summary), is_dense=is_dense(summary.aligned), steps=steps,
         all_steps=all_steps, shown=SHOWN,
         motions=_ends(summary.log.motions), shows_motions=_shows_motions(summary),
         has_motions=len({step.motion for step in summary.steps}) > 1,
@@ -128,10 +128,10 @@ def _ended(summary: Summary) -> tuple[str, str]:
 
 def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
     """Return where the drive ended as planned, as sent and as seen: x, y [m], heading [deg]."""
-    path = summary.path
+    aligned = summary.aligned
     heading = 0.0
-    for name, pose in (('planned', path.planned_end),
-                       ('sent', path.dead_reckoning.end if path.sent else None),
+    for name, pose in (('planned', aligned.planned_end),
+                       ('sent', aligned.dead_reckoning.end if aligned.sent else None),
                        ('odometry', summary.final_pose)):
         if pose is None:
             yield name, (UNKNOWN, UNKNOWN, UNKNOWN)
@@ -143,16 +143,16 @@ def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
 
 def _silence(summary: Summary) -> tuple[float, float] | None:
     """Return when odometry ended and the last message was sent [s], if that is much later."""
-    path, seen = summary.path, summary.last_seen
-    if not path.sent or seen is None:
+    aligned, seen = summary.aligned, summary.last_seen
+    if not aligned.sent or seen is None:
         return None
-    last = path.sent[-1].time - path.start_time
+    last = aligned.sent[-1].time - aligned.start_time
     return (seen.time, last) if seen.time < last - 0.5 else None
 
 
 def _band(summary: Summary) -> float:
     """Return how long the parts are that a dense drive's lowest and highest values are of [s]."""
-    return round(time_span(summary.path) / BANDS, 1)
+    return round(time_span(summary.aligned) / BANDS, 1)
 
 
 def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
@@ -179,7 +179,7 @@ def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
         if isinstance(entry, int):
             return entry + 1, results[entry], repeats[entry]
         before, after = results[entry.before].log, results[entry.after].log
-        start, end = (_number(time - summary.path.start_time, 2) for time in (
+        start, end = (_number(time - summary.aligned.start_time, 2) for time in (
             before.began + (before.driven_duration if before.is_delayed else
                             before.planned.end - before.planned.start), after.began))
         return None, None, entry.describe(start, end)

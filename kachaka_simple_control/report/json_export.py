@@ -83,8 +83,8 @@ def fields(summary: Summary, recording: str | None) -> Fields:
             'end_distance_m': summary.sleep_loop.distance,
             'end_angle_rad': summary.sleep_loop.angle},
         **_speed(summary),
-        'motions': [_motion(motion, summary.path.start_time) for motion in log.motions],
-        'steps': [_step(number, step, summary.path.start_time)
+        'motions': [_motion(motion, summary.aligned.start_time) for motion in log.motions],
+        'steps': [_step(number, step, summary.aligned.start_time)
                   for number, step in enumerate(summary.steps, 1)],
         'recording': {'is_whole': recording is None, 'why_not': recording},
         'limits': None if session is None else asdict(session.limits),
@@ -99,7 +99,7 @@ def fields(summary: Summary, recording: str | None) -> Fields:
 
 def start_datetime(summary: Summary) -> datetime | None:
     """Return the date and time of t = 0; None if nothing began."""
-    session, began = summary.log.session_started, summary.path.start_time
+    session, began = summary.log.session_started, summary.aligned.start_time
     if session is None or not math.isfinite(session.epoch + began):
         return None
     try:
@@ -118,7 +118,7 @@ def _verdict(summary: Summary) -> Fields:
 
 def _path(summary: Summary) -> Fields:
     """Return the path as planned and by odometry: points [m], simplified for pictures."""
-    lines = path_lines(summary.path)
+    lines = path_lines(summary.aligned)
     return {name: [[round(value, 4) for value in point]
                    for point in simplify(lines.get(name, []), PATH_GRAIN, MAX_PATH_POINTS)]
             for name in ('planned', 'odometry')}
@@ -127,8 +127,8 @@ def _path(summary: Summary) -> Fields:
 def _end(summary: Summary) -> Fields:
     seen = summary.last_seen
     return {
-        'planned': _pose(summary.path.planned_end),
-        'sent': _pose(summary.path.dead_reckoning.end),
+        'planned': _pose(summary.aligned.planned_end),
+        'sent': _pose(summary.aligned.dead_reckoning.end),
         'odometry': _pose(summary.final_pose),
         'odometry_time_s': None if seen is None else seen.time,
         'odometry_from_planned': _distance_and_angle(summary.error_from_plan),

@@ -56,7 +56,7 @@ def speed_rows(summary: Summary) -> Iterator[SpeedRow]:
     numbers = {id(step.log.planned): number for number, step in enumerate(summary.steps, 1)}
     for interval in summary.speed:
         yield SpeedRow(
-            interval, numbers.get(id(interval.step)), interval.begin - summary.path.start_time,
+            interval, numbers.get(id(interval.step)), interval.begin - summary.aligned.start_time,
             describe_factors(interval.factors))
 
 

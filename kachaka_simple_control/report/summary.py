@@ -178,8 +178,8 @@ class Summary:
         return outcome(self.log)
 
     @cached_property
-    def path(self) -> AlignedDrive:
-        """Return the path as planned, as sent and as seen."""
+    def aligned(self) -> AlignedDrive:
+        """Return the drive as planned, as sent and by odometry, all in one frame."""
         return AlignedDrive(self.log)
 
     @cached_property
@@ -187,7 +187,7 @@ class Summary:
         """Return the steps that were begun."""
         pairs = [(step, motion.planned.motion.name) for motion in self.log.motions
                  for step in motion.steps if step.sent]
-        odometry = [sample.received for sample in self.path.odometry]
+        odometry = [sample.received for sample in self.aligned.odometry]
         return step_results([step for step, _ in pairs], [name for _, name in pairs], odometry,
                             self.log.command_timeout)
 
@@ -228,7 +228,7 @@ class Summary:
     @property
     def last_seen(self) -> OdometrySample | None:
         """Return the last sample of odometry; None if there is none since t = 0."""
-        return self.path.odometry[-1] if self.path.odometry else None
+        return self.aligned.odometry[-1] if self.aligned.odometry else None
 
     @property
     def final_pose(self) -> Pose | None:
@@ -240,7 +240,7 @@ class Summary:
         """Return its error from the planned end; None if that was not reached or seen."""
         if self.final_pose is None or not all(motion.is_complete for motion in self.log.motions):
             return None
-        return PoseError(*distance_between(self.path.planned_end, self.final_pose))
+        return PoseError(*distance_between(self.aligned.planned_end, self.final_pose))
 
     @property
     def error_from_sent(self) -> PoseError | None:

@@ -176,7 +176,7 @@ def test_planned_and_sent_lie_on_each_other_outside_of_the_brakes():
     from kachaka_simple_control.report.plot_style import LINEAR
     motion = Motion('straight', [Forward(0.3), Wait(1.0), Forward(-0.3)])
     log = drive([(0.7, PAUSED), (4.0, FULL)], motion, lateness=on_time)
-    lines = _velocity_lines(Summary(log).path, LINEAR)
+    lines = _velocity_lines(Summary(log).aligned, LINEAR)
 
     def value(line, time):
         return [value for at, value in lines[line] if at <= time + 1e-6][-1]
@@ -216,7 +216,7 @@ def test_pauses_are_shaded():
     figure_of = pytest.importorskip('matplotlib.figure', reason='needs matplotlib').Figure
     from kachaka_simple_control.report.drive_plots import draw_drive_velocities
     summary, figure = Summary(drive([(0.5, PAUSED), (3.0, FULL)])), figure_of()
-    draw_drive_velocities(figure, summary.path, summary.log.motions[0].planned.limits,
+    draw_drive_velocities(figure, summary.aligned, summary.log.motions[0].planned.limits,
                           [part for part in summary.speed if part.is_pause])
     shades = figure.findobj(lambda artist: artist.get_gid() == 'pause')
     assert len(shades) == 2

@@ -65,7 +65,7 @@ def drive_path(matplotlib):
     def draw(log):
         figure = Figure()
         FigureCanvasAgg(figure)
-        draw_drive_path(figure, Summary(log).path, log.session_started.footprint)
+        draw_drive_path(figure, Summary(log).aligned, log.session_started.footprint)
         return figure
     return draw
 

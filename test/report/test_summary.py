@@ -54,11 +54,11 @@ def test_the_motions_of_the_lesson_follow_each_other():
 
 def test_odometry_is_aligned_with_the_start_wherever_its_frame_is():
     record = done()
-    plain = Summary(record).path.odometry[-1].pose
+    plain = Summary(record).aligned.odometry[-1].pose
     elsewhere = Pose(3.0, -2.0, 2.5)
     record.odometry = [
         replace(answer, pose=compose(elsewhere, answer.pose)) for answer in record.odometry]
-    moved = Summary(record).path.odometry[-1].pose
+    moved = Summary(record).aligned.odometry[-1].pose
     assert (moved.x, moved.y, moved.theta) == pytest.approx((plain.x, plain.y, plain.theta))
 
 
@@ -66,7 +66,7 @@ def test_after_a_motion_cut_short_the_next_plan_begins_where_the_messages_led():
     simulated = SimulatedDrive(20.0)
     simulated.drive(SQUARE, 2.6, HELD_UP)
     simulated.drive(SECOND)
-    first, second = Summary(simulated.close()).path.motion_starts
+    first, second = Summary(simulated.close()).aligned.motion_starts
     assert first.pose == ORIGIN
     assert second.pose.x == pytest.approx(0.5, abs=0.001)
     assert second.pose.y == pytest.approx(0.0, abs=0.001)
