@@ -19,6 +19,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 import math
+from operator import attrgetter
 from typing import NamedTuple
 
 from kachaka_simple_control.motion.geometry import (
@@ -196,8 +197,8 @@ class AlignedDrive:
     def _aligned(self, odometry: Sequence[OdometryReceived]) -> list[OdometrySample]:
         if not self.sent:
             return []
-        first = bisect_left(odometry, self.start_time, key=_time)
-        last = bisect_right(odometry, self.sent[-1].time + AFTER, key=_time)
+        first = bisect_left(odometry, self.start_time, key=attrgetter('time'))
+        last = bisect_right(odometry, self.sent[-1].time + AFTER, key=attrgetter('time'))
         if first >= last:
             return []
         # The last sample before t = 0, or the first of all, fixes the frame.
@@ -225,7 +226,3 @@ def is_plausible(sample: OdometryReceived) -> bool:
     pose, velocity = sample.pose, sample.velocity
     return math.isfinite(sample.time) and all(abs(value) < MAX_VALUE for value in (
         pose.x, pose.y, pose.theta, velocity.linear_x, velocity.angular_z))
-
-
-def _time(sample: OdometryReceived) -> float:
-    return sample.time

@@ -18,6 +18,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
+from operator import attrgetter
 
 from kachaka_simple_control.telemetry.events import VelocitySent
 
@@ -75,7 +76,8 @@ class PlanTimeline:
         """
         if self.is_delayed:
             return bisect_left(self._plan_times, plan_time - ROUNDING)
-        return bisect_left(self._messages, self._began + plan_time - ROUNDING, key=_time)
+        return bisect_left(
+            self._messages, self._began + plan_time - ROUNDING, key=attrgetter('time'))
 
     def message_plan_time(self, index: int) -> float:
         """Return where on the plan a message was sent [s of the plan], by its index."""
@@ -120,7 +122,3 @@ def _interpolated(
     before, after = arguments[index - 1], arguments[index]
     part = min(1.0, (argument - before) / (after - before))
     return values[index - 1] + part * (values[index] - values[index - 1])
-
-
-def _time(sent: VelocitySent) -> float:
-    return sent.time
