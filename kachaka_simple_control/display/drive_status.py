@@ -365,7 +365,7 @@ class DriveTracker:
             self._motion_count if is_call else index + 1,
             self._movement_count() if is_call else len(self._plan.steps),
             MOVEMENT if is_call else STEP,
-            step.step.describe(), step.end - step.start,
+            step.step.describe(), step.duration,
             max(0.0, step.end - max(elapsed, step.start)),
             self._remaining(index, step.step.displacement, now))
 

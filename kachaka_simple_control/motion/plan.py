@@ -74,6 +74,11 @@ class PlannedStep:
     max_angular_velocity: float
     trajectories: Sequence[Trajectory] = ()
 
+    @property
+    def duration(self) -> float:
+        """Return how long it takes [s]."""
+        return self.end - self.start
+
 
 @dataclass(frozen=True)
 class Plan:

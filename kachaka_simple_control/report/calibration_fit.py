@@ -116,7 +116,7 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
     for index, step in enumerate(steps):
         before, after = rests[max(0, index - 1)], rests[min(index + 1, len(rests) - 1)]
         if before is not None and after is not None and not is_rest(step):
-            end = steps[index + 1].began + _duration(steps[index + 1])
+            end = steps[index + 1].began + steps[index + 1].planned.duration
             drives.append(_drive(odometry, sent, step, before, after, end))
     gains = {
         direction: _gain(direction, [drive.gain for drive in drives
@@ -154,10 +154,6 @@ def is_rest(step: StepLog) -> bool:
     return displacement.distance == displacement.angle == 0.0
 
 
-def _duration(step: StepLog) -> float:
-    return step.planned.end - step.planned.start
-
-
 def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
     """
     Return where a robot stands at the end of a step that moves nothing.
@@ -165,7 +161,7 @@ def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
     :param odometry: what is plausible of it
     :raises CalibrationError: if it was not seen to stand still
     """
-    end = step.began + _duration(step)
+    end = step.began + step.planned.duration
     poses = [sample.pose for sample in odometry if end - REST <= sample.time <= end]
     if len(poses) < MIN_SAMPLES:
         raise CalibrationError(

@@ -181,7 +181,7 @@ def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
         before, after = results[entry.before].log, results[entry.after].log
         start, end = (_number(time - summary.aligned.start_time, 2) for time in (
             before.began + (before.driven_duration if before.is_delayed else
-                            before.planned.end - before.planned.start), after.began))
+                            before.planned.duration), after.began))
         return None, None, entry.describe(start, end)
 
     unfolded = fold(range(len(keys)), 2 * SHOWN + 1) if len(keys) > MAX_ROWS else []

@@ -181,7 +181,7 @@ def _step(number: int, result: StepResult, start_time: float) -> Fields:
     return {
         'number': number, 'motion': result.motion, 'path': log.planned.path,
         'step': log.step.describe_fully(), 'start_s': log.began - start_time,
-        'duration_s': log.planned.end - log.planned.start, 'is_whole': log.is_complete,
+        'duration_s': log.planned.duration, 'is_whole': log.is_complete,
         'messages': max(0, len(log.sent) - 1),
         **({'plan_start_s': log.planned.start, 'driven_s': log.driven_duration}
            if log.is_delayed else {}),

@@ -117,7 +117,7 @@ def _steps(view: PlanView, most: int, widest: int, with_total: bool) -> list[str
 def _plan_row(index: int, step: PlannedStep, repeat: str) -> Row:
     return (
         str(index + 1), step.step.describe(), repeat, _time(step.start),
-        *_figures(step.end - step.start, step.length, step.pose,
+        *_figures(step.duration, step.length, step.pose,
                   step.max_linear_velocity, step.max_angular_velocity))
 
 
