@@ -111,11 +111,11 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
     steps = completed_steps(log)
     sent = DeadReckoning(log.sent, log.command_timeout)
     odometry = [sample for sample in log.odometry if is_plausible(sample)]
-    rests = [find_rest(odometry, step) if is_rest(step) else None for step in steps]
+    rests = [find_rest(odometry, step) if step.step.is_rest else None for step in steps]
     drives = []
     for index, step in enumerate(steps):
         before, after = rests[max(0, index - 1)], rests[min(index + 1, len(rests) - 1)]
-        if before is not None and after is not None and not is_rest(step):
+        if before is not None and after is not None and not step.step.is_rest:
             end = steps[index + 1].began + steps[index + 1].planned.duration
             drives.append(_drive(odometry, sent, step, before, after, end))
     gains = {
@@ -146,12 +146,6 @@ def completed_steps(log: DriveLog) -> list[StepLog]:
     if any(step.is_delayed for step in steps):
         raise CalibrationError('the drive was paused or slowed down: begin again')
     return steps
-
-
-def is_rest(step: StepLog) -> bool:
-    """Return whether a step moves nothing."""
-    displacement = step.step.displacement
-    return displacement.distance == displacement.angle == 0.0
 
 
 def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:

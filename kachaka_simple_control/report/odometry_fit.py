@@ -27,7 +27,6 @@ from kachaka_simple_control.report.calibration_fit import (
     completed_steps,
     Estimate,
     find_rest,
-    is_rest,
 )
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.odometry_alignment import is_plausible
@@ -61,7 +60,7 @@ def reported_path(log: DriveLog) -> list[Pose]:
     """
     steps = completed_steps(log)
     odometry = [sample for sample in log.odometry if is_plausible(sample)]
-    if not (is_rest(steps[0]) and is_rest(steps[-1])):
+    if not (steps[0].step.is_rest and steps[-1].step.is_rest):
         raise CalibrationError('the motion must begin and end with a wait')
     start, end = find_rest(odometry, steps[0]).pose, find_rest(odometry, steps[-1]).pose
     path, time = [start], steps[1].began
