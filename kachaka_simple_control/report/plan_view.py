@@ -20,13 +20,12 @@ from functools import cached_property
 import math
 from typing import NamedTuple
 
+from kachaka_simple_control.control.tick_scheduler import TIME_TOLERANCE
 from kachaka_simple_control.motion.geometry import Footprint, outline
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, Segment
 from kachaka_simple_control.report.paths import sample_path
 
-#: A last tick shorter than this part of a period is rounding, as it is to the plan runner.
-TIME_TOLERANCE = 1e-6
 #: At how many poses of a plan the outline of the robot is looked at.
 MAX_FLOOR_POSES = 20_000
 
