@@ -20,20 +20,19 @@ from typing import NamedTuple
 
 
 class Level(IntEnum):
-    """The levels of ``diagnostic_msgs/msg/DiagnosticStatus``."""
+    """Levels of ``diagnostic_msgs/msg/DiagnosticStatus``, those that are used here."""
 
     OK = 0
     WARN = 1
     ERROR = 2
-    STALE = 3
 
 
 class Diagnosis(NamedTuple):
     """
     One diagnosis of one thing.
 
-    :param level: how bad it is
-    :param message: the worst of it, in a sentence
+    :param level: the level
+    :param message: the most severe finding, in one sentence
     :param values: all figures, by name
     """
 
