@@ -43,7 +43,7 @@ MAX_ZERO_PERIOD = 0.1
 #: A stop begins with ten zeros at once; no plan sends as many as these within a period.
 MIN_BURST_COUNT = 4
 #: Odometry older than this [s] does not show how far the robot is.
-ODOMETRY_MAX_AGE = 0.5
+DISPLAY_ODOMETRY_MAX_AGE = 0.5
 #: A program that drives sends something more often than this [s], or is held up.
 EVENT_TIMEOUT = 1.0
 #: What is counted: the steps of a motion, or motions, one a call.
@@ -152,7 +152,7 @@ class DriveStatus:
         return 1.0 - self.time_left / self.duration if self.duration else 1.0
 
 
-REST = Displacement(0.0, 0.0)
+NO_DISPLACEMENT = Displacement(0.0, 0.0)
 
 
 class StepOdometer:
@@ -165,7 +165,7 @@ class StepOdometer:
 
     def __init__(self, plan: Plan, clock: PlanClock) -> None:
         self._plan, self._clock = plan, clock
-        self._step, self._sum = 0, REST
+        self._step, self._sum = 0, NO_DISPLACEMENT
 
     def update(self, since: float, until: float, displacement: Displacement) -> None:
         """
@@ -180,13 +180,13 @@ class StepOdometer:
         if step != self._step:
             inside = plan_time - self._plan.steps[step].start
             share = min(1.0, max(0.0, inside / max(until - since, 1e-9)))
-            self._step, self._sum = step, REST
+            self._step, self._sum = step, NO_DISPLACEMENT
         self._sum = Displacement(self._sum.distance + share * displacement.distance,
                                  self._sum.angle + share * displacement.angle)
 
     def displacement(self, step: int) -> Displacement:
         """Return the displacement since a step began; none if it is not the newest one."""
-        return self._sum if step == self._step else REST
+        return self._sum if step == self._step else NO_DISPLACEMENT
 
 
 class DriveTracker:
@@ -307,7 +307,7 @@ class DriveTracker:
         if before.time < event.time:
             self._driven_odometer.update(
                 before.time, event.time,
-                driven((before, event), before.time, event.time) or REST)
+                driven((before, event), before.time, event.time) or NO_DISPLACEMENT)
 
     def _state(self, now: float) -> DriveState:
         if self._planned is None:
@@ -375,14 +375,15 @@ class DriveTracker:
 
     def _remaining(self, index: int, total: Displacement, now: float) -> Remaining:
         by_odometry = (
-            self._odometry is not None and now - self._odometry.time <= ODOMETRY_MAX_AGE)
+            self._odometry is not None and now - self._odometry.time <= DISPLAY_ODOMETRY_MAX_AGE)
         odometer = self._driven_odometer if by_odometry else self._commanded_odometer
-        done = REST if odometer is None else odometer.displacement(index)
+        done = NO_DISPLACEMENT if odometer is None else odometer.displacement(index)
         return Remaining(
-            _rest(total.distance, done.distance), _rest(total.angle, done.angle), by_odometry)
+            _remaining_amount(total.distance, done.distance),
+            _remaining_amount(total.angle, done.angle), by_odometry)
 
 
-def _rest(total: float, done: float) -> float | None:
+def _remaining_amount(total: float, done: float) -> float | None:
     """Return what is left of a signed length or angle, at least 0; None if it is 0 in all."""
     if total == 0.0:
         return None

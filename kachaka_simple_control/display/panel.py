@@ -20,7 +20,11 @@ import math
 import textwrap
 
 from kachaka_simple_control.control.speed_factor import describe_factors
-from kachaka_simple_control.display.drive_status import DriveState, DriveStatus, ODOMETRY_MAX_AGE
+from kachaka_simple_control.display.drive_status import (
+    DISPLAY_ODOMETRY_MAX_AGE,
+    DriveState,
+    DriveStatus,
+)
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.report.plan_view import format_fixed
 from kachaka_simple_control.report.plot_style import BLUE, GREY, ORANGE
@@ -116,7 +120,7 @@ def _state_text(status: DriveStatus) -> str:
     if status.state is DriveState.CUT_SHORT:
         return one_line(status.reason or '', 2 * MAX_COLUMNS)
     if (status.state is DriveState.STOPPED and status.odometry is not None
-            and status.odometry_age < ODOMETRY_MAX_AGE):
+            and status.odometry_age < DISPLAY_ODOMETRY_MAX_AGE):
         return 'odometry sees the robot stand still'
     return _TEXTS.get(status.state, '')
 
