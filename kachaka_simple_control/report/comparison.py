@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: By how much the planned ends of drives of the same motion may differ [m, rad].
-SAME = 1e-6
+MAX_END_DIFFERENCE = 1e-6
 #: So many drives have a colour and a name each in the plot; of more all look alike.
 COLOURS = (ORANGE, BLUE, GREEN, PURPLE)
 #: The height of a line of a legend [inch], and how many lines have a place without more room.
@@ -151,7 +151,8 @@ def require_same(drives: Sequence[DriveEnd]) -> None:
     first = drives[0]
     for other in drives[1:]:
         if other.motions != first.motions or any(
-                abs(one - two) > SAME for one, two in zip(first.planned, other.planned)):
+                abs(one - two) > MAX_END_DIFFERENCE
+                for one, two in zip(first.planned, other.planned)):
             raise UsageError(f'{first.name} and {other.name} are drives of different motions')
 
 

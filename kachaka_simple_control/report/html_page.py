@@ -32,7 +32,7 @@ from kachaka_simple_control.report.drive_plots import (
 from kachaka_simple_control.report.json_export import start_datetime
 from kachaka_simple_control.report.plan_view import format_fixed, pluralize
 from kachaka_simple_control.report.report_directory import NEEDS_JINJA2
-from kachaka_simple_control.report.sleep_loop import EXTRA
+from kachaka_simple_control.report.sleep_loop import LOOP_OVERHEAD
 from kachaka_simple_control.report.speed_table import speed_rows
 from kachaka_simple_control.report.step_results import StepResult
 from kachaka_simple_control.report.summary import OutcomeKind, Summary
@@ -94,7 +94,7 @@ def render_page(summary: Summary, pictures: Mapping[str, str], no_pictures: str 
         motions=_ends(summary.log.motions), shows_motions=_shows_motions(summary),
         has_motions=len({step.motion for step in summary.steps}) > 1,
         robot=_robot(summary), description=_description(summary),
-        extra=1e3 * EXTRA, pluralize=pluralize, unknown=UNKNOWN,
+        extra=1e3 * LOOP_OVERHEAD, pluralize=pluralize, unknown=UNKNOWN,
         speed=_ends(list(speed_rows(summary))))
 
 

@@ -59,7 +59,7 @@ from kachaka_simple_control.telemetry.events import (
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
-NAME = 'run.mcap'
+FILE_NAME = 'run.mcap'
 PATH_TOPIC = '/kachaka_simple_control/planned_path'
 FACTOR_TOPIC = '/kachaka_simple_control/speed_factor'
 #: Messages are compressed and indexed in chunks of this size at most [bytes].
@@ -172,7 +172,7 @@ class McapRecorder:
     """
 
     def __init__(self, directory: Path, log: DriveLog) -> None:
-        self._path = directory / NAME
+        self._path = directory / FILE_NAME
         self._log = log
         self._paths = PathSerializer(ODOM)
         self._topics: dict[str, Topic] = {}
@@ -185,7 +185,7 @@ class McapRecorder:
         self._writer: Writer
         #: why there is no recording, or not all of it; None if there is no failure
         self.failure: str | None = None if importlib.util.find_spec('mcap') else (
-            f'{NAME} is left out: {NEEDS_MCAP}')
+            f'{FILE_NAME} is left out: {NEEDS_MCAP}')
 
     def on_event(self, event: Event) -> None:
         """Record an event; ``flush`` writes it to the disk."""
@@ -212,7 +212,7 @@ class McapRecorder:
             complete
         """
         if self._file is None:
-            return self.failure or f'{NAME} is left out: nothing was told'
+            return self.failure or f'{FILE_NAME} is left out: nothing was told'
         self._attempt(self._finish)
         try:
             self._write_metadata()
@@ -227,9 +227,9 @@ class McapRecorder:
             action()
         except Exception as error:  # the rest of the report is to be written, whatever it is
             if self._file is None:
-                self.failure = f'{NAME} is left out: {_reason(error)}'
+                self.failure = f'{FILE_NAME} is left out: {_reason(error)}'
             else:
-                self.failure = f'{NAME} ends early: {_reason(error)}'
+                self.failure = f'{FILE_NAME} ends early: {_reason(error)}'
                 self._file.abandon()
 
     def _start(self, session: SessionStarted) -> None:

@@ -98,7 +98,7 @@ class DeadReckoning:
 
 
 #: For so long after the last message odometry still belongs to the drive [s].
-AFTER = 1.0
+MAX_TIME_AFTER_LAST_MESSAGE = 1.0
 #: Odometry with figures beyond this is invalid and left out [m, rad, m/s, rad/s].
 MAX_VALUE = 1e6
 
@@ -197,8 +197,9 @@ class AlignedDrive:
     def _aligned(self, odometry: Sequence[OdometryReceived]) -> list[OdometrySample]:
         if not self.sent:
             return []
+        end = self.sent[-1].time + MAX_TIME_AFTER_LAST_MESSAGE
         first = bisect_left(odometry, self.start_time, key=attrgetter('time'))
-        last = bisect_right(odometry, self.sent[-1].time + AFTER, key=attrgetter('time'))
+        last = bisect_right(odometry, end, key=attrgetter('time'))
         if first >= last:
             return []
         # The last sample before t = 0, or the first of all, fixes the frame.

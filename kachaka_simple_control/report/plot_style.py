@@ -141,9 +141,9 @@ def default_style() -> Iterator[None]:
 #: More boundaries between steps than these would be a grey wall.
 MAX_BOUNDARIES = 60
 #: Limits more than so many times above what is sent would press it flat: they are only named.
-FAR = 5.0
+MAX_LIMIT_RATIO = 5.0
 #: Free part of the span above the highest and below the lowest line, for the labels of limits.
-FREE = 0.25
+LABEL_SHARE = 0.25
 #: The labels of limits; no line goes through them.
 WORDS: dict[str, Any] = {
     'color': '#444444', 'zorder': 4.0, 'ha': 'right',
@@ -152,7 +152,7 @@ WORDS: dict[str, Any] = {
 #: A line with more points than these is an area; the limits shine through.
 DENSE = 2000
 #: Above this [s], time is in minutes.
-LONG = 600.0
+MINUTES_FROM = 600.0
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ def scale_for(component: VelocityComponent, values: Sequence[float], limits: Seq
     lowest, highest = min(values), max(values)
     largest = max(highest, -lowest)
     for below, above in map(component.limits, limits):
-        far = FAR * largest if largest else math.inf
+        far = MAX_LIMIT_RATIO * largest if largest else math.inf
         if lowest < 0.0 and -below <= far:
             lowest = min(lowest, below)
         if above <= far and (highest > 0.0 or not largest):
@@ -217,13 +217,13 @@ def scale_for(component: VelocityComponent, values: Sequence[float], limits: Seq
     # Without a limit and a velocity any span is as good.
     span = highest - lowest if 0.0 < highest - lowest < math.inf else 1.0
     highest = highest if math.isfinite(highest) else 1.0
-    return Scale(lowest - span * (FREE if lowest < 0.0 else 0.06), highest + FREE * span,
-                 duration or 1.0)
+    return Scale(lowest - span * (LABEL_SHARE if lowest < 0.0 else 0.06),
+                 highest + LABEL_SHARE * span, duration or 1.0)
 
 
 def time_unit(duration: float) -> tuple[str, float]:
     """Return the unit of a time axis by its length [s]: its name, and how long it is [s]."""
-    return ('min', 60.0) if duration > LONG else ('s', 1.0)
+    return ('min', 60.0) if duration > MINUTES_FROM else ('s', 1.0)
 
 
 def draw_velocity(axes: Axes, view: PlanView, component: VelocityComponent, scale: Scale) -> None:

@@ -43,9 +43,9 @@ from kachaka_simple_control.telemetry.subscriber_process import decode
 
 PAGE, PLOT, FIGURES = 'report.html', 'path.png', 'run.json'
 #: How often events are written to the disk [s].
-PERIOD = 0.5
-#: Events may arrive so late [s].
-LATENESS = 0.1
+FLUSH_PERIOD = 0.5
+#: Longest delay of an event [s].
+MAX_EVENT_DELAY = 0.1
 
 
 def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
@@ -126,7 +126,7 @@ def read_events(stream: BinaryIO) -> Iterator[Event | None]:
     threading.Thread(target=read, daemon=True).start()
     while True:
         try:
-            event = queue.get(timeout=PERIOD)
+            event = queue.get(timeout=FLUSH_PERIOD)
         except Empty:
             yield None
             continue
@@ -137,14 +137,14 @@ def read_events(stream: BinaryIO) -> Iterator[Event | None]:
 
 def record_events(stream: BinaryIO, event_bus: EventBus, recorder: McapRecorder) -> None:
     """Publish all events of a stream on a bus, and flush the recorder now and then."""
-    due = time.monotonic() + PERIOD
+    due = time.monotonic() + FLUSH_PERIOD
     for event in read_events(stream):
         if event is not None:
             event_bus.publish(event)
         now = time.monotonic()
         if now >= due:
-            recorder.flush(now - LATENESS)
-            due = now + PERIOD
+            recorder.flush(now - MAX_EVENT_DELAY)
+            due = now + FLUSH_PERIOD
 
 
 def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> str | None:

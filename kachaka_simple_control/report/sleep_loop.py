@@ -33,7 +33,7 @@ from kachaka_simple_control.report.plan_view import ticks
 
 #: By how much an iteration of the lesson's loop is longer than its period [s].  Measured by the
 #: benchmarks, docs/why.md: at 10 Hz a second is held for about 0.8 % too long, in ten iterations.
-EXTRA = 0.0008
+LOOP_OVERHEAD = 0.0008
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def _loop_step(step: PlannedStep, segments: Sequence[Segment], period: float) ->
         while index + 1 < len(segments) and segments[index].end <= time:
             index += 1
         segment = segments[index]
-        interval = min(period, segment.end - segment.start) + EXTRA
+        interval = min(period, segment.end - segment.start) + LOOP_OVERHEAD
         if not segment.velocity.is_zero:
             pose = integrate(pose, segment.velocity, interval)
         time += interval

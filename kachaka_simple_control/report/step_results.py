@@ -27,7 +27,7 @@ from kachaka_simple_control.report.drive_log import StepLog
 from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySent
 
 #: After this time odometry shows a velocity that was sent [s]: more than two of its samples.
-SETTLING = 0.06
+ODOMETRY_DELAY = 0.06
 
 
 def sent(messages: Sequence[VelocitySent], command_timeout: float = math.inf) -> Displacement:
@@ -83,7 +83,7 @@ def segment_odometry(
     if odometry and first.step.is_rest:
         cuts = [min(max(cuts[0], odometry[0].time), first.sent[-1].time)]
     for before, after in pairwise(steps):
-        offset = SETTLING * (_begins_at_rest(after) - before.step.is_rest)
+        offset = ODOMETRY_DELAY * (_begins_at_rest(after) - before.step.is_rest)
         cuts.append(max(cuts[-1], after.sent[0].time + offset))
     return [*cuts, max(cuts[-1], steps[-1].sent[-1].time)]
 

@@ -45,10 +45,10 @@ MAX_STEPS = 40
 MIN_STEPS = 8
 #: Lines of a table of steps without its steps, and of a comparison without its motions.
 FRAME, CAPTION = 6, 7
-#: The longest name there is room for.
-NAME = 36
+#: The longest name there is room for [columns].
+MAX_NAME_WIDTH = 36
 #: From this time on [s], tenths of a second are precise enough.
-LONG = 1000.0
+TENTHS_FROM = 1000.0
 
 FIGURES = (('takes', '[s]'), ('length', '[m]'), ('x', '[m]'), ('y', '[m]'), ('heading', '[deg]'),
            ('linear', '[m/s]'), ('angular', '[rad/s]'))
@@ -109,7 +109,7 @@ def _steps(view: PlanView, most: int, widest: int, with_total: bool) -> list[str
             line = f'... {entry.describe(start, end)} ...'
             # Names, units and a rule are above the rows.
             lines.insert(3 + place, line if len(line) <= widest else f'... {entry.size} ...')
-    title = (f'{one_line(view.name, NAME)} on {one_line(view.robot, NAME)} '
+    title = (f'{one_line(view.name, MAX_NAME_WIDTH)} on {one_line(view.robot, MAX_NAME_WIDTH)} '
              f'at {format_number(view.rate)} Hz')
     return [one_line(title, widest), '', *lines]
 
@@ -179,7 +179,7 @@ def _comparison(views: Sequence[PlanView], widest: int) -> list[str]:
         own.append(('rate', '[Hz]'))
     rows = [_compared(view, dict(own)) for view in views]
     head = (('motion', ''), *own, ('steps', ''), *FIGURES, ('sent', ''))
-    common = [f'on {one_line(next(iter(robots)), NAME)}'] if len(robots) == 1 else []
+    common = [f'on {one_line(next(iter(robots)), MAX_NAME_WIDTH)}'] if len(robots) == 1 else []
     common += [f'at {format_number(next(iter(rates)))} Hz'] if len(rates) == 1 else []
     names = [name for name, _ in head]
     spare = [names.index(name) for name in SPARE_OF_MOTIONS if name in names]
@@ -188,15 +188,15 @@ def _comparison(views: Sequence[PlanView], widest: int) -> list[str]:
 
 
 def _compared(view: PlanView, own: dict[str, str]) -> Row:
-    cells = [one_line(view.name, NAME)]
-    cells += [one_line(view.robot, NAME)] if 'robot' in own else []
+    cells = [one_line(view.name, MAX_NAME_WIDTH)]
+    cells += [one_line(view.robot, MAX_NAME_WIDTH)] if 'robot' in own else []
     cells += [format_number(view.rate)] if 'rate' in own else []
     plan = view.plan
     return (*cells, str(len(plan.steps)), *_plan_figures(plan), str(view.messages))
 
 
 def _time(value: float) -> str:
-    return format_fixed(value, 3 if value < LONG else 1)
+    return format_fixed(value, 3 if value < TENTHS_FROM else 1)
 
 
 #: Columns of the table of a drive; its cells have their units.

@@ -25,7 +25,7 @@ from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.drive_plots import histogram
 from kachaka_simple_control.report.message_timing import due_times, timing
 from kachaka_simple_control.report.quantiles import Quantiles, quantiles
-from kachaka_simple_control.report.sleep_loop import estimate_sleep_loop, EXTRA
+from kachaka_simple_control.report.sleep_loop import estimate_sleep_loop, LOOP_OVERHEAD
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
     MotionPlanned,
@@ -88,16 +88,16 @@ def test_the_loop_of_the_lesson_holds_a_second_too_long():
     """At 10 Hz ten turns take 1.008 s; at 100 Hz 93 turns fill the second."""
     for rate, turns in ((10.0, 10), (100.0, 93)):
         found = estimate_sleep_loop([plan(SECOND, LIMITS, rate)])
-        assert found.extra_time == pytest.approx(turns * (1.0 / rate + EXTRA) - 1.0)
+        assert found.extra_time == pytest.approx(turns * (1.0 / rate + LOOP_OVERHEAD) - 1.0)
         assert found.missing_messages == rate - turns
         assert found.distance == pytest.approx(0.1 * found.extra_time)
 
 
 def test_the_loop_of_the_lesson_turns_too_far():
     found = estimate_sleep_loop([plan(Motion('turn', [Move(0.0, 0.5, 2.0)]), LIMITS, 10.0)])
-    assert found.angle == pytest.approx(0.5 * 20 * EXTRA)
+    assert found.angle == pytest.approx(0.5 * 20 * LOOP_OVERHEAD)
     assert estimate_sleep_loop([plan(LESSON, LIMITS, 10.0)]).extra_time == pytest.approx(
-        90 * EXTRA)
+        90 * LOOP_OVERHEAD)
 
 
 @given(st.lists(st.floats(-50, 50), max_size=50))
