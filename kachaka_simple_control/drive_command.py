@@ -123,11 +123,12 @@ def drive(options: Options) -> DriveLog:
             try:
                 robot_control.stop_robot()
             finally:
-                subscribers.still_after = still_after = robot_control.stop_confirmed_after
+                subscribers.stop_confirmed_after = robot_control.stop_confirmed_after
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
     if options.starts_bridge and not options.calibrates and robot_control.drive_log.steps:
-        print(drive_table(robot_control.drive_log, still_after, terminal_columns()))
+        print(drive_table(
+            robot_control.drive_log, subscribers.stop_confirmed_after, terminal_columns()))
     if reporter is not None and reporter.exit_code:
         raise RunFaultError(f'the report in {options.report} is incomplete')
     return robot_control.drive_log

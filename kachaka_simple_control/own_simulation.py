@@ -72,16 +72,17 @@ class OwnSimulation:
         #: returns its DDS participant, for ``Session.require_robot``
         self.require_participant = self._bridge.require_participant
 
-    def end(self, drive_log: DriveLog, still_after: float | None) -> None:
+    def end(self, drive_log: DriveLog, stop_confirmed_after: float | None) -> None:
         """
         End the robot, and print what was requested, sent and driven; once.
 
         :param drive_log: the log of the drive
-        :param still_after: how long after the stop odometry saw the robot stand still [s]
+        :param stop_confirmed_after: how long after the stop odometry showed standstill [s]; None
+            if it did not
         """
         bridge, self._bridge = self._bridge, None
         if bridge is None:
             return
         bridge.end()
         if drive_log.steps:
-            print(drive_table(drive_log, still_after, terminal_columns()), flush=True)
+            print(drive_table(drive_log, stop_confirmed_after, terminal_columns()), flush=True)

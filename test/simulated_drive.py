@@ -140,13 +140,13 @@ class SimulatedDrive:
         for after in STOP:
             self._send(max(self.now, time + after + 0.0002), ZERO)
 
-    def close(self, still_after: float | None = 0.12, signal: int | None = None,
+    def close(self, stop_confirmed_after: float | None = 0.12, signal: int | None = None,
               error: str | None = None, rest: float = 0.4) -> DriveLog:
         """Stop if necessary, let the robot come to rest, and end the session; return the log."""
         if not self._is_stopped:
             self.stop(self.now + 1.0 / self._rate)
         self._pass(self.now + rest)
-        self.publish(SessionEnded(self.now, still_after, signal, error))
+        self.publish(SessionEnded(self.now, stop_confirmed_after, signal, error))
         return self.drive_log
 
     def _send(self, time: float, velocity: Velocity, plan_time: float | None = None) -> None:

@@ -75,7 +75,7 @@ def fields(summary: Summary, recording: str | None) -> Fields:
         'duration': {'planned_s': summary.planned_duration, 'driven_s': summary.driven_duration},
         'end': _end(summary),
         'path': _path(summary),
-        'stop': {'confirmed_after_s': None if end is None else end.still_after},
+        'stop': {'confirmed_after_s': None if end is None else end.stop_confirmed_after},
         'timing': _timing(summary),
         'lesson_loop': {
             'longer_s': summary.sleep_loop.extra_time,

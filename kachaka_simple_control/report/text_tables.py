@@ -205,13 +205,14 @@ DRIVE_HEAD = (('movement', ''), ('requested', ''), ('sent', ''), ('odometry', ''
 SPARE_OF_DRIVE = (1, 2)
 
 
-def drive_table(log: DriveLog, still_after: float | None, widest: int | None = None) -> str:
+def drive_table(
+        log: DriveLog, stop_confirmed_after: float | None, widest: int | None = None) -> str:
     """
     Return a table of a drive: each step's displacement as requested, as sent and as driven.
 
     :param log: the drive
-    :param still_after: how long after the stop began odometry saw the robot still [s]; None if
-        it did not
+    :param stop_confirmed_after: how long after the stop began odometry showed standstill [s]; None
+        if it did not
     :param widest: how many columns a terminal has; None for none
     :returns: lines of text, the last two with the stop and the final pose
     """
@@ -221,7 +222,7 @@ def drive_table(log: DriveLog, still_after: float | None, widest: int | None = N
             for step, begin, end in zip(steps, cuts, cuts[1:])]
     widest = widest or sys.maxsize
     lines = columns(DRIVE_HEAD, rows, widest=widest, spare=SPARE_OF_DRIVE)
-    return '\n'.join([*lines, *_wrapped([_stop(still_after), _final_pose(log)], widest)])
+    return '\n'.join([*lines, *_wrapped([_stop(stop_confirmed_after), _final_pose(log)], widest)])
 
 
 def _drive_row(step: StepLog, command_timeout: float, seen: Displacement | None) -> Row:
@@ -236,10 +237,10 @@ def _amount(displacement: Displacement) -> str:
             f'{format_fixed(displacement.angle, 4):>7} rad')
 
 
-def _stop(still_after: float | None) -> str:
-    if still_after is None:
+def _stop(stop_confirmed_after: float | None) -> str:
+    if stop_confirmed_after is None:
         return 'Stop: sent, not confirmed by odometry'
-    return f'Stop: confirmed by odometry after {still_after:.2f} s'
+    return f'Stop: confirmed by odometry after {stop_confirmed_after:.2f} s'
 
 
 def _final_pose(log: DriveLog) -> str:

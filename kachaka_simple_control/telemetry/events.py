@@ -168,14 +168,14 @@ class SessionEnded:
     The program stopped the robot and released it; the last event of all, unless it was killed.
 
     :param time: when [s on the steady clock]
-    :param still_after: how long after the stop began odometry saw the robot still [s]; None if
-        it did not
+    :param stop_confirmed_after: how long after the stop began odometry showed standstill [s]; None
+        if it did not
     :param signal: the signal that ended the program; None without one
     :param error: why the program failed, in one line; None if it did not
     """
 
     time: float
-    still_after: float | None = None
+    stop_confirmed_after: float | None = None
     signal: int | None = None
     error: str | None = None
 

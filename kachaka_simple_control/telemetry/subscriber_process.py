@@ -180,8 +180,8 @@ class SubscriberProcesses:
     def __init__(self, event_bus: EventBus) -> None:
         self._event_bus = event_bus
         self._subscribers: list[SubscriberProcess] = []
-        #: how long after the stop began odometry saw the robot still [s]; None if it did not
-        self.still_after: float | None = None
+        #: how long after the stop began odometry showed standstill [s]; None if it did not
+        self.stop_confirmed_after: float | None = None
 
     def start(self, module: str, *arguments: str) -> SubscriberProcess:
         """Start a module's ``main`` in a process of its own and subscribe it."""
@@ -205,7 +205,7 @@ class SubscriberProcesses:
         :param error: why the program failed; None if it did not
         """
         self._event_bus.publish(SessionEnded(
-            time.monotonic(), self.still_after, signal_dispatcher.signum,
+            time.monotonic(), self.stop_confirmed_after, signal_dispatcher.signum,
             str(error) if isinstance(error, Exception) else None))
         timeout = (FINISH_TIMEOUT if signal_dispatcher.signum is None
                    else FINISH_TIMEOUT_WHEN_STOPPED)

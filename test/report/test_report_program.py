@@ -90,7 +90,8 @@ def test_a_line_about_a_report_is_printed_escaped(capsys):
 
 def test_all_published_events_are_recorded(tmp_path, capfd):
     events = [
-        *BEGINNING, *drive(1000, 10.1), MotionEnded(30.0), SessionEnded(31.0, still_after=0.1)]
+        *BEGINNING, *drive(1000, 10.1), MotionEnded(30.0),
+        SessionEnded(31.0, stop_confirmed_after=0.1)]
     process = reporter_of(tmp_path)
     for event in events:
         process.send(event)
