@@ -42,7 +42,11 @@ from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.units import ANGLE, LENGTH, Quantity, SIZE, UnitError
 from kachaka_simple_control.preview_command import plan_view
-from kachaka_simple_control.report.odometry_fit import fit_floor, reported_path, reported_way
+from kachaka_simple_control.report.odometry_fit import (
+    fit_floor,
+    reported_displacement,
+    reported_path,
+)
 from kachaka_simple_control.report.table_layout import columns
 from kachaka_simple_control.report.umbmark_fit import fit_umbmark, Square, UmbmarkFit
 
@@ -118,11 +122,11 @@ def measure_floor(options: Options, more: CalibrateOptions) -> None:
     if answers is None:
         return
     confirm(options, more, views[0], MARK)
-    line = reported_way(_drive(options, motions[0], motions[0]))[0]
+    line = reported_displacement(_drive(options, motions[0], motions[0]))[0]
     distance, = answers.ask(
         'How far does it stand from where it began?  Such as 0.985 m', [LENGTH])
     confirm(options, more, views[1], 'Mark which way it looks.  ')
-    turn = reported_way(_drive(options, motions[1], motions[1]))[1]
+    turn = reported_displacement(_drive(options, motions[1], motions[1]))[1]
     angle, = answers.ask('How far has it turned, in all?  Such as 358 deg', [ANGLE])
     fit = fit_floor(line, distance, turn, angle)
     # First of all: what was measured is not lost if a file cannot be written.

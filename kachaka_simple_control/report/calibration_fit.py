@@ -101,9 +101,9 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
     """
     Return what a drive of the motion ``calibration`` tells.
 
-    The gain of a step is the way between the rests before and after it, over the way that was
-    sent.  The delay is the area between the two over time, over that way: a dead time and the
-    time constant of a lag of any order add up to it.
+    The gain of a step is the reported displacement between the rests before and after it, over
+    the sent one.  The delay is the area between the two over time, over that displacement: a dead
+    time and the time constant of a lag of any order add up to it.
 
     :param log: the drive; each of its steps that moves stands between two rests
     :raises CalibrationError: if it cannot tell
@@ -153,7 +153,7 @@ def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
     Return where a robot stands at the end of a step that moves nothing.
 
     :param odometry: what is plausible of it
-    :raises CalibrationError: if it was not seen to stand still
+    :raises CalibrationError: if odometry does not show standstill
     """
     end = step.began + step.planned.duration
     poses = [sample.pose for sample in odometry if end - REST <= sample.time <= end]
@@ -188,75 +188,77 @@ def _drive(
     :param after: the rest after it, which ends at ``end`` [s]
     """
     is_straight = step.step.displacement.distance != 0.0
-    way = (_straight if is_straight else _turn)(
+    extent = (_straight if is_straight else _turn)(
         step.step.displacement, before, after, sent.at(step.began))
-    gain = way.seen / way.asked
+    gain = extent.reported / extent.requested
     if not MIN_GAIN <= gain <= MAX_GAIN:
         unit = 'm' if is_straight else 'rad'
         raise CalibrationError(
-            f'{step.step.describe()}: odometry saw {way.seen:.3f} {unit}: is the robot held, or '
-            'is its odometry wrong?')
+            f'{step.step.describe()}: odometry saw {extent.reported:.3f} {unit}: is the robot '
+            'held, or is its odometry wrong?')
     area, time, height, theta = 0.0, step.began, 0.0, before.pose.theta
     for sample in odometry:
         if time < sample.time <= end:
             theta += math.remainder(sample.pose.theta - theta, math.tau)
-            behind = way.far_sent(sent.at(sample.time)) - way.far_seen(
+            behind = extent.sent_distance(sent.at(sample.time)) - extent.reported_distance(
                 Pose(sample.pose.x, sample.pose.y, theta)) / gain
             area += 0.5 * (height + behind) * (sample.time - time)
             time, height = sample.time, behind
     # An error of where it stood before is one of each height.
     return _Drive(
-        way.direction, Estimate(gain, way.error / way.asked), way.veer,
-        Estimate(area / way.asked, way.error / gain * (end - step.began) / way.asked))
+        extent.direction, Estimate(gain, extent.error / extent.requested), extent.veer,
+        Estimate(area / extent.requested,
+                 extent.error / gain * (end - step.began) / extent.requested))
 
 
-class _Way(NamedTuple):
+class _StepExtent(NamedTuple):
     """
     How far a step goes, in metres or radians, positive in its direction.
 
-    :param asked: in all
-    :param seen: by odometry, from rest to rest
+    :param requested: in all
+    :param reported: by odometry, from rest to rest
     :param error: the standard error of that
-    :param veer: what was seen of the veer; None of a turn
-    :param far_sent: how far a pose by what was sent is on the way
-    :param far_seen: how far a pose by odometry is on the way
+    :param veer: the veer by odometry; None of a turn
+    :param sent_distance: returns how far along the step a pose is, by what was sent
+    :param reported_distance: returns how far along the step a pose is, by odometry
     """
 
     direction: str
-    asked: float
-    seen: float
+    requested: float
+    reported: float
     error: float
     veer: Estimate | None
-    far_sent: Callable[[Pose], float]
-    far_seen: Callable[[Pose], float]
+    sent_distance: Callable[[Pose], float]
+    reported_distance: Callable[[Pose], float]
 
 
-def _straight(asked: Displacement, before: Rest, after: Rest, origin: Pose) -> _Way:
+def _straight(requested: Displacement, before: Rest, after: Rest, origin: Pose) -> _StepExtent:
     start, end = before.pose, after.pose
-    sign = math.copysign(1.0, asked.distance)
+    sign = math.copysign(1.0, requested.distance)
     x, y = end.x - start.x, end.y - start.y
     length = math.hypot(x, y)
     ahead = sign * (x * math.cos(start.theta) + y * math.sin(start.theta))
-    # A veer bends the way a little; its chord is as long but for a few parts in 100 000.
-    seen = math.copysign(length, ahead)
+    # A veer bends the path a little; its chord is as long but for a few parts in 100 000.
+    reported = math.copysign(length, ahead)
     along = (x / length, y / length) if length else (0.0, 0.0)
     heading_error = _error(before, after, 'heading_noise')
     turned = sign * math.remainder(end.theta - start.theta, math.tau)
-    return _Way(
-        'forward' if sign > 0.0 else 'backward', abs(asked.distance), seen,
+    return _StepExtent(
+        'forward' if sign > 0.0 else 'backward', abs(requested.distance), reported,
         _error(before, after, 'position_noise'),
-        Estimate(turned / seen, heading_error / length) if length else None,
+        Estimate(turned / reported, heading_error / length) if length else None,
         lambda pose: sign * ((pose.x - origin.x) * math.cos(origin.theta)
                              + (pose.y - origin.y) * math.sin(origin.theta)),
         lambda pose: (pose.x - start.x) * along[0] + (pose.y - start.y) * along[1])
 
 
-def _turn(asked: Displacement, before: Rest, after: Rest, origin: Pose) -> _Way:
-    start, sign, total = before.pose.theta, math.copysign(1.0, asked.angle), abs(asked.angle)
-    # By whole turns as near to what was asked as can be.
-    seen = total + math.remainder(sign * (after.pose.theta - start) - total, math.tau)
-    return _Way(
-        'left' if sign > 0.0 else 'right', total, seen, _error(before, after, 'heading_noise'),
+def _turn(requested: Displacement, before: Rest, after: Rest, origin: Pose) -> _StepExtent:
+    start, total = before.pose.theta, abs(requested.angle)
+    sign = math.copysign(1.0, requested.angle)
+    # By whole turns as near to what was requested as can be.
+    reported = total + math.remainder(sign * (after.pose.theta - start) - total, math.tau)
+    return _StepExtent(
+        'left' if sign > 0.0 else 'right', total, reported, _error(before, after, 'heading_noise'),
         None, lambda pose: sign * (pose.theta - origin.theta),
         lambda pose: sign * (pose.theta - start))
 

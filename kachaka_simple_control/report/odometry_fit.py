@@ -71,7 +71,7 @@ def reported_path(log: DriveLog) -> list[Pose]:
     return [*path, end]
 
 
-def reported_way(path: Sequence[Pose]) -> tuple[float, float]:
+def reported_displacement(path: Sequence[Pose]) -> tuple[float, float]:
     """Return how far apart the ends of a path are [m], and the heading change [rad]."""
     start, end = path[0], path[-1]
     return math.hypot(end.x - start.x, end.y - start.y), math.fsum(

@@ -29,7 +29,7 @@ from kachaka_simple_control.motion.odometry_calibration import (
     OdometryCalibration,
 )
 from kachaka_simple_control.report.calibration_fit import CalibrationError, Estimate
-from kachaka_simple_control.report.odometry_fit import reported_way
+from kachaka_simple_control.report.odometry_fit import reported_displacement
 
 #: Standard errors of what is measured at the end of a square: of the position along each axis,
 #: and of the heading.
@@ -181,7 +181,7 @@ def _check(square: Square) -> None:
 
 def _by_direction(squares: Sequence[Square]) -> tuple[list[Square], list[Square]]:
     """Return those to the right and those to the left."""
-    turns = [reported_way(square.path)[1] for square in squares]
+    turns = [reported_displacement(square.path)[1] for square in squares]
     return ([square for square, turn in zip(squares, turns, strict=True) if turn < -math.pi],
             [square for square, turn in zip(squares, turns, strict=True) if turn > math.pi])
 

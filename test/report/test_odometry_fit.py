@@ -21,7 +21,11 @@ from hypothesis import strategies as st
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.report.calibration_fit import CalibrationError
-from kachaka_simple_control.report.odometry_fit import fit_floor, reported_path, reported_way
+from kachaka_simple_control.report.odometry_fit import (
+    fit_floor,
+    reported_displacement,
+    reported_path,
+)
 import pytest
 from simulated_drive import SimulatedDrive
 
@@ -76,8 +80,8 @@ def test_a_robot_of_which_all_is_wrong_is_measured_by_its_own_odometry(seed):
     (line, line_end), (turn, turn_end) = (
         drive(name, WORN, seed) for name in ('floor_straight', 'floor_turn'))
     fit = fit_floor(
-        reported_way(reported_path(line))[0], math.hypot(line_end.x, line_end.y),
-        reported_way(reported_path(turn))[1], turn_end.theta)
+        reported_displacement(reported_path(line))[0], math.hypot(line_end.x, line_end.y),
+        reported_displacement(reported_path(turn))[1], turn_end.theta)
     assert fit.scale.value == pytest.approx(0.98, abs=0.003)
     assert fit.track_ratio.value == pytest.approx(1.02, abs=0.005)
 
