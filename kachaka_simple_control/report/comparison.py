@@ -112,26 +112,26 @@ def read_drive(directory: Path) -> DriveEnd:
     """
     name = escaped(str(directory), 60)
     try:
-        told = json.loads((directory / 'run.json').read_text('utf-8'))
+        data = json.loads((directory / 'run.json').read_text('utf-8'))
     except OSError as error:
         raise UsageError(f'{name}: no report is here: run.json: {error.strerror}') from None
     except ValueError:
         raise UsageError(f'{name}: run.json is not that of a report') from None
-    if not isinstance(told, dict) or told.get('format') != FORMAT or 'path' not in told:
+    if not isinstance(data, dict) or data.get('format') != FORMAT or 'path' not in data:
         raise UsageError(
             f'{name}: run.json is not that of a report of this version; drive once more')
-    if told['verdict']['ending'] != 'done':
-        raise UsageError(f"{name}: the drive was not completed: {told['verdict']['headline']}")
-    planned, seen = (_pose(told['end'][which]) for which in ('planned', 'odometry'))
+    if data['verdict']['ending'] != 'done':
+        raise UsageError(f"{name}: the drive was not completed: {data['verdict']['headline']}")
+    planned, seen = (_pose(data['end'][which]) for which in ('planned', 'odometry'))
     if planned is None or seen is None:
         raise UsageError(f'{name}: no odometry tells where the drive ended')
     x, y, heading = (there - wanted for there, wanted in zip(seen, planned))
-    timing = told['timing']
+    timing = data['timing']
     return DriveEnd(
-        name, tuple(motion['name'] for motion in told['motions']), planned,
+        name, tuple(motion['name'] for motion in data['motions']), planned,
         (x, y, math.remainder(heading, math.tau)), timing['late'] + timing['lost'],
         {line: [(float(x), float(y)) for x, y in points]
-         for line, points in told['path'].items()})
+         for line, points in data['path'].items()})
 
 
 def _pose(values: dict[str, Any] | None) -> tuple[float, float, float] | None:

@@ -71,7 +71,7 @@ def fields(summary: Summary, recording: str | None) -> Fields:
         'motion_file': None if session is None or session.motion_text is None else {
             'source': session.motion_source, 'text': session.motion_text},
         'began': None if began is None else began.isoformat(timespec='milliseconds'),
-        'verdict': _verdict(summary),
+        'verdict': _outcome(summary),
         'duration': {'planned_s': summary.planned_duration, 'driven_s': summary.driven_duration},
         'end': _end(summary),
         'path': _path(summary),
@@ -108,7 +108,7 @@ def start_datetime(summary: Summary) -> datetime | None:
         return None
 
 
-def _verdict(summary: Summary) -> Fields:
+def _outcome(summary: Summary) -> Fields:
     end, outcome = summary.log.session_ended, summary.outcome
     signum = None if end is None else end.signal
     return {

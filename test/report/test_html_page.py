@@ -145,7 +145,7 @@ def test_the_page_requests_nothing_but_itself(browser, reports):
 
 
 @pytest.mark.parametrize('name', DRIVES)
-def test_the_verdict_comes_first(browser, reports, name):
+def test_the_outcome_comes_first(browser, reports, name):
     show(browser, reports / name / 'report.html', 400)
     summary = Summary(DRIVES[name]())
     (headline,) = browser.find_elements('css selector', 'h1')

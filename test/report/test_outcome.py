@@ -48,7 +48,7 @@ SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
     (never_began, OutcomeKind.NEVER_BEGAN, 'Never began', NO_ROBOT[1:] + '.'),
     (DriveLog, OutcomeKind.KILLED, 'Killed', 'No motion had begun.'),
 ])
-def test_the_verdict_says_how_it_ended_and_why(drive, ending, headline, says):
+def test_the_outcome_says_how_it_ended_and_why(drive, ending, headline, says):
     found = outcome(drive())
     assert (found.kind, found.headline) == (ending, headline)
     assert says in found.reason
