@@ -59,14 +59,14 @@ SIGNS = {
 }
 
 
-def render_page(summary: Summary, pictures: Mapping[str, str], no_pictures: str | None,
+def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None,
                 recording: str | None) -> str:
     """
     Return a report as an HTML page.
 
     :param summary: the drive
-    :param pictures: SVG elements by name
-    :param no_pictures: why there are no pictures; None if there are
+    :param plots: SVG elements by name
+    :param no_plots: why there are no plots; None if there are
     :param recording: why ``run.mcap`` is missing or incomplete; None if it is complete
     :raises UsageError: if Jinja2 is missing
     """
@@ -87,7 +87,7 @@ def render_page(summary: Summary, pictures: Mapping[str, str], no_pictures: str 
         style=_resource('report.css'), summary=summary, log=summary.log,
         session=summary.log.session_started, aligned=summary.aligned, timing=summary.timing,
         sleep_loop=summary.sleep_loop, outcome=summary.outcome, sign=SIGNS[summary.outcome.kind],
-        pictures=pictures, no_pictures=no_pictures, recording=recording, began=_began(summary),
+        plots=plots, no_plots=no_plots, recording=recording, began=_began(summary),
         ended=_ended(summary), poses=list(_poses(summary)), silence=_silence(summary),
         band=_band(summary), is_dense=is_dense(summary.aligned), steps=steps,
         all_steps=all_steps, shown=SHOWN,
@@ -127,7 +127,7 @@ def _ended(summary: Summary) -> tuple[str, str]:
 
 
 def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
-    """Return where the drive ended as planned, as sent and as seen: x, y [m], heading [deg]."""
+    """Return where the drive ended as planned, sent and by odometry: x, y [m], heading [deg]."""
     aligned = summary.aligned
     heading = 0.0
     for name, pose in (('planned', aligned.planned_end),
@@ -151,7 +151,7 @@ def _silence(summary: Summary) -> tuple[float, float] | None:
 
 
 def _band(summary: Summary) -> float:
-    """Return how long the parts are that a dense drive's lowest and highest values are of [s]."""
+    """Return the length of one band of a dense drive's plots [s]."""
     return round(time_span(summary.aligned) / BANDS, 1)
 
 
@@ -202,21 +202,21 @@ def _description(summary: Summary) -> str:
 
 
 def _robot(summary: Summary) -> dict[str, Any]:
-    opened = summary.log.session_started
-    if opened is None:
+    session = summary.log.session_started
+    if session is None:
         return {}
-    limits = {name: format_number(value) for name, value in asdict(opened.limits).items()
+    limits = {name: format_number(value) for name, value in asdict(session.limits).items()
               if value is not None and math.isfinite(value)}
     if summary.log.motions:
         used = asdict(common_limits(summary.log))
-        limits = {name: text if used[name] == getattr(opened.limits, name) else
+        limits = {name: text if used[name] == getattr(session.limits, name) else
                   f'{text}; planned with {format_number(used[name])}'
                   for name, text in limits.items()}
     return {
-        'robot': opened.robot, 'velocities go to': opened.velocity_topic,
-        'sent as': opened.message_type,
-        'odometry comes from': opened.odometry_topic or 'nowhere',
+        'robot': session.robot, 'velocities go to': session.velocity_topic,
+        'sent as': session.message_type,
+        'odometry comes from': session.odometry_topic or 'nowhere',
         'command timeout [s]': (
-            format_number(opened.command_timeout) if math.isfinite(opened.command_timeout)
+            format_number(session.command_timeout) if math.isfinite(session.command_timeout)
             else 'none'),
         **limits}

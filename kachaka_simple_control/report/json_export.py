@@ -117,7 +117,7 @@ def _outcome(summary: Summary) -> Fields:
 
 
 def _path(summary: Summary) -> Fields:
-    """Return the path as planned and by odometry: points [m], simplified for pictures."""
+    """Return the path as planned and by odometry: points [m], simplified for plots."""
     lines = path_lines(summary.aligned)
     return {name: [[round(value, 4) for value in point]
                    for point in simplify(lines.get(name, []), PATH_GRAIN, MAX_PATH_POINTS)]

@@ -91,9 +91,9 @@ def _plots(summary: Summary) -> tuple[DrivePlots, str | None]:
     try:
         return draw_drive_plots(summary), None
     except UsageError as error:
-        reason = f'There are no pictures: {error}.'
+        reason = f'There are no plots: {error}.'
     except Exception as error:  # the figures are of use without the plots
-        reason = f'There are no pictures: drawing them failed ({error!r}).'
+        reason = f'There are no plots: drawing them failed ({error!r}).'
     return DrivePlots({}, b''), reason
 
 

@@ -62,7 +62,7 @@ BROKEN = """
             }));
     }).map(cell => cell.textContent);
 """
-#: Labels of a picture that overlap, or are cut off at its edge.
+#: Labels of a plot that overlap, or are cut off at its edge.
 LABELS = """
     const bad = [];
     for (const svg of document.querySelectorAll('figure svg')) {
@@ -87,7 +87,7 @@ LABELS = """
 def browser(tmp_path_factory):
     """Yield a browser with a new profile."""
     pytest.importorskip('selenium', reason='needs selenium')
-    pytest.importorskip('matplotlib', reason='pictures need matplotlib')
+    pytest.importorskip('matplotlib', reason='plots need matplotlib')
     if CHROMIUM is None or not DRIVER.exists():
         pytest.skip('needs chromium and chromedriver in /usr/bin: make browser')
     from selenium import webdriver
@@ -222,14 +222,14 @@ def test_the_texts_of_plots_have_the_size_of_other_small_print(browser, reports,
         assert 10.0 <= min(found) <= max(found) <= 16.0, name
 
 
-def test_pictures_and_tables_are_marked_for_screen_readers(browser, reports):
+def test_plots_and_tables_are_marked_for_screen_readers(browser, reports):
     show(browser, reports / 'done' / 'report.html')
     assert browser.execute_script('return document.documentElement.lang') == 'en'
-    pictures = browser.find_elements('css selector', 'figure svg')
-    assert len(pictures) == 4
-    for picture in pictures:
-        assert picture.get_attribute('role') == 'img'
-        assert len(picture.get_attribute('aria-label')) > 40
+    plots = browser.find_elements('css selector', 'figure svg')
+    assert len(plots) == 4
+    for plot in plots:
+        assert plot.get_attribute('role') == 'img'
+        assert len(plot.get_attribute('aria-label')) > 40
     for cell in browser.find_elements('css selector', 'th'):
         assert cell.get_attribute('scope') in {'col', 'row'}
 

@@ -52,7 +52,7 @@ EVIL = '<script>alert("x")</script>&$x_1$\x00'
 
 def drawn():
     """Skip a test where matplotlib is missing."""
-    pytest.importorskip('matplotlib', reason='pictures need matplotlib')
+    pytest.importorskip('matplotlib', reason='plots need matplotlib')
 
 
 def test_run_json_has_the_figures_of_the_record(tmp_path):
@@ -137,7 +137,7 @@ def test_every_ending_leaves_its_files(drive, tmp_path):
         'path.png', 'report.html', 'run.json']
     text = (tmp_path / 'report.html').read_text()
     assert outcome(drive()).headline in text
-    assert 'There are no pictures' not in text
+    assert 'There are no plots' not in text
     assert text.count('<figure') >= 2
     assert (tmp_path / 'path.png').read_bytes().startswith(b'\x89PNG')
 
@@ -171,7 +171,7 @@ def test_without_matplotlib_the_page_says_so(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'matplotlib', None)
     write_report(done(), tmp_path, None)
     text = (tmp_path / 'report.html').read_text()
-    assert 'There are no pictures: a plot needs matplotlib: pip install matplotlib' in text
+    assert 'There are no plots: a plot needs matplotlib: pip install matplotlib' in text
     assert '<figure' not in text
     assert 'forward 0.5 m' in text
     assert sorted(path.name for path in tmp_path.iterdir()) == ['report.html', 'run.json']
@@ -188,7 +188,7 @@ def test_without_jinja2_one_line_says_how_to_install_it_and_the_rest_is_written(
     assert sorted(path.name for path in tmp_path.iterdir()) == ['path.png', 'run.json']
 
 
-def test_the_page_is_written_even_if_a_picture_fails(tmp_path, monkeypatch):
+def test_the_page_is_written_even_if_a_plot_fails(tmp_path, monkeypatch):
     drawn()
     monkeypatch.setattr(
         'kachaka_simple_control.report.drive_plots.draw_drive_path', lambda *_: 1 / 0)
@@ -225,7 +225,7 @@ def test_what_comes_from_outside_is_escaped(tmp_path):
     assert json.loads((tmp_path / 'run.json').read_text())['title'] == EVIL
 
 
-#: What is left for a picture of a telephone's 400 pixels: margin, frame and padding are 19 each.
+#: What is left for a plot on a phone's 400 pixels: margin, frame and padding are 19 each.
 ON_A_TELEPHONE = 400.0 - 2.0 * 19.0
 
 
@@ -396,7 +396,7 @@ def test_whatever_happened_there_is_a_report(events):
 
 @given(st.lists(EVENTS, max_size=30))
 @settings(max_examples=20)
-def test_whatever_happened_there_are_pictures(events):
+def test_whatever_happened_there_are_plots(events):
     drawn()
     from kachaka_simple_control.report.drive_plots import draw_drive_plots
     record = DriveLog()
