@@ -29,7 +29,7 @@ from kachaka_simple_control.display.terminal import is_terminal, RELEASE_ROWS
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 
 DISPLAY_MODULE = 'kachaka_simple_control.display.display_program'
-#: How long it may take to clear the terminal [s]; there is nothing worth waiting for.
+#: How long the display may take to clear the terminal at the end [s].
 DISPLAY_EXIT_TIMEOUT = 1.0
 
 

@@ -46,7 +46,7 @@ MIN_BURST_COUNT = 4
 DISPLAY_ODOMETRY_MAX_AGE = 0.5
 #: A program that drives sends something more often than this [s], or is held up.
 EVENT_TIMEOUT = 1.0
-#: What is counted: the steps of a motion, or motions, one a call.
+#: What is counted: the steps of a motion, or motions, one for each call.
 STEP, MOVEMENT = 'step', 'movement'
 
 
@@ -70,7 +70,7 @@ class Remaining:
 
     :param distance: along the path [m], at least 0; None if the step has no length
     :param angle: how far to turn [rad], at least 0; None if the step does not turn
-    :param by_odometry: whether odometry says so; otherwise the velocities sent do
+    :param by_odometry: whether this is from odometry; otherwise from the velocities sent
     """
 
     distance: float | None
@@ -85,7 +85,7 @@ class StepStatus:
 
     :param number: its number, from 1 on
     :param count: how many steps there are; None if that is unknown
-    :param noun: what is counted: ``step`` of a motion, or ``movement``, one a call
+    :param noun: what is counted: ``step`` of a motion, or ``movement``, one for each call
     :param description: what it does, in words
     :param duration: how long it takes [s]
     :param time_left: until its end, by the plan [s]
@@ -292,7 +292,7 @@ class DriveTracker:
                 velocity.linear_x * held, velocity.angular_z * held))
 
     def _detect_stop(self, before: VelocitySent, event: VelocitySent) -> None:
-        # MotionEnded comes when the stop is complete, 0.4 s later.
+        # If a motion is ended early, MotionEnded comes after its whole stop, 0.4 s later.
         period = 1.0 / self._planned.rate if self._planned is not None else 0.0
         is_next = event.velocity == ZERO and event.time - before.time < 0.5 * period
         self._zero_count = self._zero_count + 1 if is_next else 1

@@ -110,7 +110,7 @@ def _state(status: DriveStatus, width: int) -> list[Text]:
 
 def _state_text(status: DriveStatus) -> str:
     if status.silent_for is not None:
-        return f'no news for {status.silent_for:.0f} s: the program is held up'
+        return f'no message for {status.silent_for:.0f} s: the program is held up'
     if status.state in (DriveState.DRIVING, DriveState.PAUSED) and status.step is not None:
         slower = describe_factors(status.factors)
         return (f'{status.step.label}: {status.step.description}'
@@ -121,7 +121,7 @@ def _state_text(status: DriveStatus) -> str:
         return one_line(status.reason or '', 2 * MAX_COLUMNS)
     if (status.state is DriveState.STOPPED and status.odometry is not None
             and status.odometry_age < DISPLAY_ODOMETRY_MAX_AGE):
-        return 'odometry sees the robot stand still'
+        return 'odometry shows standstill'
     return _TEXTS.get(status.state, '')
 
 

@@ -99,7 +99,7 @@ class Renderer(Protocol):
 
     def on_event(self, status: DriveStatus, now: float) -> None:
         """
-        Take note of the status when something happened, perhaps a while ago.
+        Show what happened, perhaps a while ago.
 
         Called by another thread than the others.
 
@@ -206,8 +206,8 @@ def renderer_for(descriptor: int) -> Renderer:
         from kachaka_simple_control.display import panel
         from rich.console import Console
     except ModuleNotFoundError:
-        write('To see more of the drive, install rich (`pip install rich`); steps are told in '
-              'lines meanwhile.\n')
+        write('To see more of the drive, install rich (`pip install rich`); until then each step '
+              'is one line.\n')
         return LineRenderer(write)
     console = Console(file=sys.stderr, highlight=False, markup=False)
     return PanelRenderer(

@@ -212,7 +212,7 @@ class McapRecorder:
             complete
         """
         if self._file is None:
-            return self.failure or f'{FILE_NAME} is left out: nothing was told'
+            return self.failure or f'{FILE_NAME} is left out: no event was received'
         self._attempt(self._finish)
         try:
             self._write_metadata()

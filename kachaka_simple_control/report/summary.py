@@ -33,7 +33,7 @@ from kachaka_simple_control.report.step_results import step_results, StepResult
 #: The reason of a program whose end was not reported.
 NO_END = (
     'Nothing more came from the program: it was killed or crashed, was frozen, or drives on '
-    'without telling its report')
+    'without a report process')
 
 
 class OutcomeKind(Enum):
@@ -114,7 +114,7 @@ def _earlier_reason(log: DriveLog, signal_: str) -> str:
 
 
 def _sentence(text: str) -> str:
-    text = ' '.join(text.split()) or 'no reason was told'
+    text = ' '.join(text.split()) or 'no reason was given'
     return text[0].upper() + text[1:] + ('' if text[-1] in '.!?' else '.')
 
 

@@ -44,7 +44,7 @@ class SessionStarted:
     :param command: the command line; empty if there was none
     :param motion_source: the file of the motion; empty if it comes from none
     :param motion_text: the text of that file; None if it comes from none
-    :param movement_count: how many motions will follow, one a call; None if that is unknown
+    :param movement_count: how many motions will follow, one for each call; None if that is unknown
     :param has_keys: whether keys at the terminal pause, slow down and stop
     """
 
