@@ -106,7 +106,7 @@ def test_what_cannot_be_compared_is_refused_in_one_line(reports, run, tmp_path):
             (['a', 'old'], ('old: run.json is not that of a report of this version; drive once '
                             'more')),
             (['a', 'short'], 'short: the drive was not completed: Faulted'),
-            (['a', 'blind'], 'blind: no odometry tells where the drive ended'),
+            (['a', 'blind'], 'blind: odometry does not show where the drive ended'),
             (['a', 'other'], 'a and other are drives of different motions'),
             (['a', 'a', '--plot', 'all.txt'],
              'all.txt: a plot is .png, .svg or .pdf; take one of these as its ending')):

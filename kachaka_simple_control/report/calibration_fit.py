@@ -56,7 +56,7 @@ class Estimate(NamedTuple):
 @dataclass(frozen=True)
 class CalibrationFit:
     """
-    What a drive tells of a robot.
+    The fit of a drive for calibration.
 
     :param gains: true over sent velocity, by direction: forward, backward, left, right
     :param veer: how much it turns to the left on each metre forwards [rad/m]
@@ -80,7 +80,7 @@ class CalibrationFit:
 
 
 class Rest(NamedTuple):
-    """Where odometry sees a robot that stands still, how often, and how much that varies."""
+    """Where odometry reports a robot at standstill, how often, and how much that varies."""
 
     pose: Pose
     samples: int
@@ -89,7 +89,7 @@ class Rest(NamedTuple):
 
 
 class _Drive(NamedTuple):
-    """What odometry saw of one step."""
+    """What odometry reported of one step."""
 
     direction: str
     gain: Estimate
@@ -99,7 +99,7 @@ class _Drive(NamedTuple):
 
 def fit_calibration(log: DriveLog) -> CalibrationFit:
     """
-    Return what a drive of the motion ``calibration`` tells.
+    Fit a calibration to a drive of the motion ``calibration``.
 
     The gain of a step is the reported displacement between the rests before and after it, over
     the sent one.  The delay is the area between the two over time, over that displacement: a dead
@@ -159,7 +159,7 @@ def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
     poses = [sample.pose for sample in odometry if end - REST <= sample.time <= end]
     if len(poses) < MIN_SAMPLES:
         raise CalibrationError(
-            f'odometry told where the robot stood {len(poses)} times in {REST:g} s; at least '
+            f'odometry reported where the robot stood {len(poses)} times in {REST:g} s; at least '
             f'{MIN_SAMPLES} are needed: is its odometry there, at 10 Hz or more?')
     first = poses[0].theta
     turned = [math.remainder(pose.theta - first, math.tau) for pose in poses]
@@ -182,7 +182,7 @@ def _drive(
         odometry: Sequence[OdometryReceived], sent: DeadReckoning, step: StepLog, before: Rest,
         after: Rest, end: float) -> _Drive:
     """
-    Return what odometry saw of a step.
+    Return what odometry reported of a step.
 
     :param before: the rest before it
     :param after: the rest after it, which ends at ``end`` [s]
@@ -194,8 +194,8 @@ def _drive(
     if not MIN_GAIN <= gain <= MAX_GAIN:
         unit = 'm' if is_straight else 'rad'
         raise CalibrationError(
-            f'{step.step.describe()}: odometry saw {extent.reported:.3f} {unit}: is the robot '
-            'held, or is its odometry wrong?')
+            f'{step.step.describe()}: odometry reported {extent.reported:.3f} {unit}: is the '
+            'robot held, or is its odometry wrong?')
     area, time, height, theta = 0.0, step.began, 0.0, before.pose.theta
     for sample in odometry:
         if time < sample.time <= end:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Plots a calibration: what a robot was sent, what odometry saw, and what was fitted."""
+"""Plots a calibration: what a robot was sent, what odometry reported, and what was fitted."""
 
 from __future__ import annotations
 

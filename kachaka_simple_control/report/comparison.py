@@ -124,7 +124,7 @@ def read_drive(directory: Path) -> DriveEnd:
         raise UsageError(f"{name}: the drive was not completed: {data['verdict']['headline']}")
     planned, seen = (_pose(data['end'][which]) for which in ('planned', 'odometry'))
     if planned is None or seen is None:
-        raise UsageError(f'{name}: no odometry tells where the drive ended')
+        raise UsageError(f'{name}: odometry does not show where the drive ended')
     x, y, heading = (there - wanted for there, wanted in zip(seen, planned))
     timing = data['timing']
     return DriveEnd(

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The log of a drive: what was sent and what odometry answered, with times."""
+"""The log of a drive: what was sent and what odometry reported, with times."""
 
 from __future__ import annotations
 

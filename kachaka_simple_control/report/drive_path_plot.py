@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The plot of a drive's path: as planned, as sent, as odometry saw it."""
+"""The plot of a drive's path: as planned, as sent, as odometry reported it."""
 
 from __future__ import annotations
 

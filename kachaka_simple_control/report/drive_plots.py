@@ -96,7 +96,7 @@ class DrivePlots:
 
 def draw_drive_plots(summary: Summary) -> DrivePlots:
     """
-    Draw a drive; what was not sent or seen is not drawn.
+    Draw a drive; what was not sent or reported is not drawn.
 
     :raises UsageError: if matplotlib is missing
     """
@@ -283,7 +283,7 @@ def _draw_line(
         _draw_band(axes, points, duration, look)
         return
     unit = time_unit(duration)[1]
-    # What is sent is held until the next; what is seen changes from one sample to the next.
+    # What is sent is held until the next; what is reported changes from one sample to the next.
     axes.plot([time / unit for time, _ in points], [value for _, value in points],
               drawstyle='steps-post' if look['gid'] in HELD else 'default', **look)
 

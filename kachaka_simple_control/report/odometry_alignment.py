@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The planned, the sent and the seen path in one frame."""
+"""A drive in one frame: as planned, as sent and as odometry reported it."""
 
 from __future__ import annotations
 

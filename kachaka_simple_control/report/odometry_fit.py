@@ -42,7 +42,7 @@ PATH_PERIOD = 0.1
 @dataclass(frozen=True)
 class FloorFit:
     """
-    What 1 m and a whole turn tell.
+    The fit of 1 m and a whole turn.
 
     :param scale: true over reported distance
     :param track_ratio: true track over the one that odometry uses
@@ -56,7 +56,7 @@ def reported_path(log: DriveLog) -> list[Pose]:
     """
     Return the poses that odometry reported in a drive that begins and ends with a rest.
 
-    :raises CalibrationError: if the drive was not completed, or odometry did not see it
+    :raises CalibrationError: if the drive was not completed, or odometry does not cover it
     """
     steps = completed_steps(log)
     odometry = [sample for sample in log.odometry if is_plausible(sample)]
@@ -82,7 +82,7 @@ def fit_floor(
         reported_distance: float, measured_distance: float, reported_angle: float,
         measured_angle: float) -> FloorFit:
     """
-    Return what a straight line and a turn on the spot tell.
+    Fit scale and track to a straight line and a turn on the spot.
 
     The first is the scale s; with the true track b and the one of odometry b_0, a reported turn
     is s b_0 / b times as large on the floor.

@@ -132,7 +132,7 @@ class StepResult:
     :param motion: the name of its motion
     :param requested: what it asks for
     :param sent: what was sent
-    :param odometry: what odometry saw; None if it does not cover the step
+    :param odometry: what odometry reported; None if it does not cover the step
     """
 
     log: StepLog

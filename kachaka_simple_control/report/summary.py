@@ -152,7 +152,7 @@ def _progress_of(cut: MotionLog, complete: int, begun: int) -> str:
 @dataclass(frozen=True)
 class PoseError:
     """
-    How far odometry saw the robot from where it should have been.
+    How far the robot was by odometry from where it should have been.
 
     :param distance: how far [m]
     :param angle: by how much it was turned too far to the left [rad]
@@ -237,7 +237,7 @@ class Summary:
 
     @property
     def error_from_plan(self) -> PoseError | None:
-        """Return its error from the planned end; None if that was not reached or seen."""
+        """Return its error from the planned end; None if not all was driven, or not reported."""
         if self.final_pose is None or not all(motion.is_complete for motion in self.log.motions):
             return None
         return PoseError(*distance_between(self.aligned.planned_end, self.final_pose))

@@ -62,7 +62,7 @@ class Square(NamedTuple):
 @dataclass(frozen=True)
 class UmbmarkFit:
     """
-    What squares in both directions tell.
+    The fit of squares in both directions.
 
     :param wheel_ratio: true diameter of the right wheel over that of the left one
     :param track_ratio: true track over the one that odometry uses
@@ -107,7 +107,7 @@ def closed_form(
 def fit_umbmark(
         squares: Sequence[Square], track: float, scale: float = 1.0) -> UmbmarkFit:
     """
-    Return what squares in both directions tell: least squares over positions and headings.
+    Fit squares in both directions: least squares over positions and headings.
 
     The model is exact: each increment of odometry as it is on the floor, from the start to the
     end.  A scale cannot be told from squares, which end where they began whatever it is.
@@ -171,12 +171,12 @@ def _check(square: Square) -> None:
     error = _error(OdometryCalibration(), square)
     if math.hypot(error.x, error.y) > MAX_END_ERROR * length:
         raise CalibrationError(
-            f'a square ended {math.hypot(error.x, error.y):.3g} m from where odometry says, after '
-            f'{length:.3g} m: is that in metres, and from where it began?')
+            f'a square ended {math.hypot(error.x, error.y):.3g} m from where odometry reported '
+            f'it, after {length:.3g} m: is that in metres, and from where it began?')
     if abs(error.theta) > MAX_END_TURN:
         raise CalibrationError(
-            f'a square ended turned {math.degrees(error.theta):.0f} deg from what odometry says: '
-            'is that the heading as seen from its start?')
+            f'a square ended turned {math.degrees(error.theta):.0f} deg from what odometry '
+            'reported: is that the heading as seen from its start?')
 
 
 def _by_direction(squares: Sequence[Square]) -> tuple[list[Square], list[Square]]:

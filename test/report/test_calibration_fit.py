@@ -182,11 +182,11 @@ def test_hostile_odometry_is_left_out():
 
 
 @pytest.mark.parametrize(('change', 'reason'), [
-    (mirrored, r'forward 0.7 m: odometry saw -0.700 m: is the robot held, or is its odometry'),
+    (mirrored, r'forward 0.7 m: odometry reported -0.700 m: is the robot held, or is its '),
     (slipping, r'two drives (forward|backward) differ by \d\.\d %: do the wheels slip'),
     (drifting, 'the robot still moved, by'),
-    (rarely, r'odometry told where the robot stood \d times in 1 s; at least 10 are needed'),
-    (held, r'forward 0.7 m: odometry saw 0.000 m: is the robot held'),
+    (rarely, r'odometry reported where the robot stood \d times in 1 s; at least 10 are needed'),
+    (held, r'forward 0.7 m: odometry reported 0.000 m: is the robot held'),
 ])
 def test_what_the_drive_cannot_tell_is_refused_with_the_reason(change, reason):
     with pytest.raises(CalibrationError, match=reason):

@@ -76,7 +76,7 @@ WORN = SimulationParameters(
 @pytest.mark.needs('yaml', 'jsonschema')
 @pytest.mark.parametrize('seed', range(5))
 def test_a_robot_of_which_all_is_wrong_is_measured_by_its_own_odometry(seed):
-    """What it makes of what it is sent does not matter, for odometry saw it."""
+    """What it makes of what it is sent does not matter, for odometry reported it."""
     (line, line_end), (turn, turn_end) = (
         drive(name, WORN, seed) for name in ('floor_straight', 'floor_turn'))
     fit = fit_floor(
@@ -90,7 +90,7 @@ def test_a_robot_of_which_all_is_wrong_is_measured_by_its_own_odometry(seed):
 @pytest.mark.parametrize('name, change, message', [
     ('straight', None, 'the motion must begin and end with a wait'),
     ('floor_straight', lambda sample: sample.time < 5001.0,
-     ('odometry told where the robot stood 0 times in 1 s; at least 10 are needed: is its '
+     ('odometry reported where the robot stood 0 times in 1 s; at least 10 are needed: is its '
       'odometry there, at 10 Hz or more?')),
 ])
 def test_a_drive_that_odometry_did_not_see_is_refused(name, change, message):

@@ -186,11 +186,11 @@ TRUE = OdometryCalibration(1.0, 1.004, 1.02, TRACK)
     ([square._replace(measured=Pose(math.nan)) for square in squares(TRUE)],
      'what was measured has a value that is no finite number'),
     ([square._replace(measured=Pose(400.0)) for square in squares(TRUE)],
-     ('a square ended 400 m from where odometry says, after 16 m: is that in metres, and '
+     ('a square ended 400 m from where odometry reported it, after 16 m: is that in metres, and '
       'from where it began?')),
     ([square._replace(measured=Pose(theta=3.0)) for square in squares(TRUE)],
-     ('a square ended turned 172 deg from what odometry says: is that the heading as seen from '
-      'its start?')),
+     ('a square ended turned 172 deg from what odometry reported: is that the heading as seen '
+      'from its start?')),
     ([mirrored(square) for square in squares(TRUE)],
      ('what was measured lies 41 times further beside the best fit than measuring explains: is '
       'a sign wrong, was the robot moved, or do wheels slip?')),
@@ -218,7 +218,7 @@ WORN = SimulationParameters(
 
 @pytest.mark.needs('yaml', 'jsonschema')
 def test_a_robot_of_which_all_is_wrong_is_measured_by_its_own_odometry():
-    """What it makes of what it is sent does not matter, for odometry saw it."""
+    """What it makes of what it is sent does not matter, for odometry reported it."""
     driven = []
     for seed, name in enumerate(('umbmark_cw', 'umbmark_ccw')):
         log, end = drive(name, WORN, seed)
