@@ -143,7 +143,7 @@ class MotionLog:
 
     @staticmethod
     def _reached(timeline: PlanTimeline, last: int) -> float:
-        # What the zero of a stop was sent at is not known of a plan that may have been held.
+        # If the plan was delayed, the plan time of the stop's first zero is unknown.
         if timeline.is_delayed:
             last = max(timeline.last_delayed, last - 1)
         return timeline.message_plan_time(last)
@@ -207,7 +207,8 @@ class DriveLog:
         """Log an event; no velocity comes before the first plan."""
         match event:
             case VelocitySent():
-                # The report compares ways: what the robot should have done, not how it was told.
+                # The report compares displacements: what the robot should do, not the calibrated
+                # command.
                 self.motions[-1].sent.append(
                     event if event.expected is None else replace(event, velocity=event.expected))
             case OdometryReceived():

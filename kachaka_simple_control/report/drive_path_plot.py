@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Sizes and places [inch].
-#: So narrow that texts of 9 points are larger than 10 pixels on a telephone of 400 pixels.
+#: So narrow that texts of 9 points are larger than 10 pixels on a phone of 400 pixels.
 WIDTH = 4.2
 #: Above all axes.
 TOP = 0.1
@@ -74,7 +74,8 @@ AT_START: dict[str, Any] = {
     'zorder': 2.2}
 #: More points than these on one line make a page large.
 MAX_POINTS = 5000
-#: A line with more points than these is thin and solid, for dashes on dashes would be a wall.
+#: A line with more points than these is thin and solid: dashes on dashes would merge into one
+#: area.
 MANY = 1000
 THIN: dict[str, Any] = {'linewidth': 0.6, 'linestyle': '-'}
 

@@ -266,7 +266,7 @@ def _label_time(rows: tuple[Axes, Axes], duration: float) -> None:
 
 
 def is_dense(aligned: AlignedDrive) -> bool:
-    """Return whether bands are drawn, for lines of so many points would be a wall of colour."""
+    """Return whether bands are drawn, for lines of so many points would merge into one area."""
     return max(len(aligned.sent), len(aligned.odometry)) > MAX_LINE_POINTS
 
 

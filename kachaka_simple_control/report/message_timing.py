@@ -114,7 +114,15 @@ def _timed_until(motion: MotionLog) -> float:
 
 
 def _nearest_messages(due: Sequence[float], times: Sequence[float]) -> list[float | None]:
-    """Return for each tick the nearest of the messages that are nearest to it; None: no such."""
+    """
+    Return for each tick the time of its message.
+
+    A message belongs to the tick that is nearest to it; of several the one nearest to its tick.
+
+    :param due: when each tick is due [s after t = 0], in order
+    :param times: when each message was sent [s after t = 0], in order
+    :returns: for each tick the time of its message [s after t = 0]; None if there is none
+    """
     found: list[float | None] = [None] * len(due)
     tick = 0
     for time in times:

@@ -32,7 +32,7 @@ MAX_LABELS = 12
 MAX_PARTS = 3
 #: Between the path and a label beside it, and between two labels [points].
 AWAY, APART = 6.0, 2.0
-#: How a label looks; the path shines through its ground.
+#: How a label looks; its background is translucent.
 LABEL: dict[str, Any] = {
     'color': '#222222', 'fontweight': 'bold', 'ha': 'center', 'va': 'center', 'zorder': 7.0,
     'textcoords': 'offset points', 'gid': 'step number',

@@ -51,7 +51,7 @@ class PlanTimeline:
         self._plan_times: list[float] = []
         if delayed:
             self._times = [message.time for message in messages]
-            # Where a plan is comes by a bisection of its own, and is rounded.
+            # Plan times come from a bisection and are rounded, so they may decrease slightly.
             self._plan_times = list(accumulate(self._message_plan_times(), max))
 
     def _message_plan_times(self) -> Iterator[float]:

@@ -138,9 +138,9 @@ def default_style() -> Iterator[None]:
         yield
 
 
-#: More boundaries between steps than these would be a grey wall.
+#: More boundaries between steps than these would merge into one area.
 MAX_BOUNDARIES = 60
-#: Limits more than so many times above what is sent would press it flat: they are only named.
+#: Limits more than so many times above what is sent would flatten the curve: they are only named.
 MAX_LIMIT_RATIO = 5.0
 #: Free part of the span above the highest and below the lowest line, for the labels of limits.
 LABEL_SHARE = 0.25
@@ -149,7 +149,7 @@ WORDS: dict[str, Any] = {
     'color': '#444444', 'zorder': 4.0, 'ha': 'right',
     'textcoords': 'offset points',
     'bbox': {'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.5}}
-#: A line with more points than these is an area; the limits shine through.
+#: A line with more points than these is an area, which is translucent: the limits can be seen.
 DENSE = 2000
 #: Above this [s], time is in minutes.
 MINUTES_FROM = 600.0

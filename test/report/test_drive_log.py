@@ -96,7 +96,7 @@ def test_the_step_that_was_cut_short_is_marked_in_the_table():
 
 
 def test_a_calibrated_drive_is_logged_as_what_the_robot_makes_of_it():
-    """A report compares ways: by 2 cm more is sent to a robot that drives 2 cm too short."""
+    """A report compares displacements: 2 cm more is sent to a robot that drives 2 cm too short."""
     log = DriveLog()
     log.on_event(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0))
     log.on_event(MotionStarted(100.0))
