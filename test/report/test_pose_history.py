@@ -77,42 +77,42 @@ def test_a_long_path_has_as_many_poses_as_allowed(times):
 
 
 @given(st.lists(POSES, max_size=200), st.integers(2, 20))
-def test_a_trail_is_never_too_long_and_keeps_its_beginning(poses, most):
-    trail = PoseHistory(most, lambda pose: pose)
+def test_a_history_is_never_too_long_and_keeps_its_beginning(poses, most):
+    history = PoseHistory(most, lambda pose: pose)
     for pose in poses:
-        trail.add(pose)
-        assert len(trail.kept) <= most
-    assert trail.kept[:1] == poses[:1]
+        history.add(pose)
+        assert len(history.kept) <= most
+    assert history.kept[:1] == poses[:1]
     rest = iter(poses)
-    assert all(pose in rest for pose in trail.kept)  # in order
+    assert all(pose in rest for pose in history.kept)  # in order
 
 
-def test_a_trail_leaves_out_changes_too_small_to_be_seen():
-    trail = PoseHistory(100, lambda pose: pose)
-    assert trail.add(ORIGIN)
-    assert not trail.add(Pose(SPACING / 2.0, 0.0, TURN / 2.0))
-    assert not trail.add(Pose(0.0, 0.0, math.tau))  # a heading may be wrapped
-    assert trail.add(Pose(SPACING * 1.01, 0.0, 0.0))
-    assert trail.add(Pose(SPACING * 1.01, 0.0, -TURN * 1.01))
-    assert not trail.add(Pose(math.nan, 0.0, 0.0))
-    assert not trail.add(Pose(5.0, 0.0, math.inf))
-    assert len(trail.kept) == 3
+def test_a_history_leaves_out_changes_too_small_to_be_seen():
+    history = PoseHistory(100, lambda pose: pose)
+    assert history.add(ORIGIN)
+    assert not history.add(Pose(SPACING / 2.0, 0.0, TURN / 2.0))
+    assert not history.add(Pose(0.0, 0.0, math.tau))  # a heading may be wrapped
+    assert history.add(Pose(SPACING * 1.01, 0.0, 0.0))
+    assert history.add(Pose(SPACING * 1.01, 0.0, -TURN * 1.01))
+    assert not history.add(Pose(math.nan, 0.0, 0.0))
+    assert not history.add(Pose(5.0, 0.0, math.inf))
+    assert len(history.kept) == 3
 
 
-def test_a_full_trail_is_thinned_from_end_to_end():
-    trail = PoseHistory(100, lambda pose: pose.x)
+def test_a_full_history_is_thinned_from_end_to_end():
+    history = PoseHistory(100, lambda pose: pose.x)
     for number in range(10_000):
-        trail.add(Pose(0.011 * number))
-    gaps = [b - a for a, b in pairwise(trail.kept)]
-    assert 50 <= len(trail.kept) <= 100
-    assert trail.kept[0] == 0.0
-    assert trail.kept[-1] > 109.0
+        history.add(Pose(0.011 * number))
+    gaps = [b - a for a, b in pairwise(history.kept)]
+    assert 50 <= len(history.kept) <= 100
+    assert history.kept[0] == 0.0
+    assert history.kept[-1] > 109.0
     assert max(gaps) <= 2.5 * min(gaps)
 
 
 def test_each_kept_pose_is_converted_once():
     made = []
-    trail = PoseHistory(4, lambda pose: made.append(pose.x) or pose.x)
+    history = PoseHistory(4, lambda pose: made.append(pose.x) or pose.x)
     for number in range(50):
-        trail.add(Pose(float(number)))
+        history.add(Pose(float(number)))
     assert len(made) == len(set(made))

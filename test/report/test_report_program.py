@@ -52,7 +52,7 @@ LIMITS = Limits(0.3, 1.5)
 OPENED = SessionStarted('test', 'kachaka', LIMITS, 0.3, 1.7e9, '/cmd_vel', '/odom')
 PLANNED = MotionPlanned(Motion('ahead', (Move(0.1, 0.0, 5.0),)), LIMITS, 10.0)
 BEGINNING = (OPENED, PLANNED, VelocitySent(10.0, Velocity(0.1)), MotionStarted(10.0))
-PATIENCE = 30.0
+EXIT_TIMEOUT = 30.0
 
 
 def reporter_of(folder, *before):
@@ -76,7 +76,7 @@ def assert_recorded(folder, events):
 
 def wait_for_file(file, size):
     """Return when a file is larger than a size."""
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + EXIT_TIMEOUT
     while not file.exists() or file.stat().st_size <= size:
         assert time.monotonic() < end
         time.sleep(0.02)
@@ -95,7 +95,7 @@ def test_all_published_events_are_recorded(tmp_path, capfd):
     process = reporter_of(tmp_path)
     for event in events:
         process.send(event)
-    code = process.close(PATIENCE)
+    code = process.close(EXIT_TIMEOUT)
     assert process.failure is None
     assert_recorded(tmp_path, events)
     assert code == 0
@@ -103,7 +103,7 @@ def test_all_published_events_are_recorded(tmp_path, capfd):
     assert {'report.html', 'path.png', 'run.json'} <= {file.name for file in tmp_path.iterdir()}
 
 
-TELL = """
+SEND_EVENTS = """
 import os, signal, sys
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 from kachaka_simple_control.control import processes
@@ -121,7 +121,7 @@ def test_it_continues_when_the_program_is_killed(tmp_path):
         Path(__file__).parents[1])
     # The reporter keeps the pipe open; so this returns when it has ended.
     ended = subprocess.run(
-        [sys.executable, '-c', TELL, str(tmp_path)], env=environment, timeout=PATIENCE,
+        [sys.executable, '-c', SEND_EVENTS, str(tmp_path)], env=environment, timeout=EXIT_TIMEOUT,
         capture_output=True, text=True, check=False)
     assert ended.returncode == -signal.SIGKILL, ended.stderr
     assert_recorded(tmp_path, [*BEGINNING, *drive(200, 10.1)])
@@ -142,7 +142,7 @@ def test_a_killed_reporter_leaves_all_but_the_last_second(tmp_path):
         time.sleep(0.01)
     killed = time.monotonic()
     process._process.kill()
-    assert process.close(PATIENCE) == -signal.SIGKILL
+    assert process.close(EXIT_TIMEOUT) == -signal.SIGKILL
     due = [velocity for velocity in sent_velocities(sent, OPENED)
            if velocity[0] < stamp_of(OPENED, killed - 1.0)]
     assert len(due) > 50
@@ -162,7 +162,7 @@ def test_an_event_reaches_the_disk_even_if_none_follows(tmp_path):
     wait_for_file(tmp_path / 'run.mcap', size)
     assert [found.topic for found in READERS[0](tmp_path / 'run.mcap')] == [
         '/kachaka_simple_control/speed_factor', OPENED.velocity_topic]
-    process.close(PATIENCE)
+    process.close(EXIT_TIMEOUT)
 
 
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -175,7 +175,7 @@ def test_a_signal_to_all_programs_does_not_end_it(signum, tmp_path):
     process._process.send_signal(signum)
     for event in events[50:]:
         process.send(event)
-    assert process.close(PATIENCE) in (0, 1)
+    assert process.close(EXIT_TIMEOUT) in (0, 1)
     assert_recorded(tmp_path, events)
 
 
@@ -185,7 +185,7 @@ def test_it_has_a_lower_priority_than_the_program_that_drives(tmp_path):
     wait_for_file(tmp_path / 'run.mcap', 0)
     own = os.getpriority(os.PRIO_PROCESS, 0)
     assert os.getpriority(os.PRIO_PROCESS, process._process.pid) == min(19, own + 10)
-    process.close(PATIENCE)
+    process.close(EXIT_TIMEOUT)
 
 
 def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
@@ -204,7 +204,7 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
             process.send(event)
         time.sleep(0.05)
     assert process.failure is None, 'it goes on hearing'
-    assert process.close(PATIENCE) == 1
+    assert process.close(EXIT_TIMEOUT) == 1
     assert 'report: run.mcap ends early: File too large\n' in capfd.readouterr().err
     assert 0 < (folder / 'run.mcap').stat().st_size <= 20 * 1024
     one, other = (velocities(read(folder / 'run.mcap'), OPENED) for read in READERS)
@@ -237,7 +237,7 @@ def test_one_that_does_not_keep_up_gets_no_more_and_records_what_it_received(tmp
 
 def test_a_program_that_ended_before_it_began_has_no_report(tmp_path, capfd):
     process = reporter_of(tmp_path)
-    assert process.close(PATIENCE) == 1
+    assert process.close(EXIT_TIMEOUT) == 1
     assert 'report: there is none: the program ended before anything began' in (
         capfd.readouterr().err)
     assert list(tmp_path.iterdir()) == []
