@@ -35,7 +35,7 @@ from kachaka_simple_control.report.odometry_fit import reported_displacement
 #: and of the heading.
 POSITION_ERROR = 0.02
 HEADING_ERROR = math.radians(0.6)
-#: How far from what odometry reported a square may end, as a part of its way, and how far turned.
+#: How far from what odometry reported a square may end, as a part of its length, and how turned.
 MAX_END_ERROR = 0.25
 MAX_END_TURN = math.radians(120.0)
 #: How many times their standard errors the measurements may lie beside the fit, root mean square.
@@ -187,7 +187,7 @@ def _by_direction(squares: Sequence[Square]) -> tuple[list[Square], list[Square]
 
 
 def _length(path: Sequence[Pose]) -> float:
-    """Return the length of a path [m]; noise across the way adds nothing."""
+    """Return the length of a path [m]; noise across it adds nothing."""
     return math.fsum(
         abs(moved.x) for before, after in pairwise(path)
         for moved in [relative_to(before, after)])
