@@ -55,11 +55,11 @@ def measure(parts: Sequence[str], losses: Sequence[int], counts: dict[str, int])
     """
     # Before anything is started that loads rclpy: no other robot may receive what is sent here.
     os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    from benchmarks.lossy_link.disconnect_test import measure_disconnects
+    from benchmarks.lossy_link.disconnects import measure_disconnects
     from benchmarks.lossy_link.fixture import fixture
-    from benchmarks.lossy_link.motion_test import measure_motions, RATES
-    from benchmarks.lossy_link.service_test import measure_service
-    from benchmarks.lossy_link.stop_test import measure_stops
+    from benchmarks.lossy_link.manual_control import measure_requests
+    from benchmarks.lossy_link.motions import measure_motions, RATES
+    from benchmarks.lossy_link.stops import measure_stops
     run: dict[str, Any] = {
         'date': f'{datetime.now(timezone.utc):%Y-%m-%d}', 'machine': machine.describe(),
         **{part: [] for part in PARTS}}
@@ -72,7 +72,7 @@ def measure(parts: Sequence[str], losses: Sequence[int], counts: dict[str, int])
                 run['moves'].append(measure_motions(made, percent, rate, counts['moves']))
         if 'answers' in parts:
             with fixture() as made:
-                run['answers'].append(measure_service(made, percent, counts['answers']))
+                run['answers'].append(measure_requests(made, percent, counts['answers']))
     if 'cable' in parts:
         with fixture() as made:
             run['cable'] = measure_disconnects(made, counts['cable'])

@@ -29,7 +29,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT))  # the benchmarks are not installed
 
-from benchmarks.lossy_link import disconnect_test, network, stop_test  # noqa: E402, I100
+from benchmarks.lossy_link import disconnects, network, stops  # noqa: E402, I100
 from benchmarks.lossy_link.__main__ import BEGIN, joined, main, PAGE  # noqa: E402
 from benchmarks.lossy_link.fixture import fixture  # noqa: E402
 from benchmarks.lossy_link.observed import evaluate_stop, RobotLog  # noqa: E402
@@ -62,7 +62,7 @@ def namespaces(pid):
 @pytest.mark.ros
 @pytest.mark.slow
 def test_every_stop_arrives_at_30_percent_loss(lossy_link):
-    series = stop_test.measure_stops(lossy_link, 30, 5)
+    series = stops.measure_stops(lossy_link, 30, 5)
     assert series['faults'] == []
     assert 0.2 < series['lost'] / (series['lost'] + series['arrived']) < 0.4
     for stop in series['stops']:
@@ -74,9 +74,9 @@ def test_every_stop_arrives_at_30_percent_loss(lossy_link):
 
 @pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.parametrize('case', disconnect_test.CASES)
+@pytest.mark.parametrize('case', disconnects.CASES)
 def test_a_disconnect_stops_both_ends(lossy_link, case):
-    found = disconnect_test.disconnect_once(lossy_link, case)
+    found = disconnects.disconnect_once(lossy_link, case)
     assert found['still'] < 0.35  # the robot's command timeout
     if case == BRIEF:
         assert found['code'] == 0

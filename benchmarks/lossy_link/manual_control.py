@@ -23,7 +23,7 @@ from benchmarks.progress import show
 RATE = 10
 
 
-def measure_service(fixture: Fixture, percent: int, count: int) -> dict[str, Any]:
+def measure_requests(fixture: Fixture, percent: int, count: int) -> dict[str, Any]:
     """
     Request manual control once, as a long run renews it, and repeatedly, as a node at its start.
 
