@@ -17,3 +17,10 @@ Benchmarks of our timing and stopping, and of the loops that people write otherw
 ``python -m benchmarks`` measures, ``python -m benchmarks.compare`` compares two runs.  Only
 ``loops``, ``loop_process``, ``resource_usage`` and ``robot`` use ROS; the figures are pure.
 """
+
+from pathlib import Path
+import sys
+
+ROOT = Path(__file__).resolve().parent.parent
+# Where the tests' listener is, and their way to start programs.
+sys.path.append(str(ROOT / 'test'))

@@ -27,13 +27,13 @@ import sys
 import time
 from typing import Any
 
+from benchmarks import ROOT
 from benchmarks.figures import figures
 from benchmarks.page import updated
 from benchmarks.scale import FULL, QUICK, Scale
 from benchmarks.tables import Table, tables
 from benchmarks.thresholds import judge
 
-ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / 'benchmarks' / 'results'
 #: The run that the page shows.
 REFERENCE = RESULTS / 'reference.json'

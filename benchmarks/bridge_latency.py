@@ -27,7 +27,6 @@ from concurrent.futures import ThreadPoolExecutor
 import contextlib
 import json
 import os
-from pathlib import Path
 import random
 import subprocess
 import sys
@@ -35,13 +34,13 @@ import threading
 import time
 from typing import Any
 
+from benchmarks import ROOT
 from benchmarks.nanosleep import BILLION, sleep_until
 from benchmarks.resource_usage import process_time
 from benchmarks.tables import Table
 from kachaka_simple_control.report.quantiles import median, quantile
 from kachaka_simple_control.ros.dds_transport import use_localhost_only
 
-ROOT = Path(__file__).resolve().parent.parent
 RATES = (10, 50, 100)
 #: Each of the two is measured for so long at each rate [s], so many times.
 BLOCK, TURNS = 6.0, 3

@@ -32,8 +32,8 @@ import subprocess
 import sys
 import time
 
+from benchmarks import ROOT
 from benchmarks.machine import describe
-from benchmarks.process import ROOT
 from benchmarks.progress import show
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.control import processes

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import subprocess
 
-from benchmarks.process import ROOT
+from benchmarks import ROOT
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.motion.geometry import Pose
 

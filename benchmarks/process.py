@@ -19,7 +19,6 @@ from collections.abc import Callable, Mapping, Sequence
 import contextlib
 import json
 import os
-from pathlib import Path
 import queue
 import signal
 import subprocess
@@ -29,7 +28,8 @@ import threading
 import time
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
+from benchmarks import ROOT
+
 _END = object()
 #: A loop may take so long to find the robot [s].
 READY_TIMEOUT = 30.0

@@ -17,16 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 import itertools
-from pathlib import Path
-import sys
 import time
 
 from benchmarks.wire import Row
-
-TESTS = Path(__file__).resolve().parent.parent / 'test'
-sys.path.append(str(TESTS))  # has the module listener
-
-from listener import Listener, SentVelocity  # noqa: E402
+from listener import Listener, SentVelocity
 
 #: A robot has been there for so long before a program is started [s].
 SETTLING_TIME = 2.0

@@ -39,13 +39,13 @@ import termios
 import threading
 import time
 
+from benchmarks import ROOT
 from benchmarks.progress import show
 from benchmarks.resource_usage import process_time
 from benchmarks.tables import number, Table
 from benchmarks.wire import jitters, movements, relative_error, Row
 from kachaka_simple_control.report.quantiles import median, quantile
 
-ROOT = Path(__file__).resolve().parent.parent
 RATE = 50
 #: Duration of each movement [s]; forwards and backwards in turn.
 DURATION = 1.0

@@ -32,8 +32,8 @@ import subprocess
 import sys
 import time
 
+from benchmarks import ROOT
 from benchmarks.grpc_robot import GrpcRobot
-from benchmarks.process import ROOT
 from benchmarks.progress import show
 from benchmarks.tables import number, Table
 from kachaka_simple_control.control import processes

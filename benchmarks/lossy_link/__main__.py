@@ -27,12 +27,11 @@ import sys
 import time
 from typing import Any
 
-from benchmarks import machine
+from benchmarks import machine, ROOT
 from benchmarks.lossy_link.network import unavailable_reason
 from benchmarks.lossy_link.tables import find_violations, tables
 from benchmarks.page import updated
 
-ROOT = Path(__file__).resolve().parent.parent.parent
 RESULTS = ROOT / 'benchmarks' / 'results'
 PAGE = ROOT / 'docs' / 'lossy_link.md'
 BEGIN = '<!-- measured: written by make lossy-link, changes here are lost -->'

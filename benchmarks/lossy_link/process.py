@@ -17,14 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 import contextlib
-import os
 import subprocess
 import sys
 from typing import Any
 
 from benchmarks.lossy_link.network import Network
-from benchmarks.process import JsonProcess, ROOT
+from benchmarks.process import JsonProcess
 from kachaka_simple_control.ros.dds_transport import CHOICES
+from program import environment
 
 #: A process may take so long to respond [s]: with loss, a service may take many tries.
 RESPONSE_TIMEOUT = 60.0
@@ -47,7 +47,7 @@ class NetworkProcess(JsonProcess):
             on_value: Callable[[Any], None] | None = None) -> None:
         super().__init__(
             ' '.join(arguments), network.command(end, [sys.executable, *arguments]),
-            environment(), on_value)
+            network_environment(), on_value)
 
     def __enter__(self) -> NetworkProcess:
         """Return it."""
@@ -65,8 +65,7 @@ class NetworkProcess(JsonProcess):
         return None
 
 
-def environment() -> dict[str, str]:
+def network_environment() -> dict[str, str]:
     """Return our environment, with DDS on the network."""
-    kept = {name: value for name, value in os.environ.items() if name not in CHOICES}
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')]))
-    return {**kept, **SETTINGS, 'PYTHONPATH': path}
+    kept = {name: value for name, value in environment().items() if name not in CHOICES}
+    return {**kept, **SETTINGS}

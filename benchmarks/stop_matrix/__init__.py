@@ -12,9 +12,3 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """Whatever happens to the program, the robot stops: each case tried, and put in a table."""
-
-from pathlib import Path
-import sys
-
-# Where the tests' listener is, and their way to start programs.
-sys.path.append(str(Path(__file__).resolve().parent.parent.parent / 'test'))

@@ -27,6 +27,7 @@ import sys
 import time
 from typing import Any
 
+from benchmarks import ROOT
 from benchmarks.page import updated
 from benchmarks.stop_matrix.expectation import find_late_stops, find_violations
 from benchmarks.stop_matrix.rows import CORE, ROWS
@@ -35,7 +36,6 @@ from benchmarks.stop_matrix.trial import Trial
 from benchmarks.stop_matrix.trial_setup import Row
 from benchmarks.tables import Table
 
-ROOT = Path(__file__).resolve().parent.parent.parent
 RESULTS = ROOT / 'benchmarks' / 'results'
 #: The results that the page shows.
 REFERENCE = RESULTS / 'stop_matrix.json'

@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 
-from benchmarks.process import ROOT
+from benchmarks import ROOT
 from kachaka_simple_control.control import processes
 
 #: It may take so long to end [s].
