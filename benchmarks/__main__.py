@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from datetime import datetime, timezone
 import json
 import os
 from pathlib import Path
@@ -29,12 +28,11 @@ from typing import Any
 
 from benchmarks import ROOT
 from benchmarks.figures import figures
-from benchmarks.page import updated
+from benchmarks.run import RESULTS, save, today, write_measured
 from benchmarks.scale import FULL, QUICK, Scale
 from benchmarks.tables import Table, tables
 from benchmarks.thresholds import judge
 
-RESULTS = ROOT / 'benchmarks' / 'results'
 #: The run that the page shows.
 REFERENCE = RESULTS / 'reference.json'
 PAGE = ROOT / 'docs' / 'benchmarks.md'
@@ -51,7 +49,7 @@ def measure(scale: Scale) -> dict[str, Any]:
     described = machine.describe()
     begin = time.monotonic()
     run = {
-        'date': f'{datetime.now(timezone.utc):%Y-%m-%d}',
+        'date': today(),
         'moves': {str(rate): count for rate, count in scale.moves.items()},
         'machine': described,
         'starts': startup_shutdown.measure_starts(scale),
@@ -62,13 +60,6 @@ def measure(scale: Scale) -> dict[str, Any]:
         'exactness': planning.measure_exactness()}
     print(f'measured in {(time.monotonic() - begin) / 60.0:.1f} minutes\n')
     return run
-
-
-def save(run: dict[str, Any], name: str) -> Path:
-    """Write a run to a file whose name begins with ``name``; return the file."""
-    file = RESULTS / f'{name}-{datetime.now(timezone.utc):%Y%m%d-%H%M%S}.json'
-    file.write_text(json.dumps(run, indent=1) + '\n')
-    return file
 
 
 def draw(file: Path, folder: Path, python: str) -> None:
@@ -82,7 +73,7 @@ def write_page(shown: list[Table], run: dict[str, Any]) -> None:
     counts = ', '.join(f'{count} at {rate} Hz' for rate, count in run['moves'].items())
     head = f'Measured on {run["date"]}.  Movements of one second by each loop: {counts}.'
     measured = '\n'.join([head, '', *(table.markdown() for table in shown)])
-    PAGE.write_text(updated(PAGE.read_text(), measured))
+    write_measured(PAGE, measured)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

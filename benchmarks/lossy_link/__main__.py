@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from datetime import datetime, timezone
 import json
 import os
 from pathlib import Path
@@ -30,9 +29,8 @@ from typing import Any
 from benchmarks import machine, ROOT
 from benchmarks.lossy_link.network import unavailable_reason
 from benchmarks.lossy_link.tables import find_violations, tables
-from benchmarks.page import updated
+from benchmarks.run import save, today, write_measured
 
-RESULTS = ROOT / 'benchmarks' / 'results'
 PAGE = ROOT / 'docs' / 'lossy_link.md'
 BEGIN = '<!-- measured: written by make lossy-link, changes here are lost -->'
 PARTS = ('stops', 'moves', 'answers', 'cable')
@@ -60,8 +58,7 @@ def measure(parts: Sequence[str], losses: Sequence[int], counts: dict[str, int])
     from benchmarks.lossy_link.motions import measure_motions, RATES
     from benchmarks.lossy_link.stops import measure_stops
     run: dict[str, Any] = {
-        'date': f'{datetime.now(timezone.utc):%Y-%m-%d}', 'machine': machine.describe(),
-        **{part: [] for part in PARTS}}
+        'date': today(), 'machine': machine.describe(), **{part: [] for part in PARTS}}
     for percent in losses:
         if 'stops' in parts:
             with fixture() as made:
@@ -90,7 +87,7 @@ def write_page(run: dict[str, Any]) -> None:
     """Write the tables of a run to the page."""
     text = '\n'.join([
         f'Measured on {run["date"]}.', '', *(table.markdown() for table in tables(run))])
-    PAGE.write_text(updated(PAGE.read_text(), text, begin=BEGIN))
+    write_measured(PAGE, text, BEGIN)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -117,9 +114,7 @@ def _measured(options: argparse.Namespace) -> dict[str, Any]:
     begin = time.monotonic()
     counts = QUICK if options.quick else FULL
     run = measure(options.part or PARTS, options.loss or LOSSES, counts)
-    name = 'quick' if options.quick else 'full'
-    file = RESULTS / f'lossy-{name}-{datetime.now(timezone.utc):%Y%m%d-%H%M%S}.json'
-    file.write_text(json.dumps(run, indent=1) + '\n')
+    file = save(run, f'lossy-{"quick" if options.quick else "full"}')
     print(f'measured in {(time.monotonic() - begin) / 60.0:.1f} minutes: '
           f'{file.relative_to(ROOT)}\n')
     if not (options.quick or options.part or options.loss):

@@ -18,7 +18,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
-from datetime import datetime, timezone
 import json
 from pathlib import Path
 import resource
@@ -28,7 +27,7 @@ import time
 from typing import Any
 
 from benchmarks import ROOT
-from benchmarks.page import updated
+from benchmarks.run import RESULTS, save, today, write_measured
 from benchmarks.stop_matrix.expectation import find_late_stops, find_violations
 from benchmarks.stop_matrix.rows import CORE, ROWS
 from benchmarks.stop_matrix.table import matrix
@@ -36,7 +35,6 @@ from benchmarks.stop_matrix.trial import Trial
 from benchmarks.stop_matrix.trial_setup import Row
 from benchmarks.tables import Table
 
-RESULTS = ROOT / 'benchmarks' / 'results'
 #: The results that the page shows.
 REFERENCE = RESULTS / 'stop_matrix.json'
 PAGE = ROOT / 'docs' / 'safety.md'
@@ -67,7 +65,7 @@ def measure(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[st
     results = run(rows, over_grpc)
     print(f'tried in {(time.monotonic() - begin) / 60.0:.1f} minutes\n')
     return {
-        'date': f'{datetime.now(timezone.utc):%Y-%m-%d}', 'machine': described,
+        'date': today(), 'machine': described,
         'rows': {what: [*map(asdict, trials)] for what, trials in results.items()}}
 
 
@@ -122,7 +120,7 @@ def write_page(table: Table, data: dict[str, Any]) -> None:
     machine = Table('Measured on', ('', ''), tuple(data['machine'].items()))
     head = f'Measured on {data["date"]}.'
     text = '\n'.join([head, '', table.markdown(), machine.markdown()])
-    PAGE.write_text(updated(PAGE.read_text(), text, BEGIN, END))
+    write_measured(PAGE, text, BEGIN, END)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -142,8 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.merge and REFERENCE.exists() and not over_grpc:
             data = merged(json.loads(REFERENCE.read_text()), data)
         kind = ('quick' if options.quick else 'full') + '-grpc' * over_grpc
-        file = RESULTS / f'stops-{kind}-{datetime.now(timezone.utc):%Y%m%d-%H%M%S}.json'
-        file.write_text(json.dumps(data, indent=1) + '\n')
+        save(data, f'stops-{kind}')
     trials = trials_of(data)
     table = matrix([row.expectation for row in ROWS], trials)
     print(table.markdown() if over_grpc else table.text())

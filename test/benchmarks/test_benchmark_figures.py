@@ -31,7 +31,7 @@ sys.path.append(str(ROOT))  # the benchmarks are not installed
 from benchmarks.compare import change, compare, differences, main  # noqa: E402, I100
 from benchmarks.figures import figures, find  # noqa: E402
 from benchmarks.nanosleep import sleep_until  # noqa: E402
-from benchmarks.page import BEGIN, END, updated  # noqa: E402
+from benchmarks.run import BEGIN, END, updated  # noqa: E402
 from benchmarks.tables import number, Table, tables  # noqa: E402
 from benchmarks.thresholds import judge, THRESHOLDS, Verdict  # noqa: E402, I100
 from benchmarks.wire import (  # noqa: E402

@@ -34,7 +34,7 @@ from benchmarks.lossy_link.__main__ import BEGIN, joined, main, PAGE  # noqa: E4
 from benchmarks.lossy_link.fixture import fixture  # noqa: E402
 from benchmarks.lossy_link.observed import evaluate_stop, RobotLog  # noqa: E402
 from benchmarks.lossy_link.tables import BRIEF, find_violations, QUIET, tables  # noqa: E402
-from benchmarks.page import updated  # noqa: E402
+from benchmarks.run import updated  # noqa: E402
 
 TIMES = st.floats(0.0, 10.0)
 

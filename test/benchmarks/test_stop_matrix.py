@@ -25,7 +25,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT))  # the benchmarks are not installed
 
-from benchmarks.page import updated  # noqa: E402, I100
+from benchmarks.run import updated  # noqa: E402, I100
 from benchmarks.stop_matrix.__main__ import (  # noqa: E402
     BEGIN,
     END,

@@ -11,12 +11,41 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Replace the measured part of a page; pure."""
+"""The results of a run: their file, and the measured part of a page."""
 
 from __future__ import annotations
 
+from datetime import datetime, timezone
+import json
+from pathlib import Path
+from typing import Any
+
+from benchmarks import ROOT
+
+RESULTS = ROOT / 'benchmarks' / 'results'
 BEGIN = '<!-- measured: written by make bench, changes here are lost -->'
 END = '<!-- measured: end -->'
+
+
+def today() -> str:
+    """Return the date of a run, such as ``2026-01-31``, in UTC."""
+    return f'{datetime.now(timezone.utc):%Y-%m-%d}'
+
+
+def save(run: dict[str, Any], name: str) -> Path:
+    """Write a run to a new file whose name begins with ``name``; return the file."""
+    file = RESULTS / f'{name}-{datetime.now(timezone.utc):%Y%m%d-%H%M%S}.json'
+    file.write_text(json.dumps(run, indent=1) + '\n')
+    return file
+
+
+def write_measured(page: Path, measured: str, begin: str = BEGIN, end: str = END) -> None:
+    """
+    Replace the part of a page between two lines.
+
+    :raises ValueError: if the page has not one such part
+    """
+    page.write_text(updated(page.read_text(), measured, begin, end))
 
 
 def updated(page: str, measured: str, begin: str = BEGIN, end: str = END) -> str:
