@@ -18,9 +18,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 import json
-import os
 from pathlib import Path
-import random
 import subprocess
 import sys
 import time
@@ -32,6 +30,7 @@ from benchmarks.run import RESULTS, save, today, write_measured
 from benchmarks.scale import FULL, QUICK, Scale
 from benchmarks.tables import Table, tables
 from benchmarks.thresholds import judge
+from ros_domain import isolate_ros
 
 #: The run that the page shows.
 REFERENCE = RESULTS / 'reference.json'
@@ -41,10 +40,8 @@ IMAGES = ROOT / 'docs' / 'images'
 
 def measure(scale: Scale) -> dict[str, Any]:
     """Run all measurements; return the run, plain data."""
-    from kachaka_simple_control.ros.dds_transport import use_localhost_only
-    # Before anything loads rclpy: no robot and no other run may receive what is sent here.
-    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    use_localhost_only()
+    # Before anything loads rclpy.
+    isolate_ros()
     from benchmarks import machine, planning, startup_shutdown, timing
     described = machine.describe()
     begin = time.monotonic()

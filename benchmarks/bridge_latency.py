@@ -26,8 +26,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 import contextlib
 import json
-import os
-import random
 import subprocess
 import sys
 import threading
@@ -38,8 +36,8 @@ from benchmarks import ROOT
 from benchmarks.nanosleep import BILLION, sleep_until
 from benchmarks.resource_usage import process_time
 from benchmarks.tables import Table
-from kachaka_simple_control.report.quantiles import median, quantile
-from kachaka_simple_control.ros.dds_transport import use_localhost_only
+from kachaka_simple_control.report.metrics import median, quantile
+from ros_domain import isolate_ros
 
 RATES = (10, 50, 100)
 #: Each of the two is measured for so long at each rate [s], so many times.
@@ -69,8 +67,7 @@ def measure(
         velocity that arrived [s]), ``sent``, and ``cpu`` (of the caller or the bridge, for each
         velocity [s])
     """
-    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    use_localhost_only()
+    isolate_ros()
     entries = [{'who': who, 'rate': rate, 'latency': [], 'sent': 0, 'cpu': 0.0}
                for rate in rates for who in NAMES]
     with _robot() as robot, _floor(robot) as floor, _bridge(robot) as bridge:

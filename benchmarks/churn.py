@@ -38,14 +38,10 @@ from benchmarks.progress import show
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.kachaka.bridge_process import simulated_bridge
-from kachaka_simple_control.ros.dds_transport import (
-    CHOICES,
-    LOCALHOST_ONLY,
-    RANGE,
-    use_localhost_only,
-)
+from kachaka_simple_control.ros.dds_transport import CHOICES, LOCALHOST_ONLY, RANGE
 import rclpy
 from rclpy.node import Node
+from ros_domain import isolate_ros
 
 #: The other nodes are in so many processes, each node with a context and participant of its own.
 PROCESSES = 4
@@ -168,10 +164,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.be_others:
         restart_nodes(int(options.be_others[0]), *options.be_others[1:])
         return 0
-    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    isolate_ros()
     with others(options.nodes, options.restarts, SETTLING_TIME + MAX_RUN_TIME * options.runs):
         time.sleep(SETTLING_TIME)
-        use_localhost_only()
         with simulated_bridge():
             ends = measure(options.motion, options.rate, options.runs, options.nice)
     print(f'{ends.pop("", 0)} of {options.runs} runs reached their end, beside {options.nodes} '

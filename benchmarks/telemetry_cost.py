@@ -29,7 +29,6 @@ import importlib.util
 import os
 from pathlib import Path
 import pty
-import random
 import signal
 import struct
 import subprocess
@@ -44,7 +43,8 @@ from benchmarks.progress import show
 from benchmarks.resource_usage import process_time
 from benchmarks.tables import number, Table
 from benchmarks.wire import jitters, movements, relative_error, Row
-from kachaka_simple_control.report.quantiles import median, quantile
+from kachaka_simple_control.report.metrics import median, quantile
+from ros_domain import isolate_ros
 
 RATE = 50
 #: Duration of each movement [s]; forwards and backwards in turn.
@@ -120,10 +120,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--quick', action='store_true', help='two short drives each way')
     options = parser.parse_args()
-    # Before anything loads rclpy: no robot and no other run may receive what is sent here.
-    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    from kachaka_simple_control.ros.dds_transport import use_localhost_only
-    use_localhost_only()
+    isolate_ros()
     rounds, count = (2, 6) if options.quick else (6, 30)
     for table in tables(measure(rounds, count)):
         print(f'\n{table.text()}', end='')

@@ -27,7 +27,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 import os
-import random
 import subprocess
 import sys
 import time
@@ -41,9 +40,9 @@ from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.report.quantiles import median
-from kachaka_simple_control.ros.dds_transport import use_localhost_only
+from kachaka_simple_control.report.metrics import median
 from kachaka_simple_control.ros.node_parameters import NodeParameters
+from ros_domain import isolate_ros
 
 MOTIONS, RUNS = ('lesson', 'square'), 10
 #: Thresholds of the median: position [m] and heading [rad].
@@ -75,9 +74,8 @@ class Run:
 
 def measure(motions: Sequence[str] = MOTIONS, runs: int = RUNS) -> list[Run]:
     """Drive library motions, each so many times; return the results."""
-    use_localhost_only()
-    domain = os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    robot = GrpcRobot('kachaka', int(domain))
+    isolate_ros()
+    robot = GrpcRobot('kachaka', int(os.environ['ROS_DOMAIN_ID']))
     found = []
     try:
         for motion in motions:

@@ -17,13 +17,12 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-import random
-import signal
 import sys
 
-from kachaka_simple_control.ros.dds_transport import use_localhost_only
 from optional_libraries import lack, optional_imports
+from program import restore_signals
 import pytest
+from ros_domain import isolate_ros
 
 with optional_imports():
     from hypothesis import HealthCheck, settings
@@ -34,17 +33,13 @@ with optional_imports():
 
 # The benchmarks are not installed.
 sys.path.append(str(Path(__file__).resolve().parent.parent))
-# Before anything loads rclpy: no robot and no other test run may receive what is sent here.
-os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+# Before anything loads rclpy.
+isolate_ros()
 if (worker := os.environ.get('PYTEST_XDIST_WORKER')) is not None:
     # Parallel workers, gw0, gw1, ..., have a domain each.
     number = int(os.environ['ROS_DOMAIN_ID']) + int(worker.removeprefix('gw'))
     os.environ['ROS_DOMAIN_ID'] = str(number % 101)
-use_localhost_only()
-# Ctrl+C is ignored in the background of a shell, and by all that is started there.
-for signum in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
-    if signal.getsignal(signum) == signal.SIG_IGN:
-        signal.signal(signum, signal.SIG_DFL)
+restore_signals()
 
 
 @pytest.fixture

@@ -22,14 +22,12 @@ publishing velocities as if nothing had happened.  Run as a program, this prints
 from __future__ import annotations
 
 from dataclasses import dataclass
-import os
-import random
 import signal
 import sys
 import time
 
 from grpc_client_support import commander, faulty_robot, real_bridge
-from kachaka_simple_control.ros.dds_transport import use_localhost_only
+from ros_domain import isolate_ros
 from ros_support import Probe, wait_until
 
 SPEED = 0.1
@@ -168,8 +166,7 @@ def row(name, does, result):
 
 def main():
     """Print the table, and the warnings of the bridges."""
-    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
-    use_localhost_only()
+    isolate_ros()
     probe = Probe()
     print(line(*HEAD), line(*('---' for _ in HEAD)), sep='\n', flush=True)
     for number, (name, does) in enumerate(zip(SCENARIOS, DOES)):

@@ -64,6 +64,17 @@ class Program:
         return 128 - code if code < 0 else code
 
 
+def restore_signals() -> None:
+    """
+    Restore signals that this process, and so all programs that it starts, would ignore.
+
+    The background of a shell ignores Ctrl+C, and so does all that is started there.
+    """
+    for signum in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
+        if signal.getsignal(signum) == signal.SIG_IGN:
+            signal.signal(signum, signal.SIG_DFL)
+
+
 def fill(pipe: int) -> None:
     """Fill a pipe; other writers go on waiting for room, or not."""
     # Opened again: O_NONBLOCK belongs to all that share the open file.

@@ -18,9 +18,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 import json
-import os
 from pathlib import Path
-import random
 import signal
 import sys
 import time
@@ -30,6 +28,7 @@ from benchmarks import machine, ROOT
 from benchmarks.lossy_link.network import unavailable_reason
 from benchmarks.lossy_link.tables import find_violations, tables
 from benchmarks.run import save, today, write_measured
+from ros_domain import use_random_domain
 
 PAGE = ROOT / 'docs' / 'lossy_link.md'
 BEGIN = '<!-- measured: written by make lossy-link, changes here are lost -->'
@@ -50,8 +49,8 @@ def measure(parts: Sequence[str], losses: Sequence[int], counts: dict[str, int])
     :param counts: number of measurements of each part
     :returns: the run, plain data
     """
-    # Before anything is started that loads rclpy: no other robot may receive what is sent here.
-    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+    # Before anything is started that loads rclpy.
+    use_random_domain()
     from benchmarks.lossy_link.disconnects import measure_disconnects
     from benchmarks.lossy_link.fixture import fixture
     from benchmarks.lossy_link.manual_control import measure_requests

@@ -21,7 +21,6 @@ from dataclasses import asdict
 import json
 from pathlib import Path
 import resource
-import signal
 import sys
 import time
 from typing import Any
@@ -34,6 +33,7 @@ from benchmarks.stop_matrix.table import matrix
 from benchmarks.stop_matrix.trial import Trial
 from benchmarks.stop_matrix.trial_setup import Row
 from benchmarks.tables import Table
+from program import restore_signals
 
 #: The results that the page shows.
 REFERENCE = RESULTS / 'stop_matrix.json'
@@ -53,10 +53,7 @@ def measure(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[st
     from kachaka_simple_control.ros.dds_transport import use_localhost_only
     # Before anything loads rclpy: no robot elsewhere may receive what is sent here.
     use_localhost_only()
-    # Ctrl+C is ignored in the background of a shell, and by all that is started there.
-    for signum in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
-        if signal.getsignal(signum) == signal.SIG_IGN:
-            signal.signal(signum, signal.SIG_DFL)
+    restore_signals()
     # A program that SIGQUIT ends would leave a core file behind.
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     from benchmarks import machine
