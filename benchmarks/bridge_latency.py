@@ -177,7 +177,7 @@ def _bridge(robot: _Robot) -> Iterator[tuple[Send, Callable[[], float]]]:
             assert time.monotonic() < end, 'the bridge hears nothing'
             send(STEP)
             time.sleep(0.1)
-        yield send, lambda: process_time(str(process.pid))
+        yield send, lambda: process_time(process.pid)
     finally:
         process.terminate()
         process.wait(10.0)

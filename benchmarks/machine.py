@@ -20,8 +20,9 @@ import os
 from pathlib import Path
 import platform
 
+from kachaka_simple_control.version import ros_distro
+
 PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps', 'geometry_msgs')
-DISTROS = ('humble', 'jazzy', 'kilted')
 
 
 def describe() -> dict[str, str]:
@@ -31,7 +32,7 @@ def describe() -> dict[str, str]:
         'cores': str(len(os.sched_getaffinity(0))),
         'kernel': f'{platform.system()} {platform.release()}',
         'Python': platform.python_version(),
-        'ROS 2': distro(),
+        'ROS 2': ros_distro(),
         'packages': ', '.join(filter(None, map(version, PACKAGES))),
         'load before the run': f'{os.getloadavg()[0]:.2f}'}
 
@@ -41,13 +42,6 @@ def processor() -> str:
     lines = Path('/proc/cpuinfo').read_text().splitlines()
     names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
     return names[0] if names else platform.machine()
-
-
-def distro() -> str:
-    """Return the ROS distro that is sourced, or else the one whose packages are installed."""
-    sourced = os.environ.get('ROS_DISTRO')
-    installed = [name for name in DISTROS if version(f'ros-{name}-rclpy')]
-    return sourced or (installed[0] if installed else 'unknown')
 
 
 def version(package: str) -> str:

@@ -15,10 +15,12 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 import time
 from typing import Any
 
+from program import children_of
 from rclpy.publisher import Publisher
 
 
@@ -53,13 +55,13 @@ class ResourceMeter:
         names = ('sent', 'thread', 'process', 'helpers')
         return {
             **dict(zip(names, self._marks)),
-            'memory': peak_memory('self'),
-            'helper_memory': sum(peak_memory(child) for child in children())}
+            'memory': peak_memory(os.getpid()),
+            'helper_memory': sum(map(peak_memory, children_of(os.getpid())))}
 
     def _now(self) -> tuple[float, ...]:
         return (
             self._sent, time.thread_time(), time.process_time(),
-            sum(process_time(child) for child in children()))
+            sum(map(process_time, children_of(os.getpid()))))
 
     def _counted(self) -> Any:
         def publish(publisher: Publisher, message: Any) -> None:
@@ -68,23 +70,17 @@ class ResourceMeter:
         return publish
 
 
-def children() -> list[str]:
-    """Return the ids of the child processes that have not ended."""
-    tasks = Path('/proc/self/task').glob('*/children')
-    return [child for task in tasks for child in task.read_text().split()]
-
-
-def process_time(pid: str) -> float:
+def process_time(pid: int) -> float:
     """Return the CPU time of another process [s]; 0 if it has ended."""
     try:
         # How Linux names the CPU clock of a process; see clock_getcpuclockid(3).
-        return time.clock_gettime((~int(pid) << 3) | 2)
+        return time.clock_gettime((~pid << 3) | 2)
     except OSError:
         return 0.0
 
 
-def peak_memory(pid: str) -> float:
-    """Return the peak resident set of a process, an id or ``self`` [MB]; 0 if it has ended."""
+def peak_memory(pid: int) -> float:
+    """Return the peak resident set of a process [MB]; 0 if it has ended."""
     try:
         status = Path(f'/proc/{pid}/status').read_text()
     except OSError:

@@ -44,6 +44,7 @@ from benchmarks.resource_usage import process_time
 from benchmarks.tables import number, Table
 from benchmarks.wire import jitters, movements, relative_error, Row
 from kachaka_simple_control.report.metrics import median, quantile
+from program import children_of
 from ros_domain import isolate_ros
 
 RATE = 50
@@ -165,10 +166,10 @@ def drive(telemetry: Telemetry, count: int) -> tuple[list[list[Row]], dict[str, 
         with at_terminal(telemetry.command(motion, Path(folder), namespace)) as process:
             wait_for(lambda: len(received()) > SETTLING_COUNT, process, DRIVE_TIMEOUT)
             pids, begin = processes(process.pid), time.monotonic()
-            before = {name: process_time(str(pid)) for name, pid in pids.items()}
+            before = {name: process_time(pid) for name, pid in pids.items()}
             wait_for(lambda: len(received()) == count, process, DRIVE_TIMEOUT + count)
             length = time.monotonic() - begin
-            cpu = {name: (process_time(str(pid)) - before[name]) / length
+            cpu = {name: (process_time(pid) - before[name]) / length
                    for name, pid in pids.items()}
             if process.wait(DRIVE_TIMEOUT) != 0:
                 raise RuntimeError(f'{telemetry.name}: the drive ended with {process.returncode}')
@@ -231,10 +232,9 @@ def wait_for(
 def processes(pid: int) -> dict[str, int]:
     """Return the ids of a drive's processes by name, without its robot."""
     found = {'drive': pid}
-    files = Path(f'/proc/{pid}/task').glob('*/children')
-    for child in [child for file in files for child in file.read_text().split()]:
+    for child in children_of(pid):
         line = Path(f'/proc/{child}/cmdline').read_bytes().decode()
-        found.update({name: int(child) for name, part in HELPERS.items() if part in line})
+        found.update({name: child for name, part in HELPERS.items() if part in line})
     return found
 
 

@@ -38,7 +38,7 @@ from benchmarks.tables import number, Table
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.motion.geometry import distance_between, Pose, relative_to
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.report.metrics import median
 from kachaka_simple_control.ros.node_parameters import NodeParameters
@@ -97,18 +97,14 @@ def planned_as_driven(motion: str) -> Plan:
 
 def errors(start: Pose, end: Pose, planned: Pose) -> tuple[float, float]:
     """
-    Tell how far off a robot came to rest.
+    Return how far off a robot came to rest.
 
     :param start: where it began
     :param end: where it came to rest
     :param planned: where it should have, had it begun at the origin
     :returns: how far from there [m], and how far from that heading [rad], neither with a sign
     """
-    east, north = end.x - start.x, end.y - start.y
-    cosine, sine = math.cos(start.theta), math.sin(start.theta)
-    position = math.hypot(
-        cosine * east + sine * north - planned.x, cosine * north - sine * east - planned.y)
-    heading = math.remainder(end.theta - start.theta - planned.theta, 2.0 * math.pi)
+    position, heading = distance_between(planned, relative_to(start, end))
     return position, abs(heading)
 
 

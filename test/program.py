@@ -24,8 +24,12 @@ import subprocess
 import sys
 import time
 
+from kachaka_simple_control.control.processes import is_running
+
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = [sys.executable, '-m', 'kachaka_simple_control']
+#: What reading of a process or a thread that has ended raises.
+GONE = (FileNotFoundError, ProcessLookupError)
 
 
 class Program:
@@ -117,18 +121,12 @@ def program(
 
 def children_of(pid: int) -> list[int]:
     """Return the ids of the child processes that a process has not reaped."""
-    files = Path(f'/proc/{pid}/task').glob('*/children')
-    with contextlib.suppress(FileNotFoundError, ProcessLookupError):
-        return [int(child) for file in files for child in file.read_text().split()]
-    return []
-
-
-def is_running(pid: int) -> bool:
-    """Return whether a process exists and is no zombie."""
-    try:
-        return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
-    except (FileNotFoundError, ProcessLookupError):
-        return False
+    children: list[int] = []
+    with contextlib.suppress(*GONE):
+        for file in Path(f'/proc/{pid}/task').glob('*/children'):
+            with contextlib.suppress(*GONE):  # a thread may have ended
+                children += map(int, file.read_text().split())
+    return children
 
 
 @contextlib.contextmanager

@@ -26,7 +26,8 @@ import tempfile
 import termios
 import time
 
-from program import children_of, environment, fill, is_running
+from kachaka_simple_control.control.processes import is_running
+from program import children_of, environment, fill
 
 #: A program may take so long until it is ready to move, also on a loaded machine [s].
 READY_TIMEOUT = 40.0

@@ -25,7 +25,8 @@ import sys
 import time
 
 from kachaka_simple_control.control.output import FLUSH_TIMEOUT
-from program import children_of, COMMAND, environment, fill, is_running
+from kachaka_simple_control.control.processes import is_running
+from program import children_of, COMMAND, environment, fill
 import pytest
 from terminals import at_terminal
 

@@ -25,7 +25,7 @@ from kachaka_simple_control.control import processes
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError
 from kachaka_simple_control.kachaka import bridge_process as module
 from kachaka_simple_control.kachaka.bridge_process import simulated_bridge
-from program import environment, is_running, ROOT
+from program import environment, ROOT
 import pytest
 from ros_support import TIMEOUT, wait_until
 
@@ -59,7 +59,7 @@ def test_process_runs_for_the_block_and_ends_after_it(stand_in):
     with simulated_bridge() as process:
         process.check()
         assert os.getsid(process.pid) == process.pid != os.getsid(0)
-    assert not is_running(process.pid)
+    assert not processes.is_running(process.pid)
 
 
 @pytest.mark.parametrize('error', [ValueError, KeyboardInterrupt, SystemExit, ControlError])
@@ -68,7 +68,7 @@ def test_process_ends_after_any_exception(stand_in, error):
     stand_in(SLEEPING)
     with pytest.raises(error, match='mine'), simulated_bridge() as process:
         raise error('mine')
-    assert not is_running(process.pid)
+    assert not processes.is_running(process.pid)
 
 
 def test_process_that_ignores_sigterm_is_killed(stand_in, monkeypatch):
@@ -78,7 +78,7 @@ def test_process_that_ignores_sigterm_is_killed(stand_in, monkeypatch):
     with simulated_bridge() as process:
         assert wait_until(lambda: process._last_line == 'deaf')
         asked = time.monotonic()
-    assert not is_running(process.pid)
+    assert not processes.is_running(process.pid)
     assert time.monotonic() - asked < TIMEOUT
 
 
@@ -149,8 +149,8 @@ def test_death_of_the_parent_ends_the_robot(folder):
         assert has_ros == 'False'
         parent.send_signal(signal.SIGKILL)
         parent.wait(TIMEOUT)
-        assert wait_until(lambda: not is_running(robot), 3.0)
-        assert is_running(sleeper)
+        assert wait_until(lambda: not processes.is_running(robot), 3.0)
+        assert processes.is_running(sleeper)
     finally:
         parent.kill()
         os.kill(int(sleeper), signal.SIGKILL)

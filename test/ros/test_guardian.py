@@ -21,8 +21,8 @@ import sys
 import time
 
 from kachaka_simple_control.control.guardian import Guardian
-from kachaka_simple_control.control.processes import is_stopped
-from program import children_of, COMMAND, is_running, program, script
+from kachaka_simple_control.control.processes import is_running, is_stopped
+from program import children_of, COMMAND, program, script
 import pytest
 from ros_support import wait_until
 

@@ -17,7 +17,8 @@ import os
 import signal
 import time
 
-from program import COMMAND, is_running, program, script
+from kachaka_simple_control.control.processes import is_running
+from program import COMMAND, program, script
 import pytest
 from ros_support import bridge, BridgeProcess, wait_until
 
