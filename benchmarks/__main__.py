@@ -94,7 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         write_page(shown, run)
         REFERENCE.write_bytes(file.read_bytes())
     print(f'All of it: {file.relative_to(ROOT)}')
-    missed = [verdict.threshold.what for verdict in judge(figures(run)) if not verdict.is_met]
+    missed = [result.threshold.what for result in judge(figures(run)) if not result.is_met]
     print(f'Missed: {"; ".join(missed)}' if missed else 'Every bar is held')
     return 0 if options.no_bars or not missed else 1
 

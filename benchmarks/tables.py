@@ -21,8 +21,8 @@ import math
 from typing import Any
 
 from benchmarks.figures import Figure, figures, find, signal_groups, where, zeros
-from benchmarks.thresholds import judge, Verdict
-from kachaka_simple_control.report.quantiles import median
+from benchmarks.thresholds import judge, ThresholdResult
+from kachaka_simple_control.report.metrics import median
 
 NAMES = {
     'ours': 'ours', 'lesson': "the lesson's loop", 'timer': 'rclpy timer', 'rate': 'rclpy Rate',
@@ -74,18 +74,18 @@ def number(value: float | None, digits: int = 3) -> str:
     return f'{value:.{min(decimals, digits)}f}'
 
 
-def _thresholds(verdicts: list[Verdict]) -> Table:
+def _thresholds(results: list[ThresholdResult]) -> Table:
     return Table('What we promise of our own figures', ('figure', 'bar', 'measured', ''), tuple(
-        (verdict.threshold.what, _limit(verdict), _with_unit(verdict.value, verdict.unit),
-         'held' if verdict.is_met else 'MISSED')
-        for verdict in verdicts))
+        (result.threshold.what, _limit(result), _with_unit(result.value, result.unit),
+         'held' if result.is_met else 'MISSED')
+        for result in results))
 
 
-def _limit(verdict: Verdict) -> str:
-    threshold = verdict.threshold
+def _limit(result: ThresholdResult) -> str:
+    threshold = result.threshold
     if threshold.relative_to is None:
-        return f'at most {_with_unit(threshold.limit, verdict.unit)}'
-    own = _with_unit(verdict.limit, verdict.unit)
+        return f'at most {_with_unit(threshold.limit, result.unit)}'
+    own = _with_unit(result.limit, result.unit)
     return f'at most {threshold.limit:g} of {NAMES[threshold.relative_to]}: {own}'
 
 

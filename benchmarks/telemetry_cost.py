@@ -255,7 +255,8 @@ def tables(statistics: dict[str, DriveStatistics]) -> list[Table]:
                     median(drives.errors), max(drives.errors))),
                 ' / '.join(number(1000.0 * quantile(drives.jitters, part))
                            for part in (0.5, 0.99, 1.0)),
-                span(drives.worst, 100.0), span(drives.rounds, 1000.0), verdict(drives, plain))
+                span(drives.worst, 100.0), span(drives.rounds, 1000.0),
+                compare_with_plain(drives, plain))
                 for name, drives in statistics.items())),
         Table(
             'CPU for each second of a drive [ms]', ('', *names), tuple(
@@ -269,7 +270,7 @@ def span(values: Sequence[float], factor: float) -> str:
     return f'{number(factor * min(values))} to {number(factor * max(values))}'
 
 
-def verdict(drives: DriveStatistics, plain: DriveStatistics) -> str:
+def compare_with_plain(drives: DriveStatistics, plain: DriveStatistics) -> str:
     """
     Compare drives with telemetry with those without.
 

@@ -54,7 +54,7 @@ THRESHOLDS = (
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ThresholdResult:
     """
     Whether a run meets a threshold.
 
@@ -75,16 +75,16 @@ class Verdict:
         return self.value is not None and self.limit is not None and self.value <= self.limit
 
 
-def judge(found: Sequence[Figure]) -> list[Verdict]:
-    """Compare the figures of a run with the thresholds; return a verdict for each."""
+def judge(found: Sequence[Figure]) -> list[ThresholdResult]:
+    """Compare the figures of a run with the thresholds; return a result for each."""
     return [_judge_one(found, threshold) for threshold in THRESHOLDS]
 
 
-def _judge_one(found: Sequence[Figure], threshold: Threshold) -> Verdict:
+def _judge_one(found: Sequence[Figure], threshold: Threshold) -> ThresholdResult:
     units = [figure.unit for figure in found if figure.what == threshold.what]
     limit: float | None = threshold.limit
     if threshold.relative_to is not None:
         other = find(found, threshold.what, threshold.relative_to)
         limit = None if other is None else threshold.limit * other
     value = find(found, threshold.what, 'ours')
-    return Verdict(threshold, value, limit, units[0] if units else '')
+    return ThresholdResult(threshold, value, limit, units[0] if units else '')

@@ -33,7 +33,7 @@ from benchmarks.figures import figures, find  # noqa: E402
 from benchmarks.nanosleep import sleep_until  # noqa: E402
 from benchmarks.run import BEGIN, END, updated  # noqa: E402
 from benchmarks.tables import number, Table, tables  # noqa: E402
-from benchmarks.thresholds import judge, THRESHOLDS, Verdict  # noqa: E402, I100
+from benchmarks.thresholds import judge, ThresholdResult, THRESHOLDS  # noqa: E402, I100
 from benchmarks.wire import (  # noqa: E402
     displacement,
     jitters,
@@ -162,9 +162,9 @@ def a_run(**changes):
 
 
 def test_a_good_run_meets_every_threshold():
-    verdicts = judge(figures(a_run()))
-    assert [verdict.threshold for verdict in verdicts] == list(THRESHOLDS)
-    assert all(verdict.is_met for verdict in verdicts)
+    results = judge(figures(a_run()))
+    assert [result.threshold for result in results] == list(THRESHOLDS)
+    assert all(result.is_met for result in results)
 
 
 @pytest.mark.parametrize('changes, missed', [
@@ -175,21 +175,21 @@ def test_a_good_run_meets_every_threshold():
     ({'planning': []}, 1),
 ])
 def test_what_never_came_or_was_not_measured_misses_its_threshold(changes, missed):
-    verdicts = judge(figures(a_run(**changes)))
-    assert sum(not verdict.is_met for verdict in verdicts) == missed
+    results = judge(figures(a_run(**changes)))
+    assert sum(not result.is_met for result in results) == missed
 
 
 def test_a_threshold_relative_to_the_lesson_changes_with_it():
     run = a_run()
     run['timing'][-1]['thread'] = 0.007
-    (missed,) = [verdict for verdict in judge(figures(run)) if not verdict.is_met]
+    (missed,) = [result for result in judge(figures(run)) if not result.is_met]
     assert missed.threshold.what == 'CPU a command, the loop, at 100 Hz'
     assert missed.limit == pytest.approx(0.5e6 * 0.007 / 22)
 
 
 def test_a_threshold_is_met_up_to_its_limit():
-    assert Verdict(THRESHOLDS[0], 0.1, 0.1, '%').is_met
-    assert not Verdict(THRESHOLDS[0], 0.1001, 0.1, '%').is_met
+    assert ThresholdResult(THRESHOLDS[0], 0.1, 0.1, '%').is_met
+    assert not ThresholdResult(THRESHOLDS[0], 0.1001, 0.1, '%').is_met
 
 
 def test_errors_count_by_their_absolute_value():

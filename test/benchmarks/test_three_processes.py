@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How exact three processes are: the computations of the benchmark, its verdict, and one run."""
+"""How exact three processes are: the computations of the benchmark, thresholds, and one run."""
 
 from __future__ import annotations
 
