@@ -105,11 +105,11 @@ def frozen(robot, driver, process):
     time.sleep(0.5)
     driver.drive(None)
     time.sleep(1.5)
-    thawed = time.monotonic()
+    continued = time.monotonic()
     process.process.send_signal(signal.SIGCONT)
     time.sleep(1.0)
-    late = max([0.0, *(move - when for move in robot.moves(when) if move < thawed)])
-    return Result(robot.x - where, len(robot.moves(thawed)), late, process.text)
+    late = max([0.0, *(move - when for move in robot.moves(when) if move < continued)])
+    return Result(robot.x - where, len(robot.moves(continued)), late, process.text)
 
 
 SCENARIOS = {

@@ -116,8 +116,8 @@ def freeze_repeatedly(count: int) -> Injector:
     return inject
 
 
-def resume_after(seconds: float) -> Callable[[TrialContext], None]:
-    """Return what resumes a frozen program after a time [s]."""
+def continue_after(seconds: float) -> Callable[[TrialContext], None]:
+    """Return what continues a frozen program after a time [s]."""
     def after(context: TrialContext) -> None:
         time.sleep(seconds)
         context.changed = context.program.send(signal.SIGCONT)
@@ -171,16 +171,16 @@ def signal_robot(name: str) -> Injector:
     return inject
 
 
-def resume_robot(context: TrialContext) -> None:
-    """Resume the robot's bridge after 2 s; what is in its queue then must not move the robot."""
+def continue_robot(context: TrialContext) -> None:
+    """Continue the robot's bridge after 2 s; what its queue holds must not move the robot."""
     time.sleep(2.0)
     context.changed = time.time()
     context.robot.process.send(signal.SIGCONT)
 
 
 def check_no_replay(context: TrialContext, _fault: float) -> list[str]:
-    """Check that old velocities did not move the robot when it was resumed."""
-    return _check_at_rest(context, 'after the thaw it drove')
+    """Check that old velocities did not move the robot when it was continued."""
+    return _check_at_rest(context, 'after it was continued it drove')
 
 
 def replace_robot(context: TrialContext) -> None:

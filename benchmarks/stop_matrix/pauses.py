@@ -73,11 +73,11 @@ def at(state: State, inject: Injector) -> Injector:
     return inject_then
 
 
-def resume_thawed(seconds: float) -> Callable[[TrialContext], None]:
-    """Return what thaws a frozen program after a time [s]; it is asked to resume by then."""
+def resume_continued(seconds: float) -> Callable[[TrialContext], None]:
+    """Return what continues a frozen program after a time [s]; it is asked to resume by then."""
     def after(context: TrialContext) -> None:
         time.sleep(seconds)
-        context.program.tell('resume')
+        context.program.write_line('resume')
         context.changed = context.program.send(signal.SIGCONT)
     return after
 
@@ -90,7 +90,7 @@ def check_no_velocity(context: TrialContext, fault: float) -> list[str]:
 
 
 def check_not_resumed(context: TrialContext, fault: float) -> list[str]:
-    """Check that a thawed program did not resume, and that its guardian was silent before."""
+    """Check that a continued program did not resume, and its guardian was silent before."""
     return check_guardian_silent(context, fault) + check_no_velocity(context, fault)
 
 
@@ -98,6 +98,6 @@ def _reach(context: TrialContext, command: str | None, state: State) -> None:
     """Ask the program for a change, and wait for the first message of a state."""
     now = time.time()
     if command is not None:
-        context.program.tell(command)
+        context.program.write_line(command)
     if context.recorder.wait_for(state.shows, now, CHANGE_TIMEOUT) is None:
         context.violations.append(f'it was never {state.value}')

@@ -88,9 +88,9 @@ class Program:
 
     def go(self) -> None:
         """Start its motion."""
-        self.tell('')
+        self.write_line('')
 
-    def tell(self, line: str) -> None:
+    def write_line(self, line: str) -> None:
         """Write a line to its standard input."""
         data = f'{line}\n'.encode()
         if self._output_kind == 'terminal':

@@ -25,8 +25,8 @@ from benchmarks.stop_matrix.trial_setup import Row, TrialContext
 
 NODE, GUARDIAN, NOTHING = 'the node', 'the guardian', 'nothing to stop: it runs on'
 COMMAND_TIMEOUT = 'the robot: its command timeout'
-#: Time limits [s]: of a signal, SIGKILL and SIGSTOP (docs/design.md: "Speed"); of lost odometry
-#: and a lost subscriber (docs/safety.md).
+#: Time limits [s]: of a signal, SIGKILL and SIGSTOP (docs/safety.md, "What is guaranteed"); of
+#: lost odometry and a lost subscriber (docs/safety.md).
 SIGNAL, KILLED, FROZEN = 0.02, 0.05, 0.15
 ODOMETRY, GRAPH = 1.3, 23.0
 #: Time limits of what others send [s]: from a new publisher, and from one already discovered.
@@ -44,7 +44,7 @@ def _freeze(what: str, seconds: float, **more: int) -> Row:
     if seconds < 0.5:
         return Row(expectation, faults.freeze(seconds), full=50, **more)
     return Row(
-        expectation, faults.send_signals('SIGSTOP'), after=faults.resume_after(seconds),
+        expectation, faults.send_signals('SIGSTOP'), after=faults.continue_after(seconds),
         check=faults.check_guardian_silent, full=50, **more)
 
 
@@ -100,7 +100,7 @@ IN_MOTION = (
         faults.signal_robot('SIGKILL'), options=('odometry_timeout:=0.0',), robot_reusable=False,
         measures_distance=False, exclusive=False, full=2, quick=0, after=faults.wait(20.0)),
     Row(Expectation('listener frozen for 2 s', NODE, (1,), limit=ODOMETRY),
-        faults.signal_robot('SIGSTOP'), after=faults.resume_robot, check=faults.check_no_replay,
+        faults.signal_robot('SIGSTOP'), after=faults.continue_robot, check=faults.check_no_replay,
         robot_reusable=False, exclusive=False),
     Row(Expectation('listener leaves, and another comes', NODE, (143,)),
         faults.signal_robot('SIGTERM'), scripts.STAYS_AFTER_FAULT, after=faults.replace_robot,
@@ -156,7 +156,7 @@ IN_MOTION = (
         faults.send_signals('SIGINT'), check=faults.check_execution_order, slow_robot=True,
         robot_reusable=False),
 )
-#: What may also happen around a pause, with the same bars.
+#: What may also happen around a pause, with the same limits.
 AROUND_PAUSE = (
     'SIGINT (Ctrl+C)', 'SIGKILL', 'SIGSTOP', 'listener leaves',
     'somebody else comes, and sends velocities')
@@ -177,7 +177,7 @@ def _at(state: State, row: Row) -> Row:
         quick=int(what in QUICK_AROUND_PAUSE[state]))
 
 
-#: What may also happen in a closed loop, with the same bars; those of the quick form first.
+#: What may also happen in a closed loop, with the same limits; those of the quick form first.
 IN_CLOSED_LOOP = (
     'SIGINT (Ctrl+C)', 'SIGKILL', 'SIGSTOP', 'listener killed: odometry falls silent',
     'SIGTERM', 'SIGHUP', 'frozen for 320 ms', 'listener leaves', 'guardian killed',
@@ -207,7 +207,7 @@ ROWS = (
       if row.expectation.what in AROUND_PAUSE),
     Row(Expectation('frozen for 1 s while paused, then resumed', GUARDIAN, (1,), limit=FROZEN),
         pauses.at(State.PAUSED, faults.send_signals('SIGSTOP')), scripts.PAUSED,
-        after=pauses.resume_thawed(1.0), check=pauses.check_not_resumed, full=10, quick=0),
+        after=pauses.resume_continued(1.0), check=pauses.check_not_resumed, full=10, quick=0),
 )
 #: Also tried with a robot over gRPC: rows in which its bridge behaves as that of the others.
 CORE = ('normal end', 'SIGINT (Ctrl+C)', 'SIGTERM', 'SIGKILL', 'SIGSTOP', 'frozen for 1 s')

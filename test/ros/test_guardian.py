@@ -94,10 +94,10 @@ def test_a_frozen_node_is_stopped_once_and_sends_no_motion_when_it_resumes(liste
         time.sleep(2.0)
         frozen = [heard.time for heard in listener.heard if heard.time > sent]
         assert frozen[-1] - frozen[0] < 0.7  # then silence: one stop, not a flood
-        thawed = started.send(signal.SIGCONT)
+        continued = started.send(signal.SIGCONT)
         assert started.end() == 1
     assert 'the guardian stopped the robot: the node sent no heartbeat' in started.text
-    assert not [heard for heard in listener.heard if heard.moves and heard.time > thawed]
+    assert not [heard for heard in listener.heard if heard.moves and heard.time > continued]
     assert len(listener.released) == 1
 
 

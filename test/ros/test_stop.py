@@ -267,10 +267,10 @@ def test_a_program_that_was_frozen_does_not_continue_its_motion(listener, tmp_pa
         time.sleep(0.25)
         started.send(signal.SIGSTOP)
         time.sleep(1.0)
-        thawed = started.send(signal.SIGCONT)
+        continued = started.send(signal.SIGCONT)
         assert started.end() == 1
     assert 'the guardian stopped the robot: the node sent no heartbeat' in started.text
-    assert not [heard for heard in listener.heard if heard.moves and heard.time > thawed]
+    assert not [heard for heard in listener.heard if heard.moves and heard.time > continued]
     assert_released(listener)
 
 
