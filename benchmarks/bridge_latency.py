@@ -40,7 +40,7 @@ from kachaka_simple_control.report.metrics import median, quantile
 from ros_domain import isolate_ros
 
 RATES = (10, 50, 100)
-#: Each of the two is measured for so long at each rate [s], so many times.
+#: How long each of the two is measured at a time at each rate [s], and how many times.
 BLOCK, TURNS = 6.0, 3
 #: Threshold of the bridge's median, relative to that of the bare call.
 MAX_RATIO = 2.0

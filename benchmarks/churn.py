@@ -43,11 +43,11 @@ import rclpy
 from rclpy.node import Node
 from ros_domain import isolate_ros
 
-#: The other nodes are in so many processes, each node with a context and participant of its own.
+#: Number of processes of the other nodes, each with a context and participant of its own.
 PROCESSES = 4
-#: They have so long to discover each other before the first run [s].
+#: How long they have to discover each other before the first run [s].
 SETTLING_TIME = 15.0
-#: A run takes no longer than this, with start, discovery and stop [s].
+#: Longest run, with start, discovery and stop [s].
 MAX_RUN_TIME = 120.0
 
 

@@ -21,9 +21,9 @@ from benchmarks import ROOT
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.motion.geometry import Pose
 
-#: Each of the two may take so long to end [s].
+#: How long each of the two may take to end [s].
 EXIT_TIMEOUT = 3.0
-#: The robot may take so long to respond [s].
+#: How long the robot may take to respond [s].
 RESPONSE_TIMEOUT = 5.0
 
 

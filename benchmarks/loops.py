@@ -40,7 +40,7 @@ from rclpy.time import Time
 
 TOPIC = 'manual_control/cmd_vel'
 SERVICE = 'manual_control/set_enabled'
-#: Zeros are sent for so long before a measurement, until the reader has matched for certain [s].
+#: How long zeros are sent before a measurement, until the reader has matched for certain [s].
 MATCH_TIME = 1.0
 
 

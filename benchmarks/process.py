@@ -31,9 +31,9 @@ from typing import Any
 from benchmarks import ROOT
 
 _END = object()
-#: A loop may take so long to find the robot [s].
+#: How long a loop may take to find the robot [s].
 READY_TIMEOUT = 30.0
-#: A process may take so long to end: after an error in the ``with`` block, and otherwise [s].
+#: How long a process may take to end: after an error in the ``with`` block, and otherwise [s].
 ERROR_EXIT_TIMEOUT, EXIT_TIMEOUT = 1.0, 8.0
 
 

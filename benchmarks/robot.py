@@ -22,7 +22,7 @@ import time
 from benchmarks.wire import Row
 from listener import Listener, SentVelocity
 
-#: A robot has been there for so long before a program is started [s].
+#: How long a robot has been there before a program is started [s].
 SETTLING_TIME = 2.0
 _NUMBERS = itertools.count(1)
 

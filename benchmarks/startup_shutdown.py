@@ -32,7 +32,7 @@ from benchmarks.wire import displacement, movements
 RATE = 10
 #: A zero that is not sent within this time counts as never sent [s].
 ZERO_TIMEOUT = 1.5
-#: A program may take so long to make the robot move [s].
+#: How long a program may take to make the robot move [s].
 MOTION_TIMEOUT = 30.0
 #: The robot counts publishers with this period [s].
 POLL_PERIOD = 0.02

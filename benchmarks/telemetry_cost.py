@@ -53,7 +53,7 @@ DURATION = 1.0
 VELOCITY = 0.1
 #: Movements at the beginning of a drive that are not measured.
 SETTLING_COUNT = 2
-#: A drive may take so much longer than its movements [s].
+#: How much longer than its movements a drive may take [s].
 DRIVE_TIMEOUT = 60.0
 HELPERS = {'display': 'display.display_program', 'reporter': 'report.report_program',
            'guardian': 'guardian_program'}

@@ -49,7 +49,7 @@ MOTIONS, RUNS = ('lesson', 'square'), 10
 MAX_OFFSET, MAX_ANGLE = 0.003, math.radians(0.5)
 #: A run takes at most this much longer than its motion: start, discovery, stop [s].
 MAX_OVERHEAD = 60.0
-#: A robot is at rest so long after a run [s].
+#: How long after a run the robot is at rest [s].
 REST_TIME = 0.5
 HEAD = ('motion', 'runs to the end', 'position off [mm], median / worst',
         'heading off [degrees], median / worst')

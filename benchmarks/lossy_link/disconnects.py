@@ -34,9 +34,9 @@ CASES: dict[str, tuple[float | None, float]] = {
     'after 0.6 s': (0.6, 0.0), 'after 1.2 s, while the node stops': (1.2, 0.0),
     'at once when the program has ended': (None, 0.0),
     '5 s after the program has ended': (None, 5.0)}
-#: The robot is observed for so long after program and network are done [s].
+#: How long the robot is observed after program and network are done [s].
 OBSERVATION_TIME = 2.0
-#: The program may take so long to move the robot, and to end [s].
+#: How long the program may take to move the robot, and to end [s].
 PROGRAM_TIMEOUT = 30.0
 
 

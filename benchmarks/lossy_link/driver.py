@@ -47,7 +47,7 @@ import rclpy
 from rclpy.parameter import Parameter
 
 SERVICE = f'{KACHAKA.namespace}/{KACHAKA.manual_control_service}'
-#: A response is awaited for as long as the node does by default [s].
+#: How long a response is awaited, as by the node by default [s].
 RESPONSE_TIMEOUT = 10.0
 
 

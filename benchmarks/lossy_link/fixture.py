@@ -25,13 +25,13 @@ from benchmarks.lossy_link.observed import ReceivedVelocity, RobotLog
 from benchmarks.lossy_link.process import NetworkProcess
 from benchmarks.process import EndedError
 
-#: A robot may take so long to start [s].
+#: How long a robot may take to start [s].
 START_TIMEOUT = 20.0
-#: A robot has been there for so long before a program is started [s].
+#: How long a robot has been there before a program is started [s].
 SETTLING_TIME = 2.0
-#: What reached the robot is in its log after this time [s].
+#: How long until what reached the robot is in its log [s].
 LOG_LATENCY = 0.1
-#: A robot is at rest so long after a movement: its command timeout, and more [s].
+#: How long after a movement a robot is at rest: its command timeout, and more [s].
 REST_TIME = 0.6
 
 

@@ -26,7 +26,7 @@ from benchmarks.process import JsonProcess
 from kachaka_simple_control.ros.dds_transport import CHOICES
 from program import environment
 
-#: A process may take so long to respond [s]: with loss, a service may take many tries.
+#: How long a process may take to respond [s]: with loss, a service may take many tries.
 RESPONSE_TIMEOUT = 60.0
 #: Both ends have the same shared memory, which loses nothing: DDS must use the network.
 SETTINGS = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}

@@ -28,7 +28,7 @@ RATE = 10
 VELOCITY = 0.1
 #: Of a movement that the stop ends [s].
 DURATION = 20.0
-#: The robot may take so long to be found and moved [s].
+#: How long the robot may take to be found and moved [s].
 MOTION_TIMEOUT = 25.0
 
 

@@ -21,11 +21,11 @@ from enum import Enum
 
 from benchmarks.stop_matrix.trial import Trial
 
-#: A stop begins with a burst of so many zeros.
+#: Number of zeros that a stop begins with.
 BURST_COUNT = 10
-#: A motion ends at most so much too early [s].
+#: How much too early a motion may end at most [s].
 END_TOLERANCE = 0.05
-#: Time limits are so many times as long on a machine that runs other programs, too.
+#: Factor of time limits on a machine that runs other programs, too.
 LOAD_FACTOR = 10.0
 
 

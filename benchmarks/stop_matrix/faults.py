@@ -27,9 +27,9 @@ from benchmarks.stop_matrix.robot_process import RobotProcess
 from benchmarks.stop_matrix.trial_setup import TrialContext
 
 Injector = Callable[[TrialContext], float]
-#: The robot keeps its last velocity for this long [s].
+#: How long the robot keeps its last velocity [s].
 COMMAND_TIMEOUT = 0.3
-#: A stop takes no longer [s]: the command timeout, 0.1 s, and as much for a loaded machine.
+#: Longest stop [s]: the command timeout, 0.1 s, and as much for a loaded machine.
 MAX_STOP_DURATION = 0.7
 #: A robot that is sent no velocity moves less than this [m].
 MAX_REST_DISTANCE = 0.001

@@ -24,9 +24,9 @@ from benchmarks.stop_matrix.trial_setup import OTHER_VELOCITY, TrialContext
 
 #: The graph lists a new publisher after this time [s].
 DISCOVERY_TIME = 0.6
-#: Another publisher sends for so long [s], with this period [s].
+#: How long another publisher sends, and with which period [s].
 SEND_DURATION, SEND_PERIOD = 4.5, 0.1
-#: A second program may take so long from its start to its first velocity, or its end [s].
+#: How long a second program may take from its start to its first velocity, or its end [s].
 START_TIMEOUT = 20.0
 #: A program that must stop sends no velocity after this time [s].
 STOP_TIMEOUT = 1.0

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 #: The velocity of the program before the pause [m/s].
 CRUISE = 0.3
-#: A change may take so long [s]: 0.1 s until the next message, 0.85 s to brake, the rest for a
+#: How long a change may take [s]: 0.1 s until the next message, 0.85 s to brake, the rest for a
 #: loaded machine.
 CHANGE_TIMEOUT = 3.0
 #: From the first message of a change to the fault [s]; braking and speeding up take 0.85 s.

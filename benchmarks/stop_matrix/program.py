@@ -29,7 +29,7 @@ import time
 from kachaka_simple_control.control.processes import is_running
 from program import children_of, environment, fill
 
-#: A program may take so long until it is ready to move, also on a loaded machine [s].
+#: How long a program may take to be ready to move, also on a loaded machine [s].
 READY_TIMEOUT = 40.0
 POLL_PERIOD = 0.02
 

@@ -26,10 +26,10 @@ from benchmarks.stop_matrix.observer import Observer
 from benchmarks.stop_matrix.robot_process import RobotProcess
 
 _NUMBERS = itertools.count(1)
-#: ROS domains are numbered from 1 on; Linux leaves room for so many.
+#: Number of ROS domains, from 1 on, that Linux leaves room for.
 DOMAINS = 100
 _FIRST_DOMAIN = random.randrange(DOMAINS)
-#: A robot may take so long until it publishes odometry [s].
+#: How long a robot may take until it publishes odometry [s].
 START_TIMEOUT = 20.0
 
 

@@ -24,7 +24,7 @@ import tempfile
 from benchmarks import ROOT
 from kachaka_simple_control.control import processes
 
-#: It may take so long to end [s].
+#: How long it may take to end [s].
 EXIT_TIMEOUT = 2.0
 #: What the bridge logs when manual control is released, with the time [s, system clock].
 RELEASED = re.compile(r'\[([\d.]+)\] \[[\w./]+\]: manual control disabled')

@@ -26,7 +26,7 @@ from benchmarks.stop_matrix.robot_pool import RobotPool
 from benchmarks.stop_matrix.trial import Trial
 from benchmarks.stop_matrix.trial_setup import finish_trial, inject_fault, Row, TrialContext
 
-#: A program moves for so long before its fault [s]; random, to meet the worst moment, too.
+#: How long a program moves before its fault [s]; random, to meet the worst moment, too.
 TIME_TO_FAULT = (0.2, 0.4)
 #: More programs starting at the same time would only wait for each other.
 MAX_STARTING = 3

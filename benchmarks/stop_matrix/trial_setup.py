@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 OTHER_VELOCITY = 0.05
 #: Velocity of a program beside another one that drives the same robot [m/s].
 SECOND_VELOCITY = 0.08
-#: A program may take so long from its fault, and what followed, to its end [s].
+#: How long a program may take from its fault, and what followed, to its end [s].
 EXIT_TIMEOUT = 6.0
 #: A killed program sends nothing later than this [s].
 SEND_LATENCY = 0.02
-#: Recording goes on for so long after the end [s].
+#: How long recording goes on after the end [s].
 SETTLING_TIME = 0.5
 #: The first velocity is not counted as sent after the start, nor rounded to before it [s].
 START_TOLERANCE = 0.01
