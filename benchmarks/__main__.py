@@ -77,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure as the arguments ask; return 1 if a threshold was missed, else 0."""
     parser = argparse.ArgumentParser(prog='benchmarks', description=__doc__)
     parser.add_argument('--quick', action='store_true', help='measure little; leaves docs alone')
-    parser.add_argument('--no-bars', action='store_true', help='a missed bar is no failure')
+    parser.add_argument('--no-bars', action='store_true', help='a missed threshold is no failure')
     parser.add_argument('--draw-with', metavar='PYTHON', help='a Python that has matplotlib')
     parser.add_argument('--of', type=Path, metavar='FILE', help='show this run, measure nothing')
     options = parser.parse_args(arguments)
@@ -95,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         REFERENCE.write_bytes(file.read_bytes())
     print(f'All of it: {file.relative_to(ROOT)}')
     missed = [result.threshold.what for result in judge(figures(run)) if not result.is_met]
-    print(f'Missed: {"; ".join(missed)}' if missed else 'Every bar is held')
+    print(f'Missed: {"; ".join(missed)}' if missed else 'Every threshold is held')
     return 0 if options.no_bars or not missed else 1
 
 

@@ -75,7 +75,8 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def _thresholds(results: list[ThresholdResult]) -> Table:
-    return Table('What we promise of our own figures', ('figure', 'bar', 'measured', ''), tuple(
+    head = ('figure', 'threshold', 'measured', '')
+    return Table('What we promise of our own figures', head, tuple(
         (result.threshold.what, _limit(result), _with_unit(result.value, result.unit),
          'held' if result.is_met else 'MISSED')
         for result in results))

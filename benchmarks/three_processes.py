@@ -168,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     runs = measure(options.motions, options.runs)
     print(table(runs).markdown())
-    print(f'The bar, at the median: {1e3 * MAX_OFFSET:g} mm '
+    print(f'The threshold, at the median: {1e3 * MAX_OFFSET:g} mm '
           f'and {math.degrees(MAX_ANGLE):g} degrees')
     found = missed(runs)
     print('\n'.join(['Missed:', *found]) if found else 'Held')

@@ -143,8 +143,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(table.markdown() if over_grpc else table.text())
     if options.quick:
         left_out = [row.expectation.what for row in known if row.full and not row.quick]
-        print(f'Left out of the quick form: {"; ".join(left_out) or "nothing"}. Bars are ten '
-              'times as wide, for the machine may be busy with other things.')
+        print(f'Left out of the quick form: {"; ".join(left_out) or "nothing"}. Limits are ten '
+              'times as long, for the machine may be busy with other things.')
     elif not over_grpc and (not options.rows or options.merge):
         write_page(table, data)
         REFERENCE.write_text(json.dumps(data) + '\n')

@@ -91,7 +91,7 @@ def find_late_stops(
     if max(times) <= limit:
         return []
     worst = f'{1e3 * max(times):.1f} ms to the first zero'
-    return [f'{expectation.what}: {worst}, more than the {1e3 * limit:g} ms of its bar']
+    return [f'{expectation.what}: {worst}, more than its limit of {1e3 * limit:g} ms']
 
 
 def _violations(expectation: Expectation, trial: Trial) -> Iterator[str]:

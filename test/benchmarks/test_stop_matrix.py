@@ -85,7 +85,7 @@ def test_a_row_that_was_not_tried_is_a_violation():
 def test_the_worst_time_counts_and_limits_are_wider_under_load():
     trials = [GOOD] * 19 + [replace(GOOD, zero=0.15)]
     assert find_late_stops(EXPECTATION, trials) == [
-        'SIGTERM: 150.0 ms to the first zero, more than the 20 ms of its bar']
+        'SIGTERM: 150.0 ms to the first zero, more than its limit of 20 ms']
     assert find_late_stops(EXPECTATION, trials, under_load=True) == []
     assert find_late_stops(EXPECTATION, [replace(GOOD, zero=0.21)], under_load=True) != []
     assert find_late_stops(replace(EXPECTATION, limit=None), trials) == []
@@ -151,7 +151,7 @@ def test_the_stop_of_a_paused_program_begins_where_zeros_come_at_once():
     assert from_burst_on([]) == []
 
 
-def test_what_happens_in_motion_happens_around_a_pause_with_the_same_bars():
+def test_what_happens_in_motion_happens_around_a_pause_with_the_same_limits():
     rows = {row.expectation.what: row for row in ROWS}
     for what in AROUND_PAUSE:
         for state in State:
@@ -161,7 +161,7 @@ def test_what_happens_in_motion_happens_around_a_pause_with_the_same_bars():
     assert sum(rows[f'{what}, while {State.PAUSED.value}'].quick for what in AROUND_PAUSE) == 3
 
 
-def test_what_happens_in_motion_happens_in_a_closed_loop_with_the_same_bars():
+def test_what_happens_in_motion_happens_in_a_closed_loop_with_the_same_limits():
     rows = {row.expectation.what: row for row in ROWS}
     for what in IN_CLOSED_LOOP:
         one = rows[f'{what}, in a closed loop']

@@ -62,7 +62,7 @@ def guardian_of(started):
 
 
 @pytest.mark.parametrize('name, bound', [
-    # The bars are 50 and 150 ms on a quiet machine; this one may be busy.
+    # The limits are 50 and 150 ms on a quiet machine; this one may be busy.
     ('SIGKILL', 0.25), ('SIGSEGV', 0.5), ('SIGQUIT', 0.5), ('SIGSTOP', 0.4)])
 def test_the_robot_is_stopped_when_the_node_cannot(listener, tmp_path, name, bound):
     with program(COMMAND, tmp_path) as started:
