@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Package metadata, for pip and for colcon alike; its only home."""
+"""Package metadata, for pip and for colcon alike; the only copy of it."""
 
 from setuptools import find_packages, setup
 

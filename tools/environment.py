@@ -15,7 +15,7 @@
 Make the environment that the project runs in, once.
 
 Where ROS 2 is sourced, its rclpy is the one to run with, and PyPI gives the tools alone;
-elsewhere PyPI gives rclpy too.  Whatever is in the way is said in one line.
+elsewhere PyPI gives rclpy too.  Every problem is reported in one line.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ UNREACHABLE = ('connection broken', 'Could not fetch URL', 'ReadTimeoutError')
 
 
 class RefusalError(Exception):
-    """The environment cannot be made here; the text says why, and the way out."""
+    """The environment cannot be made here; the text says why, and what to do."""
 
 
 @dataclass(frozen=True)

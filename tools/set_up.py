@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The door to the set-up: refuses a Python that is too old, in words that any Python can run."""
+"""Run the set-up; refuse a Python that is too old, with a message that any Python can print."""
 
 import sys
 
