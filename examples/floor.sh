@@ -34,11 +34,11 @@ drive() {
 echo 'A simulated floor: 5 % and 3 % slow, 2 degrees to the left on each metre, 0.3 s late.'
 # shellcheck disable=SC2086
 kachaka_calibrate --floor simulated --output measured.yaml $floor
-sed 's/delay: .*/delay: 0 s/' measured.yaml > hasty.yaml
+sed 's/delay: .*/delay: 0 s/' measured.yaml > no_delay.yaml
 drive 'as it is'
 drive calibrated --robot ./measured.yaml
 drive 'closed loop' --robot ./measured.yaml --closed-loop
-drive 'closed loop, delay ignored' --robot ./hasty.yaml --closed-loop
+drive 'closed loop, delay ignored' --robot ./no_delay.yaml --closed-loop
 kachaka_compare --plot simulated_floor.svg \
     'simulated/as it is' simulated/calibrated 'simulated/closed loop' \
     'simulated/closed loop, delay ignored'

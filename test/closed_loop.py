@@ -40,12 +40,12 @@ START = 1.0
 
 
 def identity(pose: Pose) -> Pose:
-    """Return a pose as it is."""
+    """Apply no calibration."""
     return pose
 
 
 def full_speed(elapsed: float) -> float:
-    """Return 1."""
+    """Drive at full speed."""
     return 1.0
 
 

@@ -190,7 +190,7 @@ class Reader:
         assert difference is None, f'{block}: {difference}; it printed:\n{self.output}'
 
     def has_file_with(self, fragment: str) -> bool:
-        """Tell whether a part of a file is in one of the files in the home."""
+        """Return whether a part of a file is in one of the files in the home."""
         wanted = re.sub(r'\s+', ' ', fragment.strip())
         files = [path for path in self.home.rglob('src/*/**/*') if path.is_file()
                  and path.suffix in ('.cfg', '.py', '.xml')]

@@ -21,7 +21,7 @@ from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.errors import RunFaultError
 import pytest
 
-PATIENCE = 0.2
+RESPONSE_TIMEOUT = 0.2
 
 
 class Robot:
@@ -59,7 +59,7 @@ class Answer:
 
 def drive(robot, duration, rest_at=lambda _: 0.0, period=0.1):
     """Drive in simulated time, as a run does."""
-    renewer = LeaseRenewer(robot.ask, PATIENCE)
+    renewer = LeaseRenewer(robot.ask, RESPONSE_TIMEOUT)
     renewer.granted(0.0)
     for tick in range(round(duration / period)):
         robot.now = tick * period
@@ -112,7 +112,7 @@ def test_a_refusal_is_a_fault_with_the_robots_reason():
 
 
 def test_before_a_run_it_is_renewed_when_a_rest_would_be_used():
-    renewer = LeaseRenewer(Robot().ask, PATIENCE)
+    renewer = LeaseRenewer(Robot().ask, RESPONSE_TIMEOUT)
     assert renewer.is_stale(0.0)
     renewer.granted(0.0)
     assert not renewer.is_stale(19.9)

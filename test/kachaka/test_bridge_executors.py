@@ -207,15 +207,15 @@ def test_subscription_executor_goes_on_when_the_node_executor_has_ended(node):
 
 
 class Ends:
-    """Takes note that the program is to end."""
+    """Records a shutdown request."""
 
     def __init__(self):
-        """Go on."""
-        self.told = threading.Event()
+        """Begin without a request."""
+        self.requested = threading.Event()
 
     def end(self):
-        """Take note."""
-        self.told.set()
+        """Record it."""
+        self.requested.set()
 
 
 class Endless:
@@ -244,5 +244,5 @@ def test_failure_beside_an_executor_is_not_waited_for():
 def test_end_of_an_executor_ends_the_program():
     ends = Ends()
     with _spinning(Endless(), ends):
-        assert not ends.told.is_set()
-    assert ends.told.is_set()
+        assert not ends.requested.is_set()
+    assert ends.requested.is_set()

@@ -26,7 +26,7 @@ TIMES = st.floats(0.0, 10.0)
 
 
 def close(one: Pose, two: Pose, tolerance: float = 1e-9) -> bool:
-    """Tell whether two poses are the same but for rounding."""
+    """Return whether two poses are the same but for rounding."""
     return (math.hypot(one.x - two.x, one.y - two.y) <= tolerance
             and abs(one.theta - two.theta) <= tolerance)
 

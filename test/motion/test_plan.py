@@ -37,7 +37,7 @@ from strategies import (
 
 
 def close(one: Pose, two: Pose, size: float = 1.0) -> bool:
-    """Tell whether two poses differ by less than a billionth of the way, or of a metre."""
+    """Return whether two poses differ by less than a billionth of the way, or of a metre."""
     tolerance = 1e-9 * max(1.0, size)
     return (math.hypot(one.x - two.x, one.y - two.y) <= tolerance
             and abs(one.theta - two.theta) <= tolerance)

@@ -277,26 +277,28 @@ def test_settings_of_the_user_are_kept():
 def test_tools_with_other_settings_receive_from_a_localhost_only_program():
     """As in another terminal: with ROS's own settings, or with its range LOCALHOST."""
     needs_fast_dds()
-    talk = ('from kachaka_simple_control.ros.dds_transport import *; use_localhost_only(); '
-            'import rclpy, time; from geometry_msgs.msg import Twist; rclpy.init(); '
-            'publisher = rclpy.create_node("talker").create_publisher(Twist, "/talk", 10)\n'
-            'while True: publisher.publish(Twist()); time.sleep(0.05)')
-    hear = ('import rclpy; from geometry_msgs.msg import Twist; rclpy.init(); '
-            'node = rclpy.create_node("hearer"); heard = []; '
-            'node.create_subscription(Twist, "/talk", heard.append, 10)\n'
-            'for _ in range(200):\n'
-            '    if heard: break\n'
-            '    rclpy.spin_once(node, timeout_sec=0.1)\n'
-            'print(len(heard))')
-    with subprocess.Popen([sys.executable, '-c', talk], env=environment()) as talker:
+    publish = (
+        'from kachaka_simple_control.ros.dds_transport import *; use_localhost_only(); '
+        'import rclpy, time; from geometry_msgs.msg import Twist; rclpy.init(); '
+        'publisher = rclpy.create_node("publisher").create_publisher(Twist, "/test", 10)\n'
+        'while True: publisher.publish(Twist()); time.sleep(0.05)')
+    subscribe = (
+        'import rclpy; from geometry_msgs.msg import Twist; rclpy.init(); '
+        'node = rclpy.create_node("subscriber"); received = []; '
+        'node.create_subscription(Twist, "/test", received.append, 10)\n'
+        'for _ in range(200):\n'
+        '    if received: break\n'
+        '    rclpy.spin_once(node, timeout_sec=0.1)\n'
+        'print(len(received))')
+    with subprocess.Popen([sys.executable, '-c', publish], env=environment()) as publisher:
         try:
             for chosen in ({}, {dds_transport.RANGE: 'LOCALHOST'}):
                 result = subprocess.run(
-                    [sys.executable, '-c', hear], env=environment(**chosen), timeout=60,
+                    [sys.executable, '-c', subscribe], env=environment(**chosen), timeout=60,
                     capture_output=True, check=True, text=True)
                 assert int(result.stdout) >= 1
         finally:
-            talker.kill()
+            publisher.kill()
 
 
 def test_a_profile_of_the_user_is_not_replaced():

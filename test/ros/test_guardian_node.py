@@ -35,7 +35,7 @@ def greeted():
 
 @pytest.fixture
 def enter(greeted):
-    """Return a maker of presences in the domain of this test."""
+    """Return a function that makes nodes in the domain of this test."""
     context = rclpy.Context()
     context.init(args=[])
     domain = context.get_domain_id()
@@ -50,28 +50,28 @@ def publishers(observer):
 
 
 def test_a_node_that_is_matched_stays(listener, observer, enter, greeted):
-    presence = create_matched_node(enter, lambda: False)
+    node = create_matched_node(enter, lambda: False)
     try:
-        assert presence.is_matched
+        assert node.is_matched
         assert publishers(observer) == 1
     finally:
-        presence.end()
+        node.end()
     assert len(greeted) <= 2
 
 
 def test_a_node_that_is_not_matched_joins_again(observer, enter, greeted):
     began = time.monotonic()
-    presence = create_matched_node(enter, lambda: False)
+    node = create_matched_node(enter, lambda: False)
     try:
         assert time.monotonic() - began > 2.0
         assert len(set(greeted)) == len(greeted) == 4
         assert publishers(observer) == 1
     finally:
-        presence.end()
+        node.end()
     assert publishers(observer) == 0
 
 
 def test_a_node_that_is_needed_stays(enter, greeted):
-    presence = create_matched_node(enter, lambda: True)
-    presence.end()
+    node = create_matched_node(enter, lambda: True)
+    node.end()
     assert len(greeted) == 1

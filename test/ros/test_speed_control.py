@@ -47,7 +47,7 @@ with optional_imports():
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs')]
 
 CRUISE = 0.3
-#: The way from 0.3 m/s to rest with 0.5 m/s^2 and 2 m/s^3 [m]: v / 2 (v / a + a / j).
+#: The distance from 0.3 m/s to rest with 0.5 m/s^2 and 2 m/s^3 [m]: v / 2 (v / a + a / j).
 BRAKING_DISTANCE = 0.1275
 #: How late a message may be on a loaded machine [s].
 LATENESS = 0.02
@@ -95,7 +95,7 @@ def pause_in_cruise(node, listener):
     return paused, listener.wait_for(is_zero, after=count).time
 
 
-def way(heard, since, until):
+def driven_distance(heard, since, until):
     """Return how far a robot drives that holds each velocity until the next [m]."""
     return sum(one.linear_x * (min(two.time, until) - max(one.time, since))
                for one, two in pairwise(heard) if one.time < until and two.time > since)
@@ -165,7 +165,7 @@ def test_a_square_with_five_pauses_ends_where_it_would(make, monkeypatch):
     driven = [event.pose for event in events if isinstance(event, OdometryReceived)]
     first, last = driven[0], driven[-1]
     # Each message may be late by some ms, in which the velocity would change by 0.01 m/s or 0.05
-    # rad/s; an angle moves the ends of the sides after it.  A pause that loses its way loses cm.
+    # rad/s; an angle moves the ends of the sides after it.  A pause that loses distance loses cm.
     assert math.hypot(last.x - first.x, last.y - first.y) < 0.01
     assert math.remainder(last.theta - first.theta, math.tau) == pytest.approx(
         0.0, abs=math.radians(1.5))
@@ -189,7 +189,7 @@ def test_a_pause_brakes_within_the_limits_and_holds_with_zeros(listener, observe
         listener.wait_for(is_at_cruise, after=count)
         assert ended == []
         assert node.speed_factor == 1.0
-    distance = way(listener.heard, paused, rest)
+    distance = driven_distance(listener.heard, paused, rest)
     assert distance < BRAKING_DISTANCE + CRUISE * (1.0 / rate + LATENESS)
     assert distance > BRAKING_DISTANCE - CRUISE * LATENESS
     assert not any(heard.moves for heard in held)
@@ -215,7 +215,8 @@ def test_a_pause_between_two_movements_holds_the_next(listener, make):
         assert ended == [None]
     after = [heard for heard in listener.heard if heard.time > resumed]
     assert max(heard.linear_x for heard in after) == 0.2
-    assert way(after, resumed, after[-1].time) == pytest.approx(0.2, abs=0.2 * LATENESS)
+    distance = driven_distance(after, resumed, after[-1].time)
+    assert distance == pytest.approx(0.2, abs=0.2 * LATENESS)
 
 
 @pytest.mark.parametrize('by', ['service', 'method'])
