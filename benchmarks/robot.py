@@ -49,7 +49,7 @@ class Robot(Listener):
 
     def rows(self, mark: int = 0) -> list[Row]:
         """Return time and forward velocity of each message after the first ``mark``."""
-        return [Row(heard.time, heard.linear_x) for heard in self.heard[mark:]]
+        return [Row(velocity.time, velocity.linear_x) for velocity in self.received[mark:]]
 
     def first(
             self, condition: Callable[[SentVelocity], bool], mark: int,
@@ -64,9 +64,9 @@ class Robot(Listener):
         """
         end = time.monotonic() + timeout
         while time.monotonic() < end:
-            heard = self.heard[mark:]
-            mark += len(heard)
-            if (first := next(filter(condition, heard), None)) is not None:
+            received = self.received[mark:]
+            mark += len(received)
+            if (first := next(filter(condition, received), None)) is not None:
                 return first
             time.sleep(0.005)
         return None

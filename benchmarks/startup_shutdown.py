@@ -68,7 +68,7 @@ def stopped(name: str, names: Sequence[str], load: int) -> list[dict[str, Any]]:
     end_well = name == 'ours' and not set(names) & set(UNCATCHABLE)
     for number, (robot, signum) in enumerate(zip(robots(len(names), end_well), names), 1):
         show(f'{name}: processes stopped in mid-motion', number, len(names))
-        mark = len(robot.heard)
+        mark = len(robot.received)
         with LoopProcess(name, 'drive', RATE, robot.namespace) as process:
             entries.append({
                 'loop': name, 'busy': load, 'signal': signum, **start_of(process, robot, mark),
@@ -91,7 +91,7 @@ def start_of(process: LoopProcess, robot: Robot, mark: int) -> dict[str, float |
     """
     known, matched = 0, process.started
     end = time.monotonic() + MOTION_TIMEOUT
-    while (first := robot.first(lambda heard: heard.moves, mark, POLL_PERIOD)) is None:
+    while (first := robot.first(lambda velocity: velocity.moves, mark, POLL_PERIOD)) is None:
         if time.monotonic() > end:
             return {'start': None, 'match': None}
         if robot.publishers > known:
@@ -111,9 +111,9 @@ def zero_after(process: LoopProcess, robot: Robot, signum: int) -> float | None:
     """
     # At a random time between two messages, to meet the worst, too.
     time.sleep(random.uniform(0.2, 0.4))
-    mark = len(robot.heard)
+    mark = len(robot.received)
     sent = process.send(signum)
-    zero = robot.first(lambda heard: not heard.moves, mark, ZERO_TIMEOUT)
+    zero = robot.first(lambda velocity: not velocity.moves, mark, ZERO_TIMEOUT)
     return None if zero is None else max(0.0, round(zero.time - sent, 6))
 
 
@@ -127,7 +127,8 @@ def measure_signals(scale: Scale) -> list[float | None]:
     with Robot() as robot, LoopProcess('ours', 'signals', RATE, robot.namespace) as process:
         for number in range(1, scale.signals + 1):
             show('ours: signals to one process', number, scale.signals)
-            if robot.first(lambda heard: heard.moves, len(robot.heard), MOTION_TIMEOUT) is None:
+            mark = len(robot.received)
+            if robot.first(lambda velocity: velocity.moves, mark, MOTION_TIMEOUT) is None:
                 break
             times.append(zero_after(process, robot, signal.SIGINT))
         process.process.kill()

@@ -159,7 +159,7 @@ def drive(telemetry: Telemetry, count: int) -> tuple[list[list[Row]], dict[str, 
     namespace = f'{new_namespace()}_{os.getpid()}'
     with tempfile.TemporaryDirectory() as folder, Listener(namespace, serves=False) as observer:
         def received() -> list[list[Row]]:
-            return movements(Row(one.time, one.linear_x) for one in observer.heard)
+            return movements(Row(one.time, one.linear_x) for one in observer.received)
 
         motion = Path(folder) / 'motion.yaml'
         motion.write_text(motion_text(count))
@@ -175,7 +175,7 @@ def drive(telemetry: Telemetry, count: int) -> tuple[list[list[Row]], dict[str, 
                 raise RuntimeError(f'{telemetry.name}: the drive ended with {process.returncode}')
         found = received()
     if len(found) != count:
-        raise RuntimeError(f'{telemetry.name}: {len(found)} of {count} movements were heard')
+        raise RuntimeError(f'{telemetry.name}: {len(found)} of {count} movements were received')
     return found[SETTLING_COUNT:], cpu
 
 

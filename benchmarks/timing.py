@@ -70,7 +70,7 @@ def at_rate(rate: int, count: int, turn: int, load: int) -> list[dict[str, Any]]
             show(f'{where(rate, load)}: movements by each loop'.removeprefix('at '), done, count)
             start = number % len(started)
             for process, robot in started[start:] + started[:start]:
-                mark = len(robot.heard)
+                mark = len(robot.received)
                 costs = process.move([DURATION] * min(turn, count - number * turn))
                 time.sleep(PAUSE)
                 statistics[process.name].add(costs, movements(robot.rows(mark)))

@@ -88,7 +88,7 @@ class Listener:
         :param reason: its message when it fails
         :param quality: QoS of the subscription
         """
-        self.heard: list[SentVelocity] = []
+        self.received: list[SentVelocity] = []
         self.answered: list[tuple[float, bool]] = []
         self._grants, self._delay, self._reason = grants, delay, reason
         self._context = Context()
@@ -139,9 +139,9 @@ class Listener:
         """Return the first velocity that meets a condition; fail if none comes in time."""
         end, seen = time.monotonic() + timeout, after
         while time.monotonic() < end:
-            while seen < len(self.heard):
-                if condition(self.heard[seen]):
-                    return self.heard[seen]
+            while seen < len(self.received):
+                if condition(self.received[seen]):
+                    return self.received[seen]
                 seen += 1
             time.sleep(0.002)
         raise AssertionError(f'no such velocity within {timeout} s')
@@ -149,11 +149,11 @@ class Listener:
     def held(self) -> list[HeldVelocity]:
         """Return runs of equal velocities, each held until the next velocity."""
         runs: list[list[SentVelocity]] = []
-        for heard in self.heard:
-            if runs and same(runs[-1][0], heard):
-                runs[-1].append(heard)
+        for velocity in self.received:
+            if runs and same(runs[-1][0], velocity):
+                runs[-1].append(velocity)
             else:
-                runs.append([heard])
+                runs.append([velocity])
         ends = [run[0].time for run in runs[1:]] + [runs[-1][-1].time] if runs else []
         return [HeldVelocity(run[0].linear_x, run[0].angular_z, end - run[0].time, len(run))
                 for run, end in zip(runs, ends)]
@@ -173,7 +173,7 @@ class Listener:
         return [at for at, enabled in self.answered if not enabled]
 
     def _on_velocity(self, message: Twist, info: dict[str, int]) -> None:
-        self.heard.append(SentVelocity(
+        self.received.append(SentVelocity(
             info['source_timestamp'] / 1e9, message.linear.x, message.angular.z))
 
     def _answer(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

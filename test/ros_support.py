@@ -137,12 +137,12 @@ class Probe:
         """Return a list that odometry is added to, with the time of its arrival."""
         from nav_msgs.msg import Odometry
         from rclpy.qos import qos_profile_sensor_data
-        heard = []
+        received = []
         self.node.create_subscription(
             Odometry, f'{namespace}/{topic}',
-            lambda message: heard.append((time.monotonic(), message)), qos_profile_sensor_data)
-        assert wait_until(lambda: heard)
-        return heard
+            lambda message: received.append((time.monotonic(), message)), qos_profile_sensor_data)
+        assert wait_until(lambda: received)
+        return received
 
     def set_enabled(self, namespace, enabled):
         """Call the service; return its response."""

@@ -170,9 +170,9 @@ def test_a_drive_that_cannot_tell_writes_nothing(run, monkeypatch, tmp_path):
 def test_interrupted_it_stops_the_robot_and_writes_nothing(listener, tmp_path):
     file = tmp_path / 'own.yaml'
     with program([*COMMAND, '--yes', '--output', str(file)], tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         started.send(signal.SIGINT)
         assert started.end() == 130, started.text
-    assert not listener.heard[-1].moves
+    assert not listener.received[-1].moves
     assert 'written' not in started.text
     assert not file.exists()

@@ -94,7 +94,7 @@ def test_a_motion_that_the_robot_cannot_do_is_refused_before_anything_starts(lis
         assert started.end() == 2
     (line,) = started.text.splitlines()
     assert f"{file}:3: step 2: turn.speed: 2.0 rad/s is above kachaka's limit of 1.57" in line
-    assert listener.heard == []
+    assert listener.received == []
     assert listener.answered == []
 
 
@@ -161,14 +161,14 @@ def test_by_the_service_it_drives_and_stops(listener, tmp_path):
     """Twice; a second call in between is refused; Ctrl+C ends the program."""
     with program([*COMMAND, 'straight', '--wait'], tmp_path) as started:
         started.wait_for_text('Standing by')
-        assert listener.heard == []
+        assert listener.received == []
         for _ in range(2):
-            before = len(listener.heard)
+            before = len(listener.received)
             assert listener.call('run').success
             assert 'a motion is running already' in listener.call('run').message
-            listener.wait_for(lambda heard: heard.moves, after=before)
+            listener.wait_for(lambda velocity: velocity.moves, after=before)
             assert listener.call('stop').success
-            assert not listener.heard[-1].moves
+            assert not listener.received[-1].moves
         started.send(signal.SIGINT)
         assert started.end() == 130
     assert started.text.count('the movement was ended by stop_robot()') == 2
@@ -180,16 +180,16 @@ def test_enter_starts_the_motion_of_a_command_that_stands_by(listener):
     with at_terminal([*COMMAND, 'straight', '--wait'], 200, 30) as shown:
         shown.wait_for_text('Standing by: Enter starts the motion')
         assert '`ros2 service call /kachaka_simple_control/run std_srvs/srv/Trigger`' in str(shown)
-        assert listener.heard == []
+        assert listener.received == []
         shown.press(b'\r')
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         shown.press(b'\r')
         shown.wait_for_text('a motion is running already')
         shown.press(b'\x03')
         assert shown.end() == 130
         text = '\n'.join(shown.screen.above)
     assert text.count('Program was interrupted') == text.count('Robot has stopped') == 1
-    assert not listener.heard[-1].moves
+    assert not listener.received[-1].moves
 
 
 def test_standing_by_in_the_background_it_reads_no_keyboard(tmp_path):
@@ -225,10 +225,11 @@ def test_a_request_that_is_stopped_at_once_moves_nothing(listener, tmp_path, aft
         assert listener.call('stop').success
         stopped = time.time()
         time.sleep(3.0)
-        assert not [heard for heard in listener.heard if heard.moves and heard.time > stopped]
+        assert not [velocity for velocity in listener.received
+                    if velocity.moves and velocity.time > stopped]
         # Until the next call.
         assert listener.call('run').success
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
 
 
 def test_a_stop_that_is_not_confirmed_is_not_answered_with_success(listener, tmp_path):
@@ -240,7 +241,7 @@ def test_a_stop_that_is_not_confirmed_is_not_answered_with_success(listener, tmp
     with program([*COMMAND, 'straight', '--wait'], tmp_path) as started:
         started.wait_for_text('Standing by')
         assert listener.call('run').success
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         answer = listener.call('stop')
     assert not answer.success
     assert answer.message.startswith('the stop is unconfirmed')
@@ -299,14 +300,15 @@ def test_a_robot_may_take_velocities_with_a_stamp(tmp_path):
     motion = tmp_path / 'short.yaml'
     motion.write_text(SHORT)
     with Listener(serves=False) as listener:
-        heard = []
-        listener._node.create_subscription(TwistStamped, '/left/cmd_vel', heard.append, 10)
+        received = []
+        listener._node.create_subscription(TwistStamped, '/left/cmd_vel', received.append, 10)
         command = [*COMMAND, str(motion), '--robot', str(file)]
         with program(command, tmp_path) as started:
             assert started.end() == 0, started.text
-    assert {message.header.frame_id for message in heard} == {'left/base_link'}
-    stamps = [message.header.stamp.sec + message.header.stamp.nanosec / 1e9 for message in heard]
-    moving = [stamp for stamp, message in zip(stamps, heard) if message.twist.linear.x]
+    assert {message.header.frame_id for message in received} == {'left/base_link'}
+    stamps = [message.header.stamp.sec + message.header.stamp.nanosec / 1e9
+              for message in received]
+    moving = [stamp for stamp, message in zip(stamps, received) if message.twist.linear.x]
     assert len(moving) > 10
     assert moving == sorted(moving)
-    assert heard[-1].twist.linear.x == heard[-1].twist.angular.z == 0.0
+    assert received[-1].twist.linear.x == received[-1].twist.angular.z == 0.0

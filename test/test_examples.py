@@ -87,7 +87,7 @@ def test_nod_on_request_nods_and_stops_on_ctrl_c(example, listener):
         with example('nod_on_request.py') as started:
             assert nod().success
             assert nod().message == 'nodding already'
-            listener.wait_for(lambda heard: heard.angular_z < 0.0)
+            listener.wait_for(lambda velocity: velocity.angular_z < 0.0)
             before = started.send(signal.SIGINT)
             assert started.end() == 130, started.text
             assert 'Traceback' not in started.text
@@ -96,4 +96,5 @@ def test_nod_on_request_nods_and_stops_on_ctrl_c(example, listener):
         node.destroy_node()
         context.try_shutdown()
     assert [h.angular_z for h in listener.moves()] == [0.5, -0.5]
-    assert not any(heard.moves for heard in listener.heard if heard.time > before + 0.1)
+    assert not any(velocity.moves for velocity in listener.received
+                   if velocity.time > before + 0.1)

@@ -94,7 +94,7 @@ def test_the_nodes_file_can_be_run_as_the_shebang_suggests(
               if entry and not Path(entry, 'kachaka_simple_control').is_dir()]
     command = ['env', f'PYTHONPATH={os.pathsep.join(others)}', sys.executable, str(path)]
     with program(command, tmp_path) as started:
-        assert listener.wait_for(lambda heard: heard.moves).linear_x == 0.1
+        assert listener.wait_for(lambda velocity: velocity.moves).linear_x == 0.1
         assert 'Robot control node has started' in started.text
 
 

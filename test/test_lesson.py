@@ -49,11 +49,11 @@ def test_every_movement_arrives_whole(lesson):
 
 def test_it_takes_nine_seconds(lesson):
     """From the first velocity, 1 s into the lesson, to the end of the last turn at 8 s."""
-    heard = lesson[0].heard
-    moving = [index for index, velocity in enumerate(heard) if velocity.moves]
-    assert heard[moving[-1] + 1].time - heard[moving[0]].time == pytest.approx(7.0, abs=0.1)
+    received = lesson[0].received
+    moving = [index for index, velocity in enumerate(received) if velocity.moves]
+    assert received[moving[-1] + 1].time - received[moving[0]].time == pytest.approx(7.0, abs=0.1)
     # The last second of rest is part of it.
-    assert heard[-1].time - heard[moving[-1] + 1].time >= 1.0
+    assert received[-1].time - received[moving[-1] + 1].time >= 1.0
 
 
 def test_it_logs_the_lines_of_the_lesson_in_order(lesson):
@@ -67,16 +67,16 @@ def test_it_logs_the_lines_of_the_lesson_in_order(lesson):
 
 
 def test_one_zero_ends_a_movement_and_ten_end_the_lesson(lesson):
-    heard = lesson[0].heard
-    last = max(index for index, velocity in enumerate(heard) if velocity.moves)
-    ends = [velocity.time for velocity in heard[last + 1:]]
+    received = lesson[0].received
+    last = max(index for index, velocity in enumerate(received) if velocity.moves)
+    ends = [velocity.time for velocity in received[last + 1:]]
     assert any(ends[k + 9] - ends[k] < 0.2 for k in range(len(ends) - 9))
-    assert not any(velocity.moves for velocity in heard[last + 1:])
+    assert not any(velocity.moves for velocity in received[last + 1:])
 
 
 def test_manual_control_is_on_before_the_first_message_and_off_after_the_last(lesson):
     listener = lesson[0]
     assert len(listener.enabled) == 1
     assert len(listener.released) == 1
-    assert listener.enabled[0] < listener.heard[0].time
-    assert listener.heard[-1].time < listener.released[0]
+    assert listener.enabled[0] < listener.received[0].time
+    assert listener.received[-1].time < listener.released[0]

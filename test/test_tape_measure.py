@@ -294,10 +294,10 @@ def test_interrupted_it_stops_the_robot_and_writes_nothing(listener, tmp_path):
     file = tmp_path / 'own.yaml'
     with program([*COMMAND, 'floor', '--yes', '--output', str(file), '--measured', '1 m',
                   '--measured', '358 deg'], tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         started.send(signal.SIGINT)
         assert started.end() == 130, started.text
-    assert not listener.heard[-1].moves
+    assert not listener.received[-1].moves
     assert 'written' not in started.text
     assert not file.exists()
 

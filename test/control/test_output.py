@@ -240,7 +240,8 @@ SOON = 8.0
 
 def assert_stopped_and_released(listener, since):
     """Assert that the whole stop was sent, and manual control released."""
-    zeros = [heard.time for heard in listener.heard if not heard.moves and heard.time > since]
+    zeros = [velocity.time for velocity in listener.received
+             if not velocity.moves and velocity.time > since]
     assert len(zeros) >= 15
     assert zeros[-1] - zeros[0] > 0.35
     assert len(listener.released) == 1
@@ -249,7 +250,7 @@ def assert_stopped_and_released(listener, since):
 
 def moving(listener):
     """Wait until the robot moves; return the time [s, system clock]."""
-    listener.wait_for(lambda heard: heard.moves)
+    listener.wait_for(lambda velocity: velocity.moves)
     time.sleep(0.2)
     return time.time()
 
@@ -286,7 +287,7 @@ def test_the_command_stops_the_robot_and_exits_without_a_reader(listener, signum
         moved = moving(listener)
         started.fill()
         if signum is None:
-            listener.wait_for(lambda heard: heard.angular_z < 0.0)
+            listener.wait_for(lambda velocity: velocity.angular_z < 0.0)
             moved = time.time()
             time.sleep(3.0)
         else:

@@ -105,10 +105,10 @@ def test_as_many_velocities_are_recorded_as_a_robot_received(listener, tmp_path)
     assert headline(tmp_path) == 'Done'
     sent = recorded(tmp_path)
     # A robot may be met later than its publisher meets it: zeros alone may be lost by that.
-    unheard = len(sent) - len(listener.heard)
+    unheard = len(sent) - len(listener.received)
     assert 0 <= unheard <= PRIMING
     assert not any(map(is_motion, sent[:unheard]))
-    assert_same(sent[unheard:], listener.heard)
+    assert_same(sent[unheard:], listener.received)
     assert sum(map(is_motion, sent)) == 50
     assert [velocity[1:] for velocity in sent[-10:]] == [(0.0, 0.0)] * 10
 
@@ -126,7 +126,7 @@ def test_a_signal_in_mid_motion_is_recorded_to_the_last_zero(listener, tmp_path,
     assert headline(tmp_path) == f'Stopped by {name}'
     sent = recorded(tmp_path)
     assert_same(from_motion_on(sent, is_motion),
-                from_motion_on(listener.heard, lambda heard: heard.moves))
+                from_motion_on(listener.received, lambda heard: heard.moves))
     assert 15 < sum(map(is_motion, sent)) < 100
     assert [velocity[1:] for velocity in sent[-10:]] == [(0.0, 0.0)] * 10
 
@@ -142,10 +142,10 @@ def test_a_program_that_is_killed_leaves_all_that_it_sent(listener, tmp_path, na
         wait_for_end(tmp_path, started)
         assert headline(tmp_path) == 'Killed'
         sent = recorded(tmp_path)
-        last = max(place for place, velocity in enumerate(listener.heard) if velocity.moves)
+        last = max(place for place, velocity in enumerate(listener.received) if velocity.moves)
         assert sent[-1][1:] == (0.1, 0.0)
         # Killed between sending and recording, it loses one velocity.
-        heard = sum(heard.moves for heard in listener.heard)
+        heard = sum(heard.moves for heard in listener.received)
         assert 0 <= heard - sum(map(is_motion, sent)) <= 1
         listener.wait_for(lambda heard: not heard.moves, after=last)
 
@@ -214,8 +214,8 @@ def test_a_full_disk_ends_the_recording_and_the_robot_is_stopped(listener, tmp_p
         assert not [file for file in (disk / 'report').iterdir() if file.suffix == '.new']
         one, other = (len(read(disk / 'report' / 'run.mcap')) for read in READERS)
     assert one == other > 0
-    assert not listener.heard[-1].moves
-    assert sum(heard.moves for heard in listener.heard) > 100, 'the drive went on'
+    assert not listener.received[-1].moves
+    assert sum(heard.moves for heard in listener.received) > 100, 'the drive went on'
 
 
 @contextlib.contextmanager

@@ -123,8 +123,8 @@ def test_odometry_that_repeats_one_pose_ends_the_run(listener, observer, make, r
         with pytest.raises(RunFaultError, match='from where it should be'):
             node.run(Motion('far', (Forward(2.0),)))
         assert time.monotonic() - began < 15.0
-    assert any(velocity.moves for velocity in listener.heard)
-    assert not any(velocity.moves for velocity in listener.heard[-10:])
+    assert any(velocity.moves for velocity in listener.received)
+    assert not any(velocity.moves for velocity in listener.received[-10:])
 
 
 def test_without_odometry_it_is_refused_before_anything_moves(listener, make, robot):
@@ -132,7 +132,7 @@ def test_without_odometry_it_is_refused_before_anything_moves(listener, make, ro
     with pytest.raises(MotionRefusedError, match='a closed loop needs odometry on '
                        '/kachaka/odometry/odometry, and within 3 s none has come'):
         node.run(Motion('far', (Forward(2.0),)))
-    assert not any(velocity.moves for velocity in listener.heard)
+    assert not any(velocity.moves for velocity in listener.received)
 
 
 def test_odometry_that_says_nothing_new_ends_the_run(listener, observer, make, robot):
@@ -142,8 +142,8 @@ def test_odometry_that_says_nothing_new_ends_the_run(listener, observer, make, r
     with repeated_odometry(observer.node, 0.0, stamped_for=2.0), pytest.raises(
             RunFaultError, match='odometry has had nothing new for 1.. s: a closed loop'):
         node.run(Motion('slow', (Forward(1.0, 0.02),)))
-    assert any(velocity.moves for velocity in listener.heard)
-    assert not any(velocity.moves for velocity in listener.heard[-10:])
+    assert any(velocity.moves for velocity in listener.received)
+    assert not any(velocity.moves for velocity in listener.received[-10:])
 
 
 def test_a_robot_in_motion_is_refused(listener, observer, make, robot):
@@ -153,7 +153,7 @@ def test_a_robot_in_motion_is_refused(listener, observer, make, robot):
             MotionRefusedError, match='a closed loop begins at rest, and odometry on .* sees the '
                                       'robot move'):
         node.run(Motion('far', (Forward(2.0),)))
-    assert not any(velocity.moves for velocity in listener.heard)
+    assert not any(velocity.moves for velocity in listener.received)
 
 
 def test_odometry_whose_stamps_stand_still_is_refused(listener, observer, make, robot):
@@ -161,7 +161,7 @@ def test_odometry_whose_stamps_stand_still_is_refused(listener, observer, make, 
     with repeated_odometry(observer.node, 0.0, stamped_for=0.0), pytest.raises(
             MotionRefusedError, match='and the stamps of odometry on .* do not'):
         node.run(Motion('far', (Forward(2.0),)))
-    assert not any(velocity.moves for velocity in listener.heard)
+    assert not any(velocity.moves for velocity in listener.received)
 
 
 def test_a_stop_that_is_unconfirmed_does_not_hide_why_there_was_one(
@@ -186,7 +186,7 @@ def test_move_robot_sends_what_it_is_told(listener, make, robot):
     """Also where the parameter is true."""
     node = make(robot=robot, closed_loop=True)
     node.move_robot(0.1, 0.2, 0.5)
-    moves = [velocity for velocity in listener.heard if velocity.moves]
+    moves = [velocity for velocity in listener.received if velocity.moves]
     assert moves
     assert {(velocity.linear_x, velocity.angular_z) for velocity in moves} == {(0.1, 0.2)}
 
@@ -195,11 +195,11 @@ def test_an_open_loop_sends_the_plan_bit_for_bit(listener, make):
     node = make(rate=20.0)
     motion = Motion('there', (Forward(0.2),))
     node.run(motion)
-    heard = [velocity.linear_x for velocity in listener.heard]
+    received = [velocity.linear_x for velocity in listener.received]
     planned = [segment.velocity.linear_x
                for segment in plan(motion, node.profile.limits, 20.0).segments]
-    first = heard.index(planned[0])
-    assert heard[first:first + len(planned)] == planned
+    first = received.index(planned[0])
+    assert received[first:first + len(planned)] == planned
 
 
 def test_a_stamp_that_is_not_later_corrects_nothing(observer, make, robot):

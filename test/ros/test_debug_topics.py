@@ -82,7 +82,7 @@ def test_each_velocity_is_shown_with_its_time(listener, observer, make):
     assert {(m.twist.linear.x, m.twist.angular.z) for m in moving} == {(0.1, -0.2)}
     assert {message.header.frame_id for message in seen} == {'base_link'}
     stamps = [message.header.stamp.sec + message.header.stamp.nanosec * 1e-9 for message in moving]
-    sent = [heard.time for heard in listener.heard if heard.moves]
+    sent = [velocity.time for velocity in listener.received if velocity.moves]
     # Stamped by the same machine, right after it was sent.
     assert stamps == pytest.approx(sent, abs=0.05)
 
@@ -148,7 +148,7 @@ def test_a_diagnosis_reports_the_end_of_a_motion(listener, observer, make):
 def stop_soon(node, listener):
     """Stop a node once it moves."""
     def stop():
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         node.stop_robot()
     threading.Thread(target=stop).start()
 

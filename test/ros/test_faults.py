@@ -50,7 +50,7 @@ class Odometer:
             Odometry, 'odometry/odometry', qos_profile_sensor_data)
         self._timer = listener._node.create_timer(0.02, self._publish)
 
-    def wait_until_heard(self):
+    def wait_until_received(self):
         """Wait until a program has had time to receive some of it."""
         assert wait_until(self._publisher.get_subscription_count)
         time.sleep(0.3)
@@ -67,12 +67,12 @@ class Odometer:
 
 def end_of_motion(listener):
     """Return when the last velocity that moves was sent."""
-    return max(heard.time for heard in listener.heard if heard.moves)
+    return max(velocity.time for velocity in listener.received if velocity.moves)
 
 
 def test_a_robot_that_leaves_is_noticed_at_once(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         time.sleep(0.2)
         listener.leave()
         left = time.monotonic()
@@ -87,21 +87,21 @@ def test_a_robot_whose_odometry_falls_silent_is_taken_for_lost(listener, tmp_pat
     """Nothing else reports a pulled cable within 20 s."""
     odometer = Odometer(listener)
     with program(COMMAND, tmp_path) as started:
-        moved = listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        moved = listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         odometer.silence()
         silent = time.time()
         assert started.end() == 1
     assert 'odometry has been silent for 1.0 s' in started.text
     assert moved.time < end_of_motion(listener) < silent + 1.3
     # The link may come back with what was sent before: the last of it must be zeros.
-    assert listener.heard[-1].time - end_of_motion(listener) > 1.3
+    assert listener.received[-1].time - end_of_motion(listener) > 1.3
 
 
 def test_odometry_that_begins_in_mid_motion_is_watched_from_then_on(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         odometer = Odometer(listener)
-        moved = listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        moved = listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         odometer.silence()
         silent = time.time()
         assert started.end() == 1
@@ -113,7 +113,7 @@ def test_odometry_that_is_not_a_number_is_ignored(listener, tmp_path):
     """A robot that publishes nothing else counts as silent."""
     odometer = Odometer(listener)
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         odometer.velocity = math.nan
         assert started.end() == 1
     assert 'odometry has been silent for 1.0 s' in started.text
@@ -159,23 +159,23 @@ class OtherPublisher:
 
 def ours(listener, other):
     """Return our velocities other than zero after the other publisher began."""
-    return [heard for heard in listener.heard
-            if heard.time > other.began + 0.05 and heard.moves
-            and heard.linear_x != OtherPublisher.SPEED]
+    return [velocity for velocity in listener.received
+            if velocity.time > other.began + 0.05 and velocity.moves
+            and velocity.linear_x != OtherPublisher.SPEED]
 
 
 @pytest.mark.parametrize('quality', [10, qos_profile_sensor_data])
 def test_the_first_velocity_of_another_publisher_ends_the_run(listener, tmp_path, quality):
     other = OtherPublisher(listener, quality)
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
-        listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         other.send()
         assert started.end() == 1
     (line,) = [line for line in started.text.splitlines() if 'somebody else' in line]
     assert '(node listener) sends velocities on /kachaka/manual_control/cmd_vel' in line
     assert ours(listener, other) == []
     # Our zeros end, and manual control is the other's by now.
-    assert max(h.time for h in listener.heard if not h.moves) - other.began < 1.0
+    assert max(h.time for h in listener.received if not h.moves) - other.began < 1.0
     assert listener.released == []
     other.leave()
 
@@ -183,7 +183,7 @@ def test_the_first_velocity_of_another_publisher_ends_the_run(listener, tmp_path
 def test_a_zero_of_another_publisher_ends_the_run(listener, tmp_path):
     other = OtherPublisher(listener)
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
-        listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         time.sleep(0.5)
         other.send(0.0)
         assert started.end() == 1
@@ -194,7 +194,7 @@ def test_a_zero_of_another_publisher_ends_the_run(listener, tmp_path):
 
 def test_another_publisher_that_joins_in_mid_motion_ends_the_run(listener, tmp_path):
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
-        listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         other = OtherPublisher(listener)
         other.send()
         assert started.end() == 1
@@ -205,15 +205,15 @@ def test_another_publisher_that_joins_in_mid_motion_ends_the_run(listener, tmp_p
 
 def end_of_motion_of_ours(listener):
     """Return when our last velocity that moves was sent."""
-    return max(heard.time for heard in listener.heard
-               if heard.moves and heard.linear_x != OtherPublisher.SPEED)
+    return max(velocity.time for velocity in listener.received
+               if velocity.moves and velocity.linear_x != OtherPublisher.SPEED)
 
 
 def test_a_publisher_that_never_sends_is_no_fault(listener, tmp_path):
     """Neither before a run, nor in it, nor when the robot is released."""
     other = OtherPublisher(listener)
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
-        listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         another = OtherPublisher(listener)
         assert started.end() == 0
     assert len(listener.moves()) == 3
@@ -225,7 +225,7 @@ def test_a_publisher_that_never_sends_is_no_fault(listener, tmp_path):
 def test_no_run_begins_while_another_publisher_sends(listener, tmp_path):
     other = OtherPublisher(listener)
     other.send()
-    listener.wait_for(lambda heard: heard.moves)
+    listener.wait_for(lambda velocity: velocity.moves)
     with program(COMMAND, tmp_path) as started:
         code = started.end()
     assert 'another program (node ' in started.text
@@ -233,7 +233,7 @@ def test_no_run_begins_while_another_publisher_sends(listener, tmp_path):
     # 1 where discovery found the publisher after the robot: then zeros were sent already.
     assert code in (3, 1)
     allowed = {OtherPublisher.SPEED} if code == 3 else {OtherPublisher.SPEED, 0.0}
-    assert {heard.linear_x for heard in listener.heard} <= allowed
+    assert {velocity.linear_x for velocity in listener.received} <= allowed
     assert code == 1 or listener.answered == []
     other.leave()
 
@@ -241,13 +241,13 @@ def test_no_run_begins_while_another_publisher_sends(listener, tmp_path):
 def test_zeros_go_on_beside_a_publisher_that_is_silent(listener, tmp_path):
     odometer, other = Odometer(listener), OtherPublisher(listener)
     with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
-        listener.wait_for(lambda heard: heard.angular_z != 0.0)
+        listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         odometer.velocity = 0.1
         # A program that never received odometry has none to confirm its stop by.
-        odometer.wait_until_heard()
+        odometer.wait_until_received()
         started.send(signal.SIGINT)
         assert started.end() == 130
-    assert listener.heard[-1].time - end_of_motion(listener) > 1.0
+    assert listener.received[-1].time - end_of_motion(listener) > 1.0
     other.leave()
 
 
@@ -255,7 +255,7 @@ def test_other_publishers_may_be_allowed(listener, tmp_path):
     other = OtherPublisher(listener)
     command = [*COMMAND, '--ros-args', '-p', 'allow_other_publishers:=true']
     with program(command, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         other.send(0.0)
         assert started.end() == 0
     other.leave()
@@ -263,12 +263,12 @@ def test_other_publishers_may_be_allowed(listener, tmp_path):
 
 def test_a_robot_that_is_back_does_not_move_by_itself(tmp_path):
     with Listener() as listener, program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         listener.leave()
         with Listener() as back:
             assert started.end() == 1
             time.sleep(1.0)
-            assert not [heard for heard in back.heard if heard.moves]
+            assert not [velocity for velocity in back.received if velocity.moves]
 
 
 def test_after_a_fault_the_robot_is_connected_again(tmp_path):
@@ -281,31 +281,31 @@ except ControlError as error:
 node.move_robot(0.2, 0.0, 0.5)
 """
     with Listener() as listener, script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         listener.leave()
         started.wait_for_text('the robot left')
         with Listener() as back:
             assert started.end() == 0
             assert [(move.linear_x, move.count) for move in back.moves()] == [(0.2, 5)]
             assert back.enabled
-            moved = next(heard for heard in back.heard if heard.moves)
+            moved = next(velocity for velocity in back.received if velocity.moves)
             assert back.enabled[0] < moved.time
 
 
 def test_zeros_go_on_while_odometry_sees_the_robot_move(listener, tmp_path):
     odometer = Odometer(listener)
     with script(BEGIN + 'node.move_robot(0.1, 0.0, 0.5)\n', tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         odometer.velocity = 0.1
         assert started.end() == 0
     assert started.text.count('the stop is unconfirmed') == 1
-    assert listener.heard[-1].time - end_of_motion(listener) > 1.0
+    assert listener.received[-1].time - end_of_motion(listener) > 1.0
 
 
 def test_a_stop_that_odometry_does_not_confirm_is_a_fault(listener, tmp_path):
     odometer = Odometer(listener)
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         odometer.velocity = 0.1
         assert started.end() == 1
     assert started.text.count('the stop is unconfirmed') == 1
@@ -315,7 +315,7 @@ def test_a_stop_that_odometry_does_not_confirm_is_a_fault(listener, tmp_path):
 def test_a_stop_by_a_signal_that_is_not_confirmed_is_reported_once(listener, tmp_path):
     odometer = Odometer(listener)
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         odometer.velocity = 0.1
         started.send(signal.SIGINT)
         assert started.end() == 130

@@ -40,10 +40,10 @@ node = KachakaSimpleControl()
 def zeros_after(listener, since):
     """Return the times of the zeros that followed, and assert that no motion came after them."""
     time.sleep(1.0)
-    after = [heard for heard in listener.heard if heard.time > since]
-    zeros = [heard.time for heard in after if not heard.moves]
+    after = [velocity for velocity in listener.received if velocity.time > since]
+    zeros = [velocity.time for velocity in after if not velocity.moves]
     assert zeros
-    assert not [heard for heard in after if heard.moves and heard.time > zeros[0]]
+    assert not [velocity for velocity in after if velocity.moves and velocity.time > zeros[0]]
     return zeros
 
 
@@ -66,7 +66,7 @@ def guardian_of(started):
     ('SIGKILL', 0.25), ('SIGSEGV', 0.5), ('SIGQUIT', 0.5), ('SIGSTOP', 0.4)])
 def test_the_robot_is_stopped_when_the_node_cannot(listener, tmp_path, name, bound):
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         time.sleep(0.3)
         sent = started.send(signal.Signals[name])
         zeros = zeros_after(listener, sent)
@@ -76,7 +76,7 @@ def test_the_robot_is_stopped_when_the_node_cannot(listener, tmp_path, name, bou
 
 def test_the_guardian_does_not_outlive_its_node(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         guardian = guardian_of(started)
         started.send(signal.SIGKILL)
         started.end()
@@ -88,16 +88,17 @@ def test_the_guardian_does_not_outlive_its_node(listener, tmp_path):
 
 def test_a_frozen_node_is_stopped_once_and_sends_no_motion_when_it_resumes(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         time.sleep(0.25)
         sent = started.send(signal.SIGSTOP)
         time.sleep(2.0)
-        frozen = [heard.time for heard in listener.heard if heard.time > sent]
+        frozen = [velocity.time for velocity in listener.received if velocity.time > sent]
         assert frozen[-1] - frozen[0] < 0.7  # then silence: one stop, not a flood
         continued = started.send(signal.SIGCONT)
         assert started.end() == 1
     assert 'the guardian stopped the robot: the node sent no heartbeat' in started.text
-    assert not [heard for heard in listener.heard if heard.moves and heard.time > continued]
+    assert not [velocity for velocity in listener.received
+                if velocity.moves and velocity.time > continued]
     assert len(listener.released) == 1
 
 
@@ -112,10 +113,10 @@ node.move_robot(0.1, 0.0, 0.5)
 node.move_robot(0.1, 0.0, 0.5)
 """
     with script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         time.sleep(3.5)
-        end = max(heard.time for heard in listener.heard if heard.moves)
-        zeros = [heard.time for heard in listener.heard if heard.time > end]
+        end = max(velocity.time for velocity in listener.received if velocity.moves)
+        zeros = [velocity.time for velocity in listener.received if velocity.time > end]
         assert zeros[0] - end < 0.4  # its own
         assert_whole_stop(zeros[1:])
         assert zeros[1] - zeros[0] < 1.5
@@ -132,7 +133,7 @@ node.session.gate._sending.clear = lambda: None
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         time.sleep(0.25)
         sent = started.send(signal.SIGSTOP)
         assert zeros_after(listener, sent)[0] - sent < 0.4
@@ -174,11 +175,12 @@ threading.Timer(4.0, hang).start()
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         assert started.end() == 1
     assert 'the guardian stopped the robot: the node sent no heartbeat' in started.text
-    moves = [heard.time for heard in listener.heard if heard.moves]
-    zeros = [heard.time for heard in listener.heard if not heard.moves and heard.time > moves[0]]
+    moves = [velocity.time for velocity in listener.received if velocity.moves]
+    zeros = [velocity.time for velocity in listener.received
+             if not velocity.moves and velocity.time > moves[0]]
     # A few of the motion's own heartbeats may come late; the guardian's bound is 0.5 s.
     assert zeros[0] - moves[-1] < 0.8
 
@@ -189,7 +191,7 @@ node.session._discovery.check_subscribed = slow(node.session._discovery.check_su
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         time.sleep(0.25)
         sent = started.send(signal.SIGSTOP)
         assert zeros_after(listener, sent)[0] - sent < 0.4
@@ -210,7 +212,7 @@ def test_a_process_is_frozen_from_sigstop_to_sigcont():
 
 def test_a_short_freeze_does_not_stop_a_healthy_run(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         for _ in range(5):
             started.send(signal.SIGSTOP)
             time.sleep(0.05)
@@ -221,7 +223,7 @@ def test_a_short_freeze_does_not_stop_a_healthy_run(listener, tmp_path):
 
 def test_the_run_ends_when_the_guardian_is_killed(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         os.kill(guardian_of(started), signal.SIGKILL)
         killed = time.time()
         assert started.end() == 1
@@ -231,7 +233,7 @@ def test_the_run_ends_when_the_guardian_is_killed(listener, tmp_path):
 
 def test_a_guardian_that_is_terminated_stops_the_robot_first(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         os.kill(guardian_of(started), signal.SIGTERM)
         told = time.time()
         assert started.end() == 1
@@ -240,7 +242,7 @@ def test_a_guardian_that_is_terminated_stops_the_robot_first(listener, tmp_path)
 
 def test_ctrl_c_at_the_terminal_does_not_end_the_guardian(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         guardian = guardian_of(started)
         assert os.getsid(guardian) == guardian
         os.kill(guardian, signal.SIGINT)
@@ -260,7 +262,7 @@ if os.fork() == 0:
 os.kill(os.getpid(), signal.SIGKILL)
 """
     with script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         time.sleep(1.0)
         (tmp_path / 'go').touch()
         started.process.wait(10.0)
@@ -274,7 +276,7 @@ def test_a_program_may_end_without_any_cleaning_up(listener, tmp_path, ending, c
     text = f'{BEGIN}node.move_robot(0.1, 0.0, 0.3)\n{ending}\n'
     with script(text, tmp_path) as started:
         assert started.end() == code
-        end = max(heard.time for heard in listener.heard if heard.moves)
+        end = max(velocity.time for velocity in listener.received if velocity.moves)
         assert_whole_stop(zeros_after(listener, end))
 
 
@@ -291,10 +293,10 @@ threading.Thread(target=shut_down_context, daemon=True).start()
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         (tmp_path / 'go').touch()
         assert started.end() != 0
-        end = max(heard.time for heard in listener.heard if heard.moves)
+        end = max(velocity.time for velocity in listener.received if velocity.moves)
         zeros = zeros_after(listener, end)
         assert zeros[0] - end < 0.6
         assert_whole_stop(zeros)
@@ -310,7 +312,7 @@ def test_a_node_killed_before_it_moved_leaves_nothing_to_send(listener, tmp_path
         started.end()
         time.sleep(1.0)
         assert not is_running(guardian)
-    assert listener.heard == []
+    assert listener.received == []
 
 
 def test_after_the_robot_was_released_the_guardian_has_ended(listener, tmp_path):
@@ -321,14 +323,14 @@ print('given back', flush=True)
 time.sleep(20)
 """
     with script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         guardian = guardian_of(started)
         started.wait_for_text('given back')
         assert not is_running(guardian)
-        count = len(listener.heard)
+        count = len(listener.received)
         started.send(signal.SIGKILL)
         time.sleep(0.5)
-        assert len(listener.heard) == count
+        assert len(listener.received) == count
     assert len(listener.released) == 1
 
 
@@ -349,12 +351,12 @@ os.read(int(sys.argv[1]), 1)
 def test_a_node_without_a_guardian_is_not_stopped_after_sigkill(listener, tmp_path):
     command = [*COMMAND, '--ros-args', '-p', 'guardian:=false']
     with program(command, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         with pytest.raises(AssertionError, match='no guardian'):
             guardian_of(started)
         killed = started.send(signal.SIGKILL)
         time.sleep(0.5)
-    assert not [heard for heard in listener.heard if heard.time > killed]
+    assert not [velocity for velocity in listener.received if velocity.time > killed]
 
 
 def test_a_busy_machine_is_no_reason_to_stop(listener, tmp_path):

@@ -81,7 +81,7 @@ def test_parameters_cannot_be_changed_while_driving(listener, observer, make):
     node = make(rate=20.0)
     thread = threading.Thread(target=node.move_robot, args=(0.1, 0.0, 2.0))
     thread.start()
-    listener.wait_for(lambda heard: heard.moves)
+    listener.wait_for(lambda velocity: velocity.moves)
     for name, value in (('rate', ParameterValue(type=3, double_value=5.0)),
                         ('guardian', ParameterValue(type=1, bool_value=False)),
                         ('robot_namespace', ParameterValue(type=4, string_value='/other'))):

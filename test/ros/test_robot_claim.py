@@ -59,13 +59,13 @@ def folders(tmp_path, *names):
 
 def speeds(listener):
     """Return the forward velocities that were received, without zeros."""
-    return {heard.linear_x for heard in listener.heard if heard.linear_x}
+    return {velocity.linear_x for velocity in listener.received if velocity.linear_x}
 
 
 def test_a_newcomer_is_refused_and_the_one_that_drives_finishes(listener, tmp_path):
     one, two = folders(tmp_path, 'one', 'two')
     with script(DRIVE.format(speed=0.1, duration=5.0), one) as first:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         with program(COMMAND, two) as second:
             assert second.end() == 3
         assert first.process.poll() is None, 'the newcomer is refused at once'
@@ -76,14 +76,14 @@ def test_a_newcomer_is_refused_and_the_one_that_drives_finishes(listener, tmp_pa
     assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 50)]
     # No message of the second between those of the first, no zero either; manual control was
     # switched on once, and released once.
-    assert not [heard for heard in listener.heard
-                if not heard.moves and moved(listener)[0] < heard.time < moved(listener)[-1]]
+    assert not [velocity for velocity in listener.received
+                if not velocity.moves and moved(listener)[0] < velocity.time < moved(listener)[-1]]
     assert [enabled for _, enabled in listener.answered] == [True, False]
 
 
 def moved(listener):
     """Return when velocities other than zero were received."""
-    return [heard.time for heard in listener.heard if heard.moves]
+    return [velocity.time for velocity in listener.received if velocity.moves]
 
 
 def test_of_two_that_start_in_the_same_moment_one_drives(listener, tmp_path):
@@ -99,7 +99,7 @@ def test_of_two_that_start_in_the_same_moment_one_drives(listener, tmp_path):
 def test_a_program_that_is_frozen_keeps_the_robot(listener, tmp_path):
     one, two = folders(tmp_path, 'one', 'two')
     with script(DRIVE.format(speed=0.1, duration=20.0), one) as first:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         first.send(signal.SIGSTOP)
         with program(COMMAND, two) as second:
             assert second.end() == 3
@@ -111,15 +111,16 @@ def test_a_program_that_is_frozen_keeps_the_robot(listener, tmp_path):
 def test_after_a_kill_the_robot_is_free_as_soon_as_the_guardian_is_gone(listener, tmp_path):
     one, two = folders(tmp_path, 'one', 'two')
     with script(DRIVE.format(speed=0.1, duration=20.0), one) as first:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         first.send(signal.SIGKILL)
         killed = time.time()
         with script(DRIVE.format(speed=0.2, duration=0.5), two) as second:
             assert second.end() == 0
     assert [(move.linear_x, move.count) for move in listener.moves()][-1] == (0.2, 5)
     # The stop of the first was over by then.
-    zeros = [heard.time for heard in listener.heard if not heard.moves and heard.time > killed]
-    begun = next(heard.time for heard in listener.heard if heard.linear_x == 0.2)
+    zeros = [velocity.time for velocity in listener.received
+             if not velocity.moves and velocity.time > killed]
+    begun = next(velocity.time for velocity in listener.received if velocity.linear_x == 0.2)
     assert len([at for at in zeros if at < begun]) >= 20
 
 
@@ -129,9 +130,9 @@ def test_a_program_that_stands_by_takes_nothing_until_it_drives(listener, tmp_pa
         standing_by.wait_for_text('Standing by')
         with script(DRIVE.format(speed=0.1, duration=0.5), two) as other:
             assert other.end() == 0
-        listener.heard.clear()
+        listener.received.clear()
         assert listener.call('run').success
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
 
 
 def test_a_second_bridge_under_the_same_name_is_refused():
@@ -158,7 +159,7 @@ def test_bridges_of_two_names_run_side_by_side():
 def test_from_another_machine_a_newcomer_yields(listener, tmp_path):
     one, two = folders(tmp_path, 'one', 'two')
     with script(ELSEWHERE + DRIVE.format(speed=0.1, duration=6.0), one) as first:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         with script(ELSEWHERE + DRIVE.format(speed=0.2, duration=1.0), two) as second:
             assert second.end() == 3
         assert first.end() == 0
@@ -179,7 +180,7 @@ def test_a_driver_on_another_machine_that_was_killed_keeps_nothing(listener, tmp
     """DDS lists it for 20 s, but it publishes its claim no more."""
     one, two = folders(tmp_path, 'one', 'two')
     with script(ELSEWHERE + DRIVE.format(speed=0.1, duration=20.0), one) as first:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         first.send(signal.SIGKILL)
         with script(ELSEWHERE + DRIVE.format(speed=0.2, duration=0.5), two) as second:
             assert second.end() == 0
@@ -190,10 +191,10 @@ def test_two_programs_that_discover_each_other_too_late_both_stop(listener, tmp_
     one, two = folders(tmp_path, 'one', 'two')
     text = ELSEWHERE + UNAWARE
     with script(text + DRIVE.format(speed=0.1, duration=30.0), one) as first:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         with script(text + DRIVE.format(speed=0.2, duration=30.0), two) as second:
             assert (first.end(), second.end()) == (1, 1)
     for text in (first.text, second.text):
         assert 'another program drives the robot as well' in text or (
             'another program (node kachaka_simple_control) sends velocities' in text)
-    assert not listener.heard[-1].moves
+    assert not listener.received[-1].moves

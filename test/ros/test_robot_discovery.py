@@ -53,7 +53,7 @@ def test_a_robot_that_comes_late_gets_the_first_movement_whole(tmp_path):
         started.wait_for_text('Robot control node has started')
         time.sleep(1.0)
         with Listener() as listener:
-            listener.wait_for(lambda heard: heard.angular_z != 0.0)
+            listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
             first = listener.moves()[0]
     assert (first.linear_x, first.count) == (0.1, 10)
     assert first.duration == pytest.approx(1.0, rel=0.03)
@@ -65,7 +65,7 @@ def test_a_subscriber_is_not_a_robot(tmp_path):
         with program(with_parameters('robot_timeout:=3'), tmp_path) as started:
             assert started.end() == 3
         assert 'not the service /kachaka/manual_control/set_enabled' in started.text
-        assert listener.heard == []
+        assert listener.received == []
 
 
 def test_two_robots_under_one_name_are_refused(tmp_path):
@@ -79,7 +79,7 @@ def test_two_robots_under_one_name_are_refused(tmp_path):
             # 1 where discovery finds the second one when the first has been met already.
             assert started.end() in (3, 1)
         assert '2 robots publish /kachaka/odometry/odometry' in started.text
-        assert not [heard for heard in one.heard + two.heard if heard.moves]
+        assert not [velocity for velocity in one.received + two.received if velocity.moves]
 
 
 def test_a_robot_under_the_same_name_is_left_alone_by_a_simulated_drive(tmp_path):
@@ -99,7 +99,7 @@ def test_a_robot_under_the_same_name_is_left_alone_by_a_simulated_drive(tmp_path
 def test_nothing_is_sent_before_manual_control_was_granted(tmp_path):
     with Listener(delay=0.7) as listener, program(COMMAND, tmp_path) as started:
         listener.wait_for(bool)
-        assert listener.enabled[0] < listener.heard[0].time
+        assert listener.enabled[0] < listener.received[0].time
         assert started.process.poll() is None
 
 
@@ -108,15 +108,15 @@ def test_a_robot_that_refuses_manual_control_is_not_driven(tmp_path):
         with program(COMMAND, tmp_path) as started:
             assert started.end() == 3
         assert 'the robot refused manual control: not today' in started.text
-        assert listener.heard == []
+        assert listener.received == []
 
 
 def test_zeros_are_sent_for_the_prime_time_first(tmp_path):
     with Listener() as listener:
         with program(with_parameters('prime_time:=1.0'), tmp_path):
-            moved = listener.wait_for(lambda heard: heard.moves)
+            moved = listener.wait_for(lambda velocity: velocity.moves)
         # 1 s of priming, then the first second of the lesson.
-        assert moved.time - listener.heard[0].time == pytest.approx(2.0, abs=0.3)
+        assert moved.time - listener.received[0].time == pytest.approx(2.0, abs=0.3)
 
 
 @pytest.mark.parametrize('parameter, text', [

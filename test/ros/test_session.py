@@ -62,7 +62,7 @@ def test_a_bad_movement_is_refused_before_anything_is_sent(listener, make, argum
     with pytest.raises(InvalidMotionError, match=f'^{text}'):
         node.move_robot(*arguments)
     time.sleep(0.3)
-    assert listener.heard == []
+    assert listener.received == []
     assert listener.answered == []
 
 
@@ -89,13 +89,13 @@ def test_nothing_publishes_beside_the_velocity_gate(listener, make):
     from geometry_msgs.msg import Twist
     with pytest.raises(MotionRefusedError, match='use those'):
         make().publisher.publish(Twist())
-    assert listener.heard == []
+    assert listener.received == []
 
 
 def test_a_robot_that_was_never_connected_is_not_even_stopped(listener, make):
     make().stop_robot()
     time.sleep(0.3)
-    assert listener.heard == []
+    assert listener.received == []
 
 
 def test_stopping_in_another_thread_ends_the_movement_there(listener, make):
@@ -110,11 +110,11 @@ def test_stopping_in_another_thread_ends_the_movement_there(listener, make):
 
     thread = threading.Thread(target=drive)
     thread.start()
-    listener.wait_for(lambda heard: heard.moves)
+    listener.wait_for(lambda velocity: velocity.moves)
     node.stop_robot()
     thread.join(2.0)
     assert raised == ['the movement was ended by stop_robot()']
-    assert not listener.heard[-1].moves
+    assert not listener.received[-1].moves
     # Stopped, but not permanently.
     node.move_robot(0.2, 0.0, 0.2)
     assert listener.moves()[-1].linear_x == 0.2
@@ -140,7 +140,7 @@ def test_a_stop_ends_a_movement_that_still_waits_for_its_robot(make):
         thread.join(1.0)
         time.sleep(1.5)
         assert raised == ['the movement was ended by stop_robot()']
-        assert late.heard == late.answered == []
+        assert late.received == late.answered == []
         # Not permanently: a new request is accepted.
         node.move_robot(0.2, 0.0, 0.2)
         assert [move.linear_x for move in late.moves()] == [0.2]
@@ -167,7 +167,8 @@ def test_after_a_stop_before_the_first_velocity_none_is_sent(listener, make, aft
     thread.join(5.0)
     assert ended == ['the movement was ended by stop_robot()']
     time.sleep(1.0)
-    assert not [heard for heard in listener.heard if heard.moves and heard.time > stopped]
+    assert not [velocity for velocity in listener.received
+                if velocity.moves and velocity.time > stopped]
 
 
 def test_a_stop_between_two_movements_of_a_sequence_ends_the_sequence(listener, make):
@@ -191,7 +192,7 @@ def test_two_movements_at_once_are_refused(listener, make):
     node.event_bus.subscribe(record.on_event)
     thread = threading.Thread(target=node.move_robot, args=(0.1, 0.0, 1.0))
     thread.start()
-    listener.wait_for(lambda heard: heard.moves)
+    listener.wait_for(lambda velocity: velocity.moves)
     with pytest.raises(MotionRefusedError, match='running already'):
         node.move_robot(0.2, 0.0, 1.0)
     thread.join()
@@ -223,7 +224,7 @@ def test_a_movement_from_a_callback_of_its_own_is_refused(listener, make, own_ex
     else:
         node.move_robot(0.0, 0.0, 1.0)
     assert raised
-    assert not [heard for heard in listener.heard if heard.moves]
+    assert not [velocity for velocity in listener.received if velocity.moves]
 
 
 def test_callbacks_are_served_while_it_moves(listener, make):
@@ -252,7 +253,7 @@ def test_an_old_lease_of_manual_control_is_renewed_before_a_movement(
     time.sleep(1.0)
     node.move_robot(0.2, 0.0, 0.2)
     assert len(listener.enabled) == 2
-    second = next(heard for heard in listener.heard if heard.linear_x == 0.2)
+    second = next(velocity for velocity in listener.received if velocity.linear_x == 0.2)
     assert listener.enabled[1] < second.time
 
 
@@ -263,9 +264,9 @@ def test_a_movement_that_waits_for_the_robot_does_not_delay_the_stop_before_it(
     monkeypatch.setattr(node.session._lease, 'is_stale', lambda now: True)
     listener._delay = 1.5
     node.move_robot(-0.1, 0.0, 0.3)
-    second = listener.wait_for(lambda heard: heard.linear_x < 0.0).time
-    first = max(heard.time for heard in listener.heard if heard.linear_x > 0.0)
-    zeros = [heard.time for heard in listener.heard if first < heard.time < second]
+    second = listener.wait_for(lambda velocity: velocity.linear_x < 0.0).time
+    first = max(velocity.time for velocity in listener.received if velocity.linear_x > 0.0)
+    zeros = [velocity.time for velocity in listener.received if first < velocity.time < second]
     assert len(zeros) >= 15
     assert 0.35 < zeros[-1] - zeros[0] < second - zeros[0] - 0.5
     # A node that waits is not taken for one that is held up.
@@ -276,9 +277,10 @@ def test_between_two_movements_that_follow_at_once_one_zero_is_sent(listener, ma
     node = make()
     for _ in range(5):
         node.move_robot(0.1, 0.0, 0.2)
-    last = max(heard.time for heard in listener.heard if heard.moves)
-    begun = listener.heard.index(next(heard for heard in listener.heard if heard.moves))
-    zeros = [heard for heard in listener.heard[begun:] if not heard.moves and heard.time < last]
+    last = max(velocity.time for velocity in listener.received if velocity.moves)
+    begun = next(index for index, velocity in enumerate(listener.received) if velocity.moves)
+    zeros = [velocity for velocity in listener.received[begun:]
+             if not velocity.moves and velocity.time < last]
     assert len(zeros) == 4
 
 
@@ -290,7 +292,7 @@ def test_a_renewal_slower_than_the_command_timeout_is_a_fault(make, monkeypatch)
         with pytest.raises(RunFaultError, match='not renewed within 200 ms'):
             make().move_robot(0.1, 0.0, 5.0)
         time.sleep(0.5)
-        assert not listener.heard[-1].moves
+        assert not listener.received[-1].moves
 
 
 def test_a_robot_without_manual_control_is_not_asked_for_it(make):
@@ -332,12 +334,12 @@ def test_a_closed_node_moves_no_more(listener, make):
     node = make()
     node.move_robot(0.1, 0.0, 0.2)
     node.session.close()
-    count = len(listener.heard)
+    count = len(listener.received)
     with pytest.raises(MotionRefusedError, match='closed'):
         node.move_robot(0.1, 0.0, 0.2)
     node.stop_robot()
     time.sleep(0.2)
-    assert len(listener.heard) == count
+    assert len(listener.received) == count
 
 
 @pytest.mark.parametrize('first', ['the signal', 'the program'])
@@ -375,4 +377,4 @@ def test_limits_above_those_of_the_robot_are_no_way_to_a_fault_in_mid_motion(
     motion = Motion('fast', (Move(0.1, 0.0, 1.0), Move(linear, angular, 1.0)))
     with pytest.raises(InvalidMotionError, match="outside the robot's limits"):
         node.run(motion, Limits(1.0, 3.0))
-    assert listener.heard == []
+    assert listener.received == []

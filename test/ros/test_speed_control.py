@@ -76,29 +76,29 @@ def driving(function, *arguments):
         assert not thread.is_alive()
 
 
-def is_zero(heard):
+def is_zero(velocity):
     """Return whether a velocity is zero."""
-    return not heard.moves
+    return not velocity.moves
 
 
-def is_at_cruise(heard):
+def is_at_cruise(velocity):
     """Return whether a velocity is the one of the cruise."""
-    return heard.linear_x == CRUISE
+    return velocity.linear_x == CRUISE
 
 
 def pause_in_cruise(node, listener):
     """Pause a node in its cruise; return when, and when its first zero was sent [s]."""
     listener.wait_for(is_at_cruise)
     time.sleep(0.3)
-    count, paused = len(listener.heard), time.time()
+    count, paused = len(listener.received), time.time()
     node.pause()
     return paused, listener.wait_for(is_zero, after=count).time
 
 
-def driven_distance(heard, since, until):
+def driven_distance(velocities, since, until):
     """Return how far a robot drives that holds each velocity until the next [m]."""
     return sum(one.linear_x * (min(two.time, until) - max(one.time, since))
-               for one, two in pairwise(heard) if one.time < until and two.time > since)
+               for one, two in pairwise(velocities) if one.time < until and two.time > since)
 
 
 def call_set(observer, values):
@@ -183,16 +183,16 @@ def test_a_pause_brakes_within_the_limits_and_holds_with_zeros(listener, observe
         assert values['guardian'] == 'matched'
         time.sleep(1.0)
         assert node.speed_factor == 0.0
-        held = [heard for heard in listener.heard if heard.time >= rest]
-        count = len(listener.heard)
+        held = [velocity for velocity in listener.received if velocity.time >= rest]
+        count = len(listener.received)
         node.resume()
         listener.wait_for(is_at_cruise, after=count)
         assert ended == []
         assert node.speed_factor == 1.0
-    distance = driven_distance(listener.heard, paused, rest)
+    distance = driven_distance(listener.received, paused, rest)
     assert distance < BRAKING_DISTANCE + CRUISE * (1.0 / rate + LATENESS)
     assert distance > BRAKING_DISTANCE - CRUISE * LATENESS
-    assert not any(heard.moves for heard in held)
+    assert not any(velocity.moves for velocity in held)
     gaps = sorted(two.time - one.time for one, two in pairwise(held))
     assert len(gaps) >= 0.8 * rate
     # All but the worst tenth, on a machine that others load too; none is a gap for the robot.
@@ -209,12 +209,12 @@ def test_a_pause_between_two_movements_holds_the_next(listener, make):
         resumed = time.time()
         assert [move.linear_x for move in listener.moves()] == [0.1]
         # It is held within its run, which sends zeros at the rate.
-        assert sum(resumed - 0.55 < heard.time < resumed for heard in listener.heard) >= 4
+        assert sum(resumed - 0.55 < velocity.time < resumed for velocity in listener.received) >= 4
         node.resume()
         assert wait_until(lambda: ended)
         assert ended == [None]
-    after = [heard for heard in listener.heard if heard.time > resumed]
-    assert max(heard.linear_x for heard in after) == 0.2
+    after = [velocity for velocity in listener.received if velocity.time > resumed]
+    assert max(velocity.linear_x for velocity in after) == 0.2
     distance = driven_distance(after, resumed, after[-1].time)
     assert distance == pytest.approx(0.2, abs=0.2 * LATENESS)
 
@@ -228,7 +228,7 @@ def test_a_robot_that_was_moved_goes_on_only_when_asked_twice(listener, observer
         time.sleep(1.0)  # its pose at rest is noted after 0.5 s
         pose.position.y += 0.05
         time.sleep(0.3)
-        count, told = len(listener.heard), 'the robot was moved by 5.0 cm and 0.0 deg'
+        count, told = len(listener.received), 'the robot was moved by 5.0 cm and 0.0 deg'
         if by == 'service':
             answer = listener.call('resume')
             assert not answer.success
@@ -238,7 +238,7 @@ def test_a_robot_that_was_moved_goes_on_only_when_asked_twice(listener, observer
             with pytest.raises(MotionRefusedError, match=told):
                 node.resume()
         time.sleep(0.3)
-        assert not any(heard.moves for heard in listener.heard[count:])
+        assert not any(velocity.moves for velocity in listener.received[count:])
         assert node.speed_factor == 0.0
         if by == 'service':
             assert listener.call('resume').success
@@ -274,10 +274,10 @@ def test_a_long_pause_gives_the_motion_up_and_the_robot_back(listener, make):
         assert 'pause_timeout' in str(ended[0])
         (released,) = listener.released
         assert released - rest == pytest.approx(1.0, abs=0.8)
-        assert rest < listener.heard[-1].time < released
+        assert rest < listener.received[-1].time < released
         node.resume()
         time.sleep(0.5)
-    assert not any(heard.moves for heard in listener.heard if heard.time > rest)
+    assert not any(velocity.moves for velocity in listener.received if velocity.time > rest)
     # A program that goes on takes the robot again.
     node.move_robot(0.1, 0.0, 0.2)
     assert [move.linear_x for move in listener.moves()][-1] == 0.1
@@ -309,10 +309,10 @@ def test_the_speed_is_a_parameter_and_a_topic(listener, observer, make):
                 ParameterMessage(name='rate', value=fast)]))
         assert not answer.result.successful
         assert node.speed_factor == 1.0
-        count = len(listener.heard)
+        count = len(listener.received)
         assert call_set(observer, [('speed_factor', half)]) == ['']
         assert node.speed_factor == 0.5
-        listener.wait_for(lambda heard: heard.linear_x == CRUISE / 2.0, after=count)
+        listener.wait_for(lambda velocity: velocity.linear_x == CRUISE / 2.0, after=count)
         assert wait_until(lambda: shown[-1].data == 0.5)
         node.pause()
         assert wait_until(lambda: shown[-1].data == 0.0)
@@ -322,7 +322,7 @@ def test_the_speed_is_a_parameter_and_a_topic(listener, observer, make):
         assert call_set(
             observer, [('speed_factor', ParameterValue(type=2, integer_value=1))]) == ['']
         node.resume()
-        listener.wait_for(is_at_cruise, after=len(listener.heard))
+        listener.wait_for(is_at_cruise, after=len(listener.received))
     for wrong in (0.0, 1.5, math.nan, 'x', True):
         with pytest.raises(MotionRefusedError, match='speed_factor'):
             node.speed_factor = wrong

@@ -34,25 +34,25 @@ node = KachakaSimpleControl()
 
 def assert_stopped(listener, since):
     """Assert that a whole stop followed: soon, front-loaded, beyond the command timeout."""
-    after = [heard for heard in listener.heard if heard.time > since]
-    zeros = [heard.time for heard in after if not heard.moves]
+    after = [velocity for velocity in listener.received if velocity.time > since]
+    zeros = [velocity.time for velocity in after if not velocity.moves]
     assert zeros[0] - since < SOON
     assert zeros[9] - zeros[0] < 0.2
     assert zeros[-1] - zeros[0] > 0.35
-    assert not [heard for heard in after if heard.moves and heard.time > zeros[0]]
+    assert not [velocity for velocity in after if velocity.moves and velocity.time > zeros[0]]
 
 
 def assert_released(listener):
     """Assert that manual control was released once, after the last message."""
     assert len(listener.released) == 1
-    assert listener.heard[-1].time < listener.released[0]
+    assert listener.received[-1].time < listener.released[0]
 
 
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM', 'SIGHUP'])
 def test_a_signal_in_mid_motion_stops_the_robot(listener, tmp_path, name):
     signum = signal.Signals[name]
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         time.sleep(0.25)
         sent = started.send(signum)
         assert started.end(3.5) == 128 + signum
@@ -64,7 +64,7 @@ def test_a_signal_in_mid_motion_stops_the_robot(listener, tmp_path, name):
 
 def test_more_signals_do_not_cut_the_stop_short(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         sent = started.send(signal.SIGINT)
         for _ in range(4):
             time.sleep(0.08)
@@ -84,14 +84,14 @@ def test_a_signal_before_the_robot_is_taken_sends_nothing(tmp_path):
             time.sleep(2.5)
             started.send(signal.SIGINT)
             assert started.end(3.5) == 130
-        assert listener.heard == []
+        assert listener.received == []
     assert 'Traceback' not in started.text
 
 
 def test_a_signal_that_was_ignored_at_the_start_stays_ignored(listener, tmp_path):
     command = ['sh', '-c', 'trap "" HUP; exec "$@"', 'sh', *COMMAND]
     with program(command, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         started.send(signal.SIGHUP)
         assert started.end() == 0
 
@@ -101,7 +101,7 @@ def test_a_script_with_a_plain_init_stops_too(listener, tmp_path, name):
     """rclpy.init() brings rclpy's own handlers, which would make publishing impossible."""
     signum = signal.Signals[name]
     with script(BEGIN + 'node.move_robot(0.1, 0.0, 20.0)\n', tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         sent = started.send(signum)
         assert started.end(3.5) == 128 + signum
     assert_stopped(listener, sent)
@@ -157,7 +157,7 @@ threading.Thread(target=node.move_robot, args=(0.1, 0.0, 20.0)).start()
 rclpy.spin(node)
 """
     with script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         sent = started.send(signal.SIGTERM)
         assert started.end(3.5) == 143
     assert_stopped(listener, sent)
@@ -171,7 +171,7 @@ def test_a_script_may_end_as_it_likes(listener, tmp_path, ending):
         assert started.end() == ('raise' in ending)
     (move,) = listener.moves()
     assert move.duration == pytest.approx(0.3, abs=0.05)
-    end = max(heard.time for heard in listener.heard if heard.moves)
+    end = max(velocity.time for velocity in listener.received if velocity.moves)
     assert_stopped(listener, end + 0.05)
     assert_released(listener)
 
@@ -200,7 +200,7 @@ import threading
 threading.Thread(target=node.move_robot, args=(0.1, 0.0, 20.0)).start()
 """
     with script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         sent = started.send(signal.Signals[name])
         started.end(5.0)
     assert_stopped(listener, sent)
@@ -216,9 +216,9 @@ node.move_robot(0.1, 0.0, 0.3)
 time.sleep(60)
 """
     with script(text, tmp_path):
-        end = listener.wait_for(lambda heard: heard.moves).time + 0.3
+        end = listener.wait_for(lambda velocity: velocity.moves).time + 0.3
         time.sleep(1.5)
-        zeros = [heard.time for heard in listener.heard if heard.time > end - 0.05]
+        zeros = [velocity.time for velocity in listener.received if velocity.time > end - 0.05]
     assert zeros[-1] - zeros[0] > 0.4
     assert len(zeros) >= 11
 
@@ -233,13 +233,13 @@ node.create_timer(0.1, fail)
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         (tmp_path / 'go').touch()
         assert started.end() == 1
     assert 'a callback failed: ValueError: in a callback' in started.text
     # Its response is received although the thread that served callbacks is gone.
     assert 'did not confirm' not in started.text
-    assert not listener.heard[-1].moves
+    assert not listener.received[-1].moves
     assert_released(listener)
 
 
@@ -252,25 +252,26 @@ while not pathlib.Path('go').exists():
 raise ValueError('in main')
 """
     with script(text, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         (tmp_path / 'go').touch()
         assert started.end(10.0) == 1
     assert 'ValueError: in main' in started.text
-    assert not listener.heard[-1].moves
+    assert not listener.received[-1].moves
     assert_released(listener)
 
 
 def test_a_program_that_was_frozen_does_not_continue_its_motion(listener, tmp_path):
     """Frozen for longer than the gap allowed: not one velocity after it resumes."""
     with program(COMMAND, tmp_path) as started:
-        listener.wait_for(lambda heard: heard.moves)
+        listener.wait_for(lambda velocity: velocity.moves)
         time.sleep(0.25)
         started.send(signal.SIGSTOP)
         time.sleep(1.0)
         continued = started.send(signal.SIGCONT)
         assert started.end() == 1
     assert 'the guardian stopped the robot: the node sent no heartbeat' in started.text
-    assert not [heard for heard in listener.heard if heard.moves and heard.time > continued]
+    assert not [velocity for velocity in listener.received
+                if velocity.moves and velocity.time > continued]
     assert_released(listener)
 
 

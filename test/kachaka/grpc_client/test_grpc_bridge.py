@@ -144,29 +144,29 @@ def test_refusals_are_logged_with_their_text(probe, namespace, robot):
 def test_diagnostics_report_connection_and_errors(probe, namespace, robot):
     """Each second, in the common format."""
     from diagnostic_msgs.msg import DiagnosticArray
-    heard = {}
+    received = {}
     probe.node.create_subscription(
         DiagnosticArray, '/diagnostics',
-        lambda message: heard.update({status.name: status for status in message.status}), 10)
+        lambda message: received.update({status.name: status for status in message.status}), 10)
     link, state = f'{namespace[1:]}: link', f'{namespace[1:]}: robot'
     with real_bridge(robot.address, '--namespace', namespace) as process:
-        assert wait_until(lambda: link in heard)
-        assert (heard[link].level, heard[state].message) == (b'\0', 'no errors')
-        assert heard[link].hardware_id == 'FAULTY, software 1.0'
+        assert wait_until(lambda: link in received)
+        assert (received[link].level, received[state].message) == (b'\0', 'no errors')
+        assert received[link].hardware_id == 'FAULTY, software 1.0'
         robot.ask('json not JSON')
         robot.ask('errors 7 8')
-        assert wait_until(lambda: heard[state].message == 'error 7; error 8')
-        assert heard[state].level == b'\2'
+        assert wait_until(lambda: received[state].message == 'error 7; error 8')
+        assert received[state].level == b'\2'
         robot.ask('json [{"code": 7, "title_en": "Low battery", "error_type": "Warn"}]')
         robot.ask('errors')
-        assert wait_until(lambda: heard[state].message == 'no errors')
+        assert wait_until(lambda: received[state].message == 'no errors')
         robot.ask('errors 7')
-        assert wait_until(lambda: heard[state].message == 'error 7 (Low battery)')
-        assert heard[state].level == b'\1'
+        assert wait_until(lambda: received[state].message == 'error 7 (Low battery)')
+        assert received[state].level == b'\1'
         # Logged before, but through a pipe: it may arrive after the message.
         assert wait_until(lambda: 'the robot reports error 7 (Low battery)' in process.text)
         robot.ask('cut')
-        assert wait_until(lambda: heard[link].level == b'\2')
+        assert wait_until(lambda: received[link].level == b'\2')
 
 
 def test_odometry_is_fetched_only_for_subscribers(probe, namespace):
@@ -180,19 +180,19 @@ def test_odometry_is_fetched_only_for_subscribers(probe, namespace):
         with real_bridge(
                 address, '--namespace', namespace, '--frame-prefix', 'left/') as process, \
                 commander(probe, namespace, process) as driver:
-            heard = probe.odometry(namespace)
+            received = probe.odometry(namespace)
             wheels = probe.odometry(namespace, 'wheel_odometry/wheel_odometry')
             driver.drive(0.1)
-            assert wait_until(lambda: heard[-1][1].twist.twist.linear.x == pytest.approx(0.1))
+            assert wait_until(lambda: received[-1][1].twist.twist.linear.x == pytest.approx(0.1))
             assert wait_until(lambda: wheels[-1][1].pose.pose.position.x > 0.0)
-            first, (_, message) = len(heard), heard[-1]
+            first, (_, message) = len(received), received[-1]
             begun = time.monotonic()
             time.sleep(1.0)
-            assert 40 < (len(heard) - first) / (time.monotonic() - begun) < 60
+            assert 40 < (len(received) - first) / (time.monotonic() - begun) < 60
         assert message.header.frame_id == 'left/odom'
         assert message.child_frame_id == 'left/base_footprint'
         assert abs(message.header.stamp.sec - time.time()) < 60.0
-        stamps = [(m.header.stamp.sec, m.header.stamp.nanosec) for _, m in heard]
+        stamps = [(m.header.stamp.sec, m.header.stamp.nanosec) for _, m in received]
         assert stamps == sorted(set(stamps)), 'each reading once'
     finally:
         simulator.kill()

@@ -168,9 +168,9 @@ def test_every_stream_of_the_asynchronous_client_begins(name):
             handler = getattr(client, name)
             with unimplemented():
                 first = await anext(handler.stream())
-                heard = asyncio.Queue()
-                handler.set_callback(heard.put)
-                assert type(await asyncio.wait_for(heard.get(), 10.0)) is type(first)
+                received = asyncio.Queue()
+                handler.set_callback(received.put)
+                assert type(await asyncio.wait_for(received.get(), 10.0)) is type(first)
                 handler.set_callback(None)
     asyncio.run(listen())
 
