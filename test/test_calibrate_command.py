@@ -57,11 +57,12 @@ def run(tmp_path, monkeypatch, capsys):
 
 
 def test_it_writes_a_robot_that_can_be_read(run, tmp_path):
-    code, told, errors, (options,) = run('--sim', '--floor', 'oak: "old"', '--output', 'own.yaml')
+    code, output, errors, (options,) = run(
+        '--sim', '--floor', 'oak: "old"', '--output', 'own.yaml')
     assert (code, errors) == (0, '')
     assert (options.motions, options.sim, options.calibrates) == (('calibration',), True, True)
-    assert 'gain forward                 0.9500      0.0004' in told
-    assert told.endswith('own.yaml: written; drive with --robot ./own.yaml\n')
+    assert 'gain forward                 0.9500      0.0004' in output
+    assert output.endswith('own.yaml: written; drive with --robot ./own.yaml\n')
     profile = find_robot(tmp_path / 'own.yaml')
     assert profile.limits == KACHAKA.limits
     calibration = profile.calibration
@@ -82,10 +83,10 @@ def test_a_robot_of_a_file_keeps_all_that_its_file_says(tmp_path):
 
 
 def test_a_dry_run_shows_the_drive_and_drives_nothing(run, tmp_path):
-    code, told, errors, driven = run('--dry-run')
+    code, output, errors, driven = run('--dry-run')
     assert (code, errors, driven) == (0, '', [])
-    assert 'calibration on kachaka at 10 Hz' in told
-    assert 'Floor: 1.21 m x 0.46 m, the robot included' in told
+    assert 'calibration on kachaka at 10 Hz' in output
+    assert 'Floor: 1.21 m x 0.46 m, the robot included' in output
     assert list(tmp_path.iterdir()) == []
 
 
@@ -101,9 +102,9 @@ def test_a_real_robot_is_driven_only_after_somebody_has_confirmed(run, monkeypat
 
     for typed, code, count in (('', 2, 1), ('\n', 0, 2)):
         monkeypatch.setattr(sys, 'stdin', Terminal(typed))
-        ended, told, _, driven = run('--address', 'robot', '--output', 'other.yaml')
+        ended, output, _, driven = run('--address', 'robot', '--output', 'other.yaml')
         assert (ended, len(driven)) == (code, count)
-        assert 'The robot needs 1.21 m x 0.46 m of free floor.  Enter drives' in told
+        assert 'The robot needs 1.21 m x 0.46 m of free floor.  Enter drives' in output
 
 
 def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path):
@@ -139,8 +140,8 @@ def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path):
               'calibration\n')),
             (['--sim', '--robot', './worn.yaml', '--output', './worn.yaml'],
              'kachaka_calibrate: worn.yaml is there already; name another file by --output\n')):
-        code, told, errors, driven = run(*words)
-        assert (code, told, errors, driven) == (2, '', line, [])
+        code, output, errors, driven = run(*words)
+        assert (code, output, errors, driven) == (2, '', line, [])
 
 
 def test_what_was_measured_is_printed_even_if_no_file_can_be_written(run, monkeypatch, tmp_path):
@@ -148,10 +149,10 @@ def test_what_was_measured_is_printed_even_if_no_file_can_be_written(run, monkey
         raise OSError(28, 'No space left on device')
 
     monkeypatch.setattr(calibrate_options, 'write_atomically', fail)
-    code, told, errors, _ = run('--sim')
+    code, output, errors, _ = run('--sim')
     assert (code, errors) == (2, 'kachaka_calibrate: my_kachaka.yaml: No space left on device\n')
-    assert 'gain forward                 0.9500      0.0004' in told
-    assert 'written' not in told
+    assert 'gain forward                 0.9500      0.0004' in output
+    assert 'written' not in output
 
 
 def test_a_drive_that_cannot_tell_writes_nothing(run, monkeypatch, tmp_path):

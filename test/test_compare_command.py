@@ -66,9 +66,9 @@ def test_accuracy_and_repeatability_are_those_of_the_ends(reports, run, tmp_path
     assert found.mean == pytest.approx((-0.02, 0.0, 0.0), abs=2e-4)
     assert found.deviation == pytest.approx((0.005, 0.0, 0.0), abs=1e-4)
     assert (found.worst_distance, found.worst_angle) == pytest.approx((0.005, 0.0), abs=1e-4)
-    code, told, errors = run('a', 'b', 'c')
+    code, output, errors = run('a', 'b', 'c')
     assert (code, errors) == (0, '')
-    lines = told.splitlines()
+    lines = output.splitlines()
     assert lines[0] == '3 drives of straight: where they ended, from where they were to'
     assert [line.split()[0] for line in lines[5:8]] == ['a', 'b', 'c']
     assert float(lines[5].split()[1]) == pytest.approx(-25.0, abs=0.3)
@@ -96,9 +96,9 @@ def test_what_cannot_be_compared_is_refused_in_one_line(reports, run, tmp_path):
     reports('blind', odometry_period=None)
     (tmp_path / 'odd').mkdir()
     (tmp_path / 'odd' / 'run.json').write_text('{')
-    told = json.loads((tmp_path / 'a' / 'run.json').read_text())
+    data = json.loads((tmp_path / 'a' / 'run.json').read_text())
     (tmp_path / 'old').mkdir()
-    (tmp_path / 'old' / 'run.json').write_text(json.dumps({**told, 'format': 0}))
+    (tmp_path / 'old' / 'run.json').write_text(json.dumps({**data, 'format': 0}))
     for words, line in (
             (['a'], 'two drives or more can be compared; name their reports'),
             (['a', 'none'], 'none: no report is here: run.json: No such file or directory'),

@@ -116,10 +116,10 @@ def test_a_calibrated_robot_is_sent_what_makes_it_do_what_was_planned(listener, 
     with program([*COMMAND, str(motion), '--robot', str(robot), '--report',
                   str(tmp_path / 'report')], tmp_path) as started:
         assert started.end() == 0, started.text
-    told = json.loads((tmp_path / 'report' / 'run.json').read_text())
-    assert told['settings']['calibration'].startswith('forward 0.8, backward 1, ')
-    assert told['settings']['odometry_calibration'].startswith('scale 0.9')
-    assert told['steps'][0]['sent']['distance_m'] == pytest.approx(0.1, abs=0.002)
+    data = json.loads((tmp_path / 'report' / 'run.json').read_text())
+    assert data['settings']['calibration'].startswith('forward 0.8, backward 1, ')
+    assert data['settings']['odometry_calibration'].startswith('scale 0.9')
+    assert data['steps'][0]['sent']['distance_m'] == pytest.approx(0.1, abs=0.002)
     (move,) = listener.moves()
     assert (move.linear_x, move.angular_z) == pytest.approx((0.1 / 0.9 / 0.8, -0.01 / 0.9))
     assert 'Calibrated: forward 0.8, backward 1, left 1, right 1, veer 5.7296 deg/m' in (

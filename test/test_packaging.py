@@ -109,8 +109,8 @@ def test_every_python_file_carries_the_licence():
 
 
 def test_no_file_has_addresses_of_package_sources():
-    told = [path for path in git_files() if ADDRESSES.search(path.read_text(errors='replace'))]
-    assert told == []
+    found = [path for path in git_files() if ADDRESSES.search(path.read_text(errors='replace'))]
+    assert found == []
 
 
 def imports(path: Path) -> set[str]:

@@ -102,14 +102,14 @@ def options(name, answers):
 
 
 def test_1_m_and_a_turn_are_measured_and_written(run, tmp_path):
-    code, told, errors, driven = run(
+    code, output, errors, driven = run(
         'floor', '--sim', '--measured', '98 cm', '--measured', '345.88 deg', '--floor', 'oak')
     assert (code, errors) == (0, '')
     assert [each.motions for each in driven] == [('floor_straight',), ('floor_turn',)]
     assert all(each.calibrates and each.sim for each in driven)
-    assert 'scale               0.9800      0.0015' in told
-    assert 'track ratio         1.0200      0.0033' in told
-    assert told.endswith('my_kachaka.yaml: written; drive with --robot ./my_kachaka.yaml\n')
+    assert 'scale               0.9800      0.0015' in output
+    assert 'track ratio         1.0200      0.0033' in output
+    assert output.endswith('my_kachaka.yaml: written; drive with --robot ./my_kachaka.yaml\n')
     found = find_robot(tmp_path / 'my_kachaka.yaml').odometry_calibration
     assert (found.scale, found.track_ratio, found.wheel_ratio) == (0.98, 1.02001, 1.0)
     assert (found.floor, found.track) == ('oak', None)
@@ -118,15 +118,15 @@ def test_1_m_and_a_turn_are_measured_and_written(run, tmp_path):
 
 def test_squares_are_measured_and_what_is_known_stays(run, tmp_path):
     (tmp_path / 'own.yaml').write_text(KNOWN)
-    code, told, errors, driven = run(
+    code, output, errors, driven = run(
         'umbmark', '--sim', '--robot', './own.yaml', '--output', 'own.yaml', '--squares', '2',
         '--report', 'all', *options('--measured', ends(4.0, 2)))
     assert (code, errors) == (0, '')
     assert [each.motions for each in driven] == 2 * [('umbmark_cw',), ('umbmark_ccw',)]
     assert [each.report for each in driven] == [
         'all/umbmark_cw_1', 'all/umbmark_ccw_1', 'all/umbmark_cw_2', 'all/umbmark_ccw_2']
-    assert 'wheel ratio, right over left' in told
-    assert "by Borenstein and Feng's formulas" in told
+    assert 'wheel ratio, right over left' in output
+    assert "by Borenstein and Feng's formulas" in output
     profile = find_robot(tmp_path / 'own.yaml')
     found = profile.odometry_calibration
     assert (found.scale, found.track, found.floor) == (0.98, 0.2, 'oak')
@@ -138,11 +138,11 @@ def test_squares_are_measured_and_what_is_known_stays(run, tmp_path):
 
 def test_smaller_squares_are_those_of_the_library_with_another_side(run, tmp_path):
     (tmp_path / 'own.yaml').write_text(KNOWN)
-    code, told, _, driven = run(
+    code, output, _, driven = run(
         'umbmark', '--sim', '--robot', './own.yaml', '--side', '100 cm', '--track', '30 cm',
         *options('--measured', ends(1.0)))
     assert code == 0
-    assert 'forward 1 m' in told
+    assert 'forward 1 m' in output
     found = find_robot(tmp_path / 'my_kachaka.yaml').odometry_calibration
     assert found.track == 0.3
     assert found.wheel_ratio - 1.0 == pytest.approx(0.006, rel=0.02)
@@ -150,28 +150,28 @@ def test_smaller_squares_are_those_of_the_library_with_another_side(run, tmp_pat
 
 
 def test_a_dry_run_shows_the_drives_and_drives_nothing(run, tmp_path):
-    code, told, errors, driven = run('floor', '--dry-run')
+    code, output, errors, driven = run('floor', '--dry-run')
     assert (code, errors, driven) == (0, '', [])
-    assert 'floor_straight on kachaka at 10 Hz' in told
-    assert 'floor_turn on kachaka at 10 Hz' in told
+    assert 'floor_straight on kachaka at 10 Hz' in output
+    assert 'floor_turn on kachaka at 10 Hz' in output
     assert list(tmp_path.iterdir()) == []
     (tmp_path / 'own.yaml').write_text(KNOWN)
-    code, told, errors, driven = run('umbmark', '--dry-run', '--robot', './own.yaml')
+    code, output, errors, driven = run('umbmark', '--dry-run', '--robot', './own.yaml')
     assert (code, errors, driven) == (0, '', [])
-    assert 'forward 4 m' in told
+    assert 'forward 4 m' in output
 
 
 def test_somebody_confirms_measures_and_may_mistype(run, tmp_path):
     typed = '\n0.98\n98 %\n98 cm, 2 cm\n0.98 m\n\n345.9 deg\n'
-    code, told, _, driven = run('floor', '--address', 'robot', typed=typed)
+    code, output, _, driven = run('floor', '--address', 'robot', typed=typed)
     assert (code, len(driven)) == (0, 2)
-    assert 'The robot needs' in told
-    assert 'Mark where the middle between its wheels is, and which way it looks.' in told
-    assert 'How far does it stand from where it began?  Such as 0.985 m: ' in told
-    assert '0.98 has no unit; a length needs one: write 0.98 cm or 0.98 m\n' in told
-    assert "'98 %'; it must be a length, as in 0.5 m (in m, cm or mm)\n" in told
-    assert "'98 cm, 2 cm': 1 needed, as in 0.5 m\n" in told
-    assert 'How far has it turned, in all?  Such as 358 deg: ' in told
+    assert 'The robot needs' in output
+    assert 'Mark where the middle between its wheels is, and which way it looks.' in output
+    assert 'How far does it stand from where it began?  Such as 0.985 m: ' in output
+    assert '0.98 has no unit; a length needs one: write 0.98 cm or 0.98 m\n' in output
+    assert "'98 %'; it must be a length, as in 0.5 m (in m, cm or mm)\n" in output
+    assert "'98 cm, 2 cm': 1 needed, as in 0.5 m\n" in output
+    assert 'How far has it turned, in all?  Such as 358 deg: ' in output
     assert find_robot(tmp_path / 'my_kachaka.yaml').odometry_calibration.scale == 0.98
 
 
@@ -225,10 +225,10 @@ def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path, words, l
     (tmp_path / 'blind.yaml').write_text('extends: kachaka\nodometry_topic: null')
     (tmp_path / 'other.yaml').write_text(
         'extends: turtlebot3\nodometry_calibration: {scale: 0.98}')
-    code, told, errors, driven = run(*words)
+    code, output, errors, driven = run(*words)
     assert (code, errors, driven) == (2, f'kachaka_calibrate: {line}\n', [])
     # What would be driven may have been shown.
-    assert told == '' or '--yes' in line
+    assert output == '' or '--yes' in line
 
 
 def test_what_the_tape_cannot_tell_writes_nothing(run, tmp_path):

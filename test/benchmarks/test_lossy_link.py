@@ -137,8 +137,8 @@ def a_log(*velocities, x=0.0):
     """Return the log of a robot that received these at 0, 1, 2 ... s and ended at x."""
     log = RobotLog()
     log.add(['pose', 0.0, 0.0, 0.0, 0.0])
-    for time_told, velocity in enumerate(velocities):
-        log.add(['velocity', float(time_told), velocity, 0.0, True])
+    for sent, velocity in enumerate(velocities):
+        log.add(['velocity', float(sent), velocity, 0.0, True])
     log.add(['pose', float(len(velocities)), x, 0.0, 0.0])
     return log
 

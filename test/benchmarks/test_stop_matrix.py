@@ -57,7 +57,7 @@ def test_trials_as_expected_have_no_violations():
     assert find_late_stops(EXPECTATION, [GOOD] * 20) == []
 
 
-@pytest.mark.parametrize('change, told', [
+@pytest.mark.parametrize('change, text', [
     ({'late': 1}, 'a velocity followed the first zero'),
     ({'zero': None, 'zeros': 0}, 'no zero came'),
     ({'code': 0}, 'exit code 0, not 143'),
@@ -66,9 +66,9 @@ def test_trials_as_expected_have_no_violations():
     ({'message': 'Traceback: ValueError'}, 'a traceback'),
     ({'broken': ('its guardian outlived it',)}, 'its guardian outlived it'),
 ])
-def test_one_violation_among_many_trials_is_found(change, told):
+def test_one_violation_among_many_trials_is_found(change, text):
     trials = [GOOD] * 19 + [replace(GOOD, **change)]
-    assert find_violations(EXPECTATION, trials) == [f'SIGTERM: {told} (1 of 20)']
+    assert find_violations(EXPECTATION, trials) == [f'SIGTERM: {text} (1 of 20)']
 
 
 def test_a_subscriber_may_lose_zeros_but_not_in_every_trial():

@@ -49,8 +49,8 @@ GOOD = Run('square', 0.0002, math.radians(0.02))
 def test_a_drive_as_planned_has_no_error_from_any_start(start, distance, angle):
     end = advance(start, distance, angle)
     # Odometry wraps the heading.
-    told = Pose(end.x, end.y, math.remainder(end.theta, math.tau))
-    position, heading = errors(start, told, advance(ORIGIN, distance, angle))
+    reported = Pose(end.x, end.y, math.remainder(end.theta, math.tau))
+    position, heading = errors(start, reported, advance(ORIGIN, distance, angle))
     assert position == pytest.approx(0.0, abs=1e-9)
     assert heading == pytest.approx(0.0, abs=1e-9)
 

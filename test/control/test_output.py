@@ -385,10 +385,10 @@ def test_after_ctrl_s_a_drive_ends_and_leaves_the_terminal_clean(listener):
         display = shown.display()
         shown.press(b'\x13')
         time.sleep(1.0)
-        told = time.time()
+        interrupted = time.time()
         shown.process.send_signal(signal.SIGINT)
         assert shown.process.wait(SOON) == 130
-        assert_stopped_and_released(listener, told)
+        assert_stopped_and_released(listener, interrupted)
         shown.press(b'\x11')
         shown.read_for(1.0)
         assert shown.screen.bottom == shown.screen.rows

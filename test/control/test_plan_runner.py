@@ -83,13 +83,13 @@ def test_a_move_is_held_for_its_duration_and_ends_in_a_zero():
 
 
 def test_a_delayed_run_tells_where_on_the_plan_each_message_is_to_the_last_zero():
-    bench, told = Bench(Move(0.1, 0.0, 1.0)), []
-    bench.gate.on_sent = lambda now, velocity, plan_time: told.append(plan_time)
+    bench, plan_times = Bench(Move(0.1, 0.0, 1.0)), []
+    bench.gate.on_sent = lambda now, velocity, plan_time: plan_times.append(plan_time)
     bench.monitor.speed_factor = 0.5
     bench.run()
-    assert len(told) > 15
-    assert told[1:] == sorted(told[1:])
-    assert told[-1] == bench.plan.duration
+    assert len(plan_times) > 15
+    assert plan_times[1:] == sorted(plan_times[1:])
+    assert plan_times[-1] == bench.plan.duration
 
 
 def test_late_wakeups_do_not_add_up():

@@ -49,7 +49,7 @@ def drive(planned, changes):
 
 
 def end_pose(ticks):
-    """Return where a robot ends that does as it is told."""
+    """Return where a robot ends that follows its commands."""
     pose = ORIGIN
     for tick in ticks:
         pose = integrate(pose, tick.velocity, tick.deadline - tick.start)

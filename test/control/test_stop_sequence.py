@@ -184,16 +184,16 @@ def test_each_zero_is_reported_to_the_guardian_before_it_is_sent():
     bench = Bench()
     bench.end = bench.time.now + 1.0
     bench.moves = lambda: bench.time.now < bench.end
-    told = []
+    reports = []
     transmit = bench.wire.transmit
 
     def count(velocity):
-        told.append(bench.guardian.received.count('rest'))
+        reports.append(bench.guardian.received.count('rest'))
         transmit(velocity)
 
     bench.gate._transmit = count
     bench.controller.stop(REASON)
-    assert told == [*range(1, len(told) + 1)]
+    assert reports == [*range(1, len(reports) + 1)]
     assert 'stopped' not in bench.guardian.received[:-1]
 
 

@@ -93,9 +93,9 @@ def test_a_node_that_waits_for_dds_is_given_more_time():
 
 def test_a_node_that_never_returns_from_dds_is_detected():
     watchdog, now = after(GuardianMessage.HEARTBEAT)
-    told = [
+    timed_out = [
         k for k in range(100) if watchdog.has_timed_out(now + 0.02 * (k + 1), is_publishing=True)]
-    assert told == [pytest.approx(PUBLISH_TIMEOUT / 0.02 - 1, abs=1)]
+    assert timed_out == [pytest.approx(PUBLISH_TIMEOUT / 0.02 - 1, abs=1)]
 
 
 def test_a_node_that_stays_silent_after_a_stall_is_detected():
@@ -190,14 +190,14 @@ def test_silence_is_detected_within_its_timeout(messages):
     for pause, message in messages:
         now += pause
         watchdog.on_message(message, now)
-    told = wait(watchdog, now, 10.0)
+    detected = wait(watchdog, now, 10.0)
     left = [message for message in since_stop(messages) if message is not GuardianMessage.PRIME]
     if GuardianMessage.HEARTBEAT not in left:
-        assert told is None
+        assert detected is None
     else:
         allowed = HEARTBEAT_TIMEOUT if left[-1] is GuardianMessage.HEARTBEAT else STOPPING_TIMEOUT
         # A message that changes nothing may have come since the last one that did.
-        assert told - now <= allowed + ROUNDING_ERROR
+        assert detected - now <= allowed + ROUNDING_ERROR
 
 
 def since_stop(messages):

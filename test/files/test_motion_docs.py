@@ -62,11 +62,11 @@ def test_each_form_of_a_step_in_the_table_is_valid(page):
 
 def test_each_unit_is_in_the_table(page):
     rows = re.findall(r'^\| ([a-z ,]+) \| (`\S+`(?:, `\S+`)*) \|$', page, re.MULTILINE)
-    told = {name: units.replace('`', '').split(', ') for names, units in rows
-            for name in names.split(', ')}
+    shown = {name: units.replace('`', '').split(', ') for names, units in rows
+             for name in names.split(', ')}
     known = {name: list(quantity.units) for name, quantity in QUANTITIES.items()
              if name not in ('size', 'time above zero')}
-    assert told == known
+    assert shown == known
 
 
 def test_each_name_is_on_the_page(page):

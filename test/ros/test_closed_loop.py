@@ -147,7 +147,7 @@ def test_odometry_that_says_nothing_new_ends_the_run(listener, observer, make, r
 
 
 def test_a_robot_in_motion_is_refused(listener, observer, make, robot):
-    """Where it starts cannot be told."""
+    """Where it starts is unknown."""
     node = make(robot=robot, closed_loop=True)
     with repeated_odometry(observer.node, 0.1), pytest.raises(
             MotionRefusedError, match='a closed loop begins at rest, and odometry on .* sees the '

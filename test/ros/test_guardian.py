@@ -235,9 +235,9 @@ def test_a_guardian_that_is_terminated_stops_the_robot_first(listener, tmp_path)
     with program(COMMAND, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         os.kill(guardian_of(started), signal.SIGTERM)
-        told = time.time()
+        terminated = time.time()
         assert started.end() == 1
-    assert_whole_stop(zeros_after(listener, told))
+    assert_whole_stop(zeros_after(listener, terminated))
 
 
 def test_ctrl_c_at_the_terminal_does_not_end_the_guardian(listener, tmp_path):

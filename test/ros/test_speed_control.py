@@ -228,14 +228,14 @@ def test_a_robot_that_was_moved_goes_on_only_when_asked_twice(listener, observer
         time.sleep(1.0)  # its pose at rest is noted after 0.5 s
         pose.position.y += 0.05
         time.sleep(0.3)
-        count, told = len(listener.received), 'the robot was moved by 5.0 cm and 0.0 deg'
+        count, reason = len(listener.received), 'the robot was moved by 5.0 cm and 0.0 deg'
         if by == 'service':
             answer = listener.call('resume')
             assert not answer.success
-            assert told in answer.message
+            assert reason in answer.message
             assert 'once more within 10 s' in answer.message
         else:
-            with pytest.raises(MotionRefusedError, match=told):
+            with pytest.raises(MotionRefusedError, match=reason):
                 node.resume()
         time.sleep(0.3)
         assert not any(velocity.moves for velocity in listener.received[count:])

@@ -41,8 +41,8 @@ def test_faults_are_all_in_the_table_with_what_the_bridge_does():
     shown = lines()
     assert len(DOES) == len(SCENARIOS)
     begin = shown.index(line(*HEAD))
-    for name, does, told in zip(SCENARIOS, DOES, shown[begin + 2:]):
-        assert told.startswith(line(name, does)[:-1])
+    for name, does, text in zip(SCENARIOS, DOES, shown[begin + 2:]):
+        assert text.startswith(line(name, does)[:-1])
 
 
 @pytest.mark.parametrize('result, cells', [
@@ -57,18 +57,18 @@ def test_a_fault_is_a_row(result, cells):
 def test_no_fault_in_the_table_exceeds_the_command_timeout_or_moves_after_a_stop():
     shown = lines()
     begin = shown.index(line(*HEAD)) + 2
-    for told in shown[begin:begin + len(SCENARIOS)]:
-        _, _, _, drove, _, after, _ = (cell.strip() for cell in told.split('|'))
+    for text in shown[begin:begin + len(SCENARIOS)]:
+        _, _, _, drove, _, after, _ = (cell.strip() for cell in text.split('|'))
         assert drove == 'stood still' or float(drove.removesuffix(' mm')) <= 1e3 * SPEED * 0.45
         assert after == '0'
 
 
 @pytest.mark.needs('rclpy')
-def test_latencies_are_within_the_bar():
+def test_latencies_are_within_the_threshold():
     shown = lines()
     begin = shown.index(line(*bridge_latency.HEAD)) + 2
-    for told, rate in zip(shown[begin:], bridge_latency.RATES):
-        cells = [cell.strip() for cell in told.split('|')]
+    for text, rate in zip(shown[begin:], bridge_latency.RATES):
+        cells = [cell.strip() for cell in text.split('|')]
         assert cells[1] == f'{rate} Hz'
         assert float(cells[4]) <= bridge_latency.MAX_RATIO
 

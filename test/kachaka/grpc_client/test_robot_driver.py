@@ -157,8 +157,8 @@ def test_commands_received_during_a_suspended_call_are_not_sent(robot, client, l
     for _ in range(3):
         send(robot, 0.4)
         time.sleep(0.05)
-    told_by_then = [client.calls.get_nowait() for _ in range(client.calls.qsize())]
-    assert (0.4, 0.0) not in told_by_then
+    calls_by_then = [client.calls.get_nowait() for _ in range(client.calls.qsize())]
+    assert (0.4, 0.0) not in calls_by_then
     assert [text.partition(' for ')[0] for text in logged] == ['the bridge was held up']
 
 

@@ -110,8 +110,8 @@ def test_the_pose_on_the_map_can_be_set(robot):
     """On its map; odometry stays as it is."""
     robot.velocity(1.0)
     robot.pass_time(1.0)
-    told = pb2.Pose(x=2.0, y=1.0, theta=math.pi / 2.0)
-    assert robot.call('SetRobotPose', pb2.SetRobotPoseRequest(pose=told)).result.success
+    pose = pb2.Pose(x=2.0, y=1.0, theta=math.pi / 2.0)
+    assert robot.call('SetRobotPose', pb2.SetRobotPoseRequest(pose=pose)).result.success
     robot.velocity(1.0)
     robot.pass_time(1.0)
     pose = robot.get('GetRobotPose').pose
@@ -120,8 +120,8 @@ def test_the_pose_on_the_map_can_be_set(robot):
 
 
 def test_a_pose_that_is_not_finite_is_refused(robot):
-    told = pb2.SetRobotPoseRequest(pose=pb2.Pose(x=math.nan))
-    assert robot.call('SetRobotPose', told).result.success is False
+    request = pb2.SetRobotPoseRequest(pose=pb2.Pose(x=math.nan))
+    assert robot.call('SetRobotPose', request).result.success is False
     assert robot.get('GetRobotPose').pose == pb2.Pose()
 
 
