@@ -16,25 +16,17 @@
 import importlib.util
 import json
 import math
-from pathlib import Path
 import subprocess
 import sys
 import time
 
-from hypothesis import given
-from hypothesis import strategies as st
-import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.append(str(ROOT))  # the benchmarks are not installed
-
-from benchmarks.compare import change, compare, differences, main  # noqa: E402, I100
-from benchmarks.figures import figures, find  # noqa: E402
-from benchmarks.nanosleep import sleep_until  # noqa: E402
-from benchmarks.run import BEGIN, END, updated  # noqa: E402
-from benchmarks.tables import number, Table, tables  # noqa: E402
-from benchmarks.thresholds import judge, ThresholdResult, THRESHOLDS  # noqa: E402, I100
-from benchmarks.wire import (  # noqa: E402
+from benchmarks.compare import change, compare, differences, main
+from benchmarks.figures import figures, find
+from benchmarks.nanosleep import sleep_until
+from benchmarks.run import BEGIN, END, updated
+from benchmarks.tables import number, Table, tables
+from benchmarks.thresholds import judge, ThresholdResult, THRESHOLDS
+from benchmarks.wire import (
     displacement,
     jitters,
     movements,
@@ -43,7 +35,11 @@ from benchmarks.wire import (  # noqa: E402
     Ticks,
     ticks,
 )
-from kachaka_simple_control.report.quantiles import median, quantile  # noqa: E402
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.report.metrics import median, quantile
+from program import ROOT
+import pytest
 
 #: Times of some 1e9 s, in double precision, are known to a quarter of a microsecond.
 CLOCK = 1e9

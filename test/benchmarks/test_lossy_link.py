@@ -17,24 +17,20 @@ import contextlib
 import json
 import math
 import os
-from pathlib import Path
 import subprocess
 import sys
 import time
 
+from benchmarks.lossy_link import disconnects, network, stops
+from benchmarks.lossy_link.__main__ import BEGIN, joined, main, PAGE
+from benchmarks.lossy_link.fixture import fixture
+from benchmarks.lossy_link.observed import evaluate_stop, RobotLog
+from benchmarks.lossy_link.tables import BRIEF, find_violations, QUIET, tables
+from benchmarks.run import updated
 from hypothesis import given
 from hypothesis import strategies as st
+from program import ROOT
 import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.append(str(ROOT))  # the benchmarks are not installed
-
-from benchmarks.lossy_link import disconnects, network, stops  # noqa: E402, I100
-from benchmarks.lossy_link.__main__ import BEGIN, joined, main, PAGE  # noqa: E402
-from benchmarks.lossy_link.fixture import fixture  # noqa: E402
-from benchmarks.lossy_link.observed import evaluate_stop, RobotLog  # noqa: E402
-from benchmarks.lossy_link.tables import BRIEF, find_violations, QUIET, tables  # noqa: E402
-from benchmarks.run import updated  # noqa: E402
 
 TIMES = st.floats(0.0, 10.0)
 

@@ -14,17 +14,11 @@
 """The computations of the planning benchmark: they must be right, and fair."""
 
 import math
-from pathlib import Path
-import sys
 
+from benchmarks import planning
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Turn
 import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.append(str(ROOT))  # the benchmarks are not installed
-
-from benchmarks import planning  # noqa: E402, I100
 
 SQUARE = Limits(0.3, 1.57)
 EVEN = Limits(0.3, 1.57, 0.3, 1.57)

@@ -15,18 +15,11 @@
 
 from dataclasses import asdict, replace
 import json
-from pathlib import Path
 import re
-import sys
 from types import SimpleNamespace
 
-import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.append(str(ROOT))  # the benchmarks are not installed
-
-from benchmarks.run import updated  # noqa: E402, I100
-from benchmarks.stop_matrix.__main__ import (  # noqa: E402
+from benchmarks.run import updated
+from benchmarks.stop_matrix.__main__ import (
     BEGIN,
     END,
     merged,
@@ -35,18 +28,19 @@ from benchmarks.stop_matrix.__main__ import (  # noqa: E402
     trials_of,
     violations,
 )
-from benchmarks.stop_matrix.expectation import (  # noqa: E402
+from benchmarks.stop_matrix.expectation import (
     Expectation,
     find_late_stops,
     find_violations,
     Zero,
 )
-from benchmarks.stop_matrix.message import last_message  # noqa: E402
-from benchmarks.stop_matrix.pauses import State  # noqa: E402
-from benchmarks.stop_matrix.rows import AROUND_PAUSE, CORE, IN_CLOSED_LOOP, ROWS  # noqa: E402
-from benchmarks.stop_matrix.table import HEAD, matrix, row  # noqa: E402
-from benchmarks.stop_matrix.trial import Trial  # noqa: E402
-from benchmarks.stop_matrix.trial_setup import from_burst_on  # noqa: E402
+from benchmarks.stop_matrix.message import last_message
+from benchmarks.stop_matrix.pauses import State
+from benchmarks.stop_matrix.rows import AROUND_PAUSE, CORE, IN_CLOSED_LOOP, ROWS
+from benchmarks.stop_matrix.table import HEAD, matrix, row
+from benchmarks.stop_matrix.trial import Trial
+from benchmarks.stop_matrix.trial_setup import from_burst_on
+import pytest
 
 EXPECTATION = Expectation('SIGTERM', 'the node', (143,), limit=0.02)
 GOOD = Trial(zero=0.001, zeros=20, late=0, metres=0.002, code=143, message='ended')

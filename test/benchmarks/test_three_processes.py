@@ -16,18 +16,8 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
-import sys
 
-from hypothesis import given
-from hypothesis import strategies as st
-from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose
-import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.append(str(ROOT))  # the benchmarks are not installed
-
-from benchmarks.three_processes import (  # noqa: E402, I100
+from benchmarks.three_processes import (
     errors,
     HEAD,
     main,
@@ -38,6 +28,10 @@ from benchmarks.three_processes import (  # noqa: E402, I100
     Run,
     table,
 )
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose
+import pytest
 
 LENGTHS = st.floats(-10.0, 10.0)
 ANGLES = st.floats(-20.0, 20.0)

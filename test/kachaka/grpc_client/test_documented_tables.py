@@ -16,14 +16,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-import sys
 
 from link_fault_cases import DOES, HEAD, line, Result, row, SCENARIOS, SPEED
 from optional_libraries import optional_imports
 from program import ROOT
 import pytest
-
-sys.path.append(str(ROOT))  # the benchmarks are not installed
 
 with optional_imports():
     from benchmarks import bridge_latency
