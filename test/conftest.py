@@ -60,6 +60,21 @@ def observer():
         yield observer
 
 
+@pytest.fixture(scope='module')
+def probe():
+    """Yield a node that sends velocities and receives odometry, for all tests of a module."""
+    from ros_support import Probe
+    probe = Probe()
+    yield probe
+    probe.close()
+
+
+@pytest.fixture
+def namespace(request):
+    """Return a namespace of this test, so that no other test's robot is received."""
+    return '/' + ''.join(c if c.isalnum() else '_' for c in request.node.name)
+
+
 @pytest.fixture
 def make():
     """Yield a function that makes nodes, with ROS arguments; they are destroyed in the end."""

@@ -22,26 +22,12 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from ros_support import bridge, BridgeProcess, Probe, wait_until
+from ros_support import bridge, BridgeProcess, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
 #: The distance driven in a command timeout of 0.3 s at 0.1 m/s [m].
 TIMEOUT_DISTANCE = 0.03
 VELOCITY = '/kachaka/manual_control/cmd_vel'
-
-
-@pytest.fixture(scope='module')
-def probe():
-    """Return a probe for all of these tests."""
-    probe = Probe()
-    yield probe
-    probe.close()
-
-
-@pytest.fixture
-def namespace(request):
-    """Return a namespace of this test, so that no other test's robot is received."""
-    return '/' + ''.join(c if c.isalnum() else '_' for c in request.node.name)
 
 
 def settled_x(odometry, pause=0.6):

@@ -26,25 +26,11 @@ import time
 from grpc_client_support import commander, faulty_robot, real_bridge
 from program import environment
 import pytest
-from ros_support import BridgeProcess, Probe, wait_until
+from ros_support import BridgeProcess, wait_until
 
 pytestmark = [
     pytest.mark.ros,
     pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs', 'kachaka_api.generated')]
-
-
-@pytest.fixture(scope='module')
-def probe():
-    """Return a probe for all of these tests."""
-    probe = Probe()
-    yield probe
-    probe.close()
-
-
-@pytest.fixture
-def namespace(request):
-    """Return a namespace of this test, so that no other test's robot is received."""
-    return '/' + ''.join(c if c.isalnum() else '_' for c in request.node.name)
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from link_fault_cases import run_scenario, SCENARIOS, SPEED
 import pytest
-from ros_support import Probe
 
 pytestmark = [
     pytest.mark.ros, pytest.mark.slow,
@@ -26,14 +25,6 @@ pytestmark = [
 NAMES = list(SCENARIOS)
 #: Distance of one command timeout, and of a velocity and a zero under way on a busy machine [m].
 TIMEOUT_DISTANCE = SPEED * (0.3 + 0.15)
-
-
-@pytest.fixture(scope='module')
-def probe():
-    """Return a probe for all of these tests."""
-    probe = Probe()
-    yield probe
-    probe.close()
 
 
 @pytest.mark.parametrize('name', [NAMES[0], NAMES[1], NAMES[2], NAMES[5], NAMES[6]])
