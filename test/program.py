@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 import contextlib
 import os
 from pathlib import Path
@@ -127,6 +127,15 @@ def children_of(pid: int) -> list[int]:
             with contextlib.suppress(*GONE):  # a thread may have ended
                 children += map(int, file.read_text().split())
     return children
+
+
+def find_process(pids: Iterable[int], module: str) -> int | None:
+    """Return the first of some processes that runs a module; None if none does."""
+    for pid in pids:
+        with contextlib.suppress(OSError):
+            if module.encode() in Path(f'/proc/{pid}/cmdline').read_bytes():
+                return pid
+    return None
 
 
 @contextlib.contextmanager

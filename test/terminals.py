@@ -19,7 +19,6 @@ from collections.abc import Iterator
 import contextlib
 import fcntl
 import os
-from pathlib import Path
 import pty
 import re
 import select
@@ -30,7 +29,7 @@ import sys
 import termios
 import time
 
-from program import children_of, environment
+from program import children_of, environment, find_process
 
 SEQUENCE = re.compile(r'\x1b(?:\[([?0-9;]*)([A-Za-z])|([78]))')
 
@@ -164,11 +163,9 @@ class TerminalProgram:
 
     def display(self) -> int:
         """Return the id of the display process."""
-        for child in children_of(self.process.pid):
-            with contextlib.suppress(FileNotFoundError):
-                if b'display.display_program' in Path(f'/proc/{child}/cmdline').read_bytes():
-                    return child
-        raise AssertionError(f'there is no display process:\n{self}')
+        display = find_process(children_of(self.process.pid), 'display.display_program')
+        assert display is not None, f'there is no display process:\n{self}'
+        return display
 
     def close(self) -> None:
         """Kill it and its children."""

@@ -23,9 +23,9 @@ import sys
 from xml.etree import ElementTree as ET
 import zipfile
 
+from program import ROOT
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
 NAME = 'kachaka_simple_control'
 PACKAGE = ROOT / NAME
 HEADER = ROOT.joinpath('setup.py').read_text().split('"""')[0]

@@ -18,15 +18,14 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 import os
-from pathlib import Path
 import subprocess
 import sys
 
 from optional_libraries import lack, MISSING, optional_imports
+from program import ROOT
 import pytest
 
-TESTS = Path(__file__).resolve().parent
-ROOT = TESTS.parent
+TESTS = ROOT / 'test'
 #: What Humble's launch and launch_ros give to pytest; the names of the entry points count.
 ROS_PLUGINS = ('launch_testing', 'launch_ros', 'launch_pytest')
 

@@ -19,9 +19,9 @@ import functools
 from pathlib import Path
 
 import kachaka_simple_control
+from program import ROOT
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = 'kachaka_simple_control'
 #: Where it is imported from: colcon tests the package that it has installed.
 SITE = Path(kachaka_simple_control.__file__).parent.parent

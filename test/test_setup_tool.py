@@ -24,9 +24,9 @@ import shutil
 import subprocess
 import sys
 
+from program import ROOT
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
 TOOLS = ROOT / 'tools'
 sys.path.insert(0, str(TOOLS))
 

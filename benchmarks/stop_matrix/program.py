@@ -27,7 +27,7 @@ import termios
 import time
 
 from kachaka_simple_control.control.processes import is_running
-from program import children_of, environment, fill
+from program import children_of, environment, fill, find_process
 
 #: How long a program may take to be ready to move, also on a loaded machine [s].
 READY_TIMEOUT = 40.0
@@ -135,11 +135,10 @@ class Program:
     @property
     def guardian(self) -> int:
         """Return the process id of its guardian."""
-        for child in self._children:
-            with contextlib.suppress(OSError):
-                if b'guardian_program' in Path(f'/proc/{child}/cmdline').read_bytes():
-                    return child
-        raise RuntimeError('the program has no guardian')
+        guardian = find_process(self._children, 'guardian_program')
+        if guardian is None:
+            raise RuntimeError('the program has no guardian')
+        return guardian
 
     @property
     def fault(self) -> float | None:

@@ -15,11 +15,9 @@
 
 import ast
 from graphlib import CycleError, TopologicalSorter  # noqa: I201
-from pathlib import Path  # noqa: I100, I201
 
+from program import ROOT
 import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def imports(files):

@@ -17,9 +17,9 @@ from pathlib import Path
 import re
 
 from kachaka_simple_control import motion
+from program import ROOT
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
 CODE = Path(motion.__file__).parent
 #: The formulas in the order of their numbers, which Sphinx gives them.
 LABELS = (

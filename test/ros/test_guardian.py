@@ -14,7 +14,6 @@
 """What no handler can catch: killed, frozen, crashed. The guardian stops the robot."""
 
 import os
-from pathlib import Path
 import signal
 import subprocess
 import sys
@@ -22,7 +21,7 @@ import time
 
 from kachaka_simple_control.control.guardian import Guardian
 from kachaka_simple_control.control.processes import is_running, is_stopped
-from program import children_of, COMMAND, program, script
+from program import children_of, COMMAND, find_process, program, script
 import pytest
 from ros_support import wait_until
 
@@ -55,10 +54,9 @@ def assert_whole_stop(zeros):
 
 def guardian_of(started):
     """Return the process id of the guardian of a program."""
-    for child in children_of(started.process.pid):
-        if b'guardian_program' in Path(f'/proc/{child}/cmdline').read_bytes():
-            return child
-    raise AssertionError('it has no guardian')
+    guardian = find_process(children_of(started.process.pid), 'guardian_program')
+    assert guardian is not None, 'it has no guardian'
+    return guardian
 
 
 @pytest.mark.parametrize('name, bound', [
