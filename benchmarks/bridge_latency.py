@@ -36,7 +36,7 @@ from benchmarks import ROOT
 from benchmarks.nanosleep import BILLION, sleep_until
 from benchmarks.resource_usage import process_time
 from benchmarks.tables import Table
-from kachaka_simple_control.report.metrics import median, quantile
+from kachaka_simple_control.report.quantiles import median, quantile
 from ros_domain import isolate_ros
 
 RATES = (10, 50, 100)
