@@ -66,7 +66,7 @@ class RosRunMonitor:
         self._speed_factor = speed_factor
         self._feedback: PoseFeedback | None = None
         self._held_since: float | None = None
-        #: how far the robot was moved by somebody else while it was held
+        #: how far the robot was moved from outside while it was held
         self.pause_pose = PausePose()
         self._subscriber_checked = self._graph_counted = self._graph_checked = float('-inf')
 

@@ -171,7 +171,7 @@ def test_the_first_velocity_of_another_publisher_ends_the_run(listener, tmp_path
         listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         other.send()
         assert started.end() == 1
-    (line,) = [line for line in started.text.splitlines() if 'somebody else' in line]
+    (line,) = [line for line in started.text.splitlines() if 'another program' in line]
     assert '(node listener) sends velocities on /kachaka/manual_control/cmd_vel' in line
     assert ours(listener, other) == []
     # Our zeros end, and manual control is the other's by now.
