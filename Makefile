@@ -6,7 +6,7 @@
 # QUICK   anything: bench, stop-matrix, lossy-link measure little, in minutes; docs stay as they are
 # MARKED  which tests: `ros`, `not ros`, `slow` ...; all by default
 # WORKERS how many processes share the tests, which mostly wait; 0: none, one test after the other
-# NO_BARS anything: bench does not fail when a bar is missed
+# NO_BARS anything: bench does not fail when a threshold is missed
 
 PYTHON ?= python3
 DISTRO ?=

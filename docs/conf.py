@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 project = 'kachaka_simple_control'
 author = copyright = 'kachaka_simple_control contributors'  # noqa: A001
-# setup.py is the only home of the version, and need not be run to be read.
+# setup.py has the only copy of the version, and need not be run to be read.
 release = version = next(
     ast.literal_eval(node.value) for node in ast.walk(ast.parse((ROOT / 'setup.py').read_text()))
     if isinstance(node, ast.keyword) and node.arg == 'version')

@@ -77,7 +77,7 @@ def from_motion_on(velocities, moves):
 
 
 def is_motion(velocity):
-    """Tell whether a recorded velocity asks for motion."""
+    """Return whether a recorded velocity asks for motion."""
     return velocity[1:] != (0.0, 0.0)
 
 

@@ -165,6 +165,7 @@ def test_gain_errors_change_the_distance():
     assert (pose.x, pose.theta) == pytest.approx((0.09, 0.55))
     assert velocity.angular_z == pytest.approx(0.55)
 
+
 def test_dead_time_shifts_the_drive_and_changes_nothing_else():
     commands = [(0.0, Velocity(0.2, 0.0)), (0.4, Velocity(0.1, 0.5)), (1.1, ZERO)]
     prompt = SimulationParameters(lag=0.1, linear_gain=0.95)
