@@ -4,23 +4,26 @@
 # PYTHON  the Python to use, 3.10 or newer
 # DISTRO  the ROS 2 to take from PyPI where none is sourced: jazzy (as by default) or kilted
 # QUICK   anything: bench, stop-matrix, lossy-link measure little, in minutes; docs stay as they are
-# MARKED  which tests: `ros`, `not ros`, `slow` ...; all by default
-# WORKERS how many processes share the tests, which mostly wait; 0: none, one test after the other
+# MARKED  which tests: `ros`, `not ros`, `slow` ...; all by default, but for documents (make docs)
+# WORKERS how many processes share the real-time tests, which mostly wait; 0: one after the other
 # NO_BARS anything: bench does not fail when a threshold is missed
 
 PYTHON ?= python3
 DISTRO ?=
 DOCS ?= html
 MARKED ?=
-WORKERS ?= 2
+WORKERS ?= 6
 VENV := .venv$(addprefix -,$(filter-out jazzy,$(DISTRO)))
 SET_UP := @$(PYTHON) tools/set_up.py $(addprefix --distro=,$(DISTRO))
+
+# Tests start hundreds of programs; each would compile the package again.
+unexport PYTHONDONTWRITEBYTECODE
 
 AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-all test-lowest check floor bench stop-matrix lossy-link colcon docs setup browser \
-    lock clean
+.PHONY: help run test test-all test-lowest check floor bench stop-matrix lossy-link mutants colcon docs setup \
+    browser lock clean
 
 help:  ## print this list
 	@echo 'make TARGET [PYTHON=python3.12] [DISTRO=kilted]'
@@ -29,8 +32,9 @@ help:  ## print this list
 run: setup  ## set up, then drive a simulated robot
 	$(VENV)/bin/kachaka_simple_control --sim
 
+# Pure tests first, on all cores; then those in real time, by more workers: they mostly wait.
 test: setup  ## set up, then run the tests
-	$(VENV)/bin/python -m pytest -n $(WORKERS) --dist loadfile $(if $(MARKED),-m '$(MARKED)') test
+	PYTEST='$(VENV)/bin/python -m pytest' WORKERS=$(WORKERS) tools/test.sh $(if $(MARKED),'$(MARKED)')
 
 test-all: test-lowest  ## test so, and with each distro on PyPI under each Python from 3.10 to 3.13
 	@for distro in jazzy kilted; do for python in python3.10 python3.11 python3.12 python3.13; do \
@@ -62,6 +66,9 @@ stop-matrix: setup  ## let everything happen to a program that drives: an hour; 
 lossy-link: setup  ## stop and move over a bad link, as root: half an hour; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks.lossy_link $(if $(QUICK),--quick)
 
+mutants: setup  ## break the package in forty places, and see that the tests notice; QUICK=1: a part
+	$(VENV)/bin/python tools/mutants/run.py --jobs 2 $(if $(QUICK),--pure)
+
 # Drawing has an environment of its own: its numpy need not be the one that a sourced ROS wants.
 .venv-plots/made: requirements/benchmarks.txt
 	$(PYTHON) -m venv --clear .venv-plots
@@ -73,12 +80,10 @@ colcon:  ## build, run and test the package as a ROS workspace does
 	tools/check_colcon.sh $(VENV)-colcon
 
 docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to do
-	$(SET_UP) --for=colcon $(VENV)-docs
-	$(VENV)-docs/bin/python -m pip --quiet --disable-pip-version-check install --no-input \
-	    --no-build-isolation --require-hashes --requirement=requirements/docs.txt
-	PYTHONPATH=. $(VENV)-docs/bin/python -m sphinx -n -W --keep-going -q -b $(DOCS) \
+	$(SET_UP) --for=colcon $(VENV)-colcon
+	PYTHONPATH=. $(VENV)-colcon/bin/python -m sphinx -n -W --keep-going -q -b $(DOCS) \
 	    -d docs/_build/doctrees docs docs/_build/$(DOCS)
-	$(VENV)-docs/bin/python -m pytest -rs test/test_docs.py
+	$(VENV)-colcon/bin/python -m pytest -rs -n 4 --dist worksteal test/test_docs.py
 
 setup:  ## make the environment, if what it is made from has changed
 	$(SET_UP) $(VENV)

@@ -97,6 +97,18 @@ def test_a_robot_whose_odometry_falls_silent_is_taken_for_lost(listener, tmp_pat
     assert listener.received[-1].time - end_of_motion(listener) > 1.3
 
 
+def test_a_second_robot_that_comes_in_mid_motion_ends_it(listener, tmp_path):
+    """Both would obey."""
+    Odometer(listener)
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda velocity: velocity.moves)
+        with Listener() as second:
+            Odometer(second)
+            assert started.end() == 1
+            assert not second.received[-1].moves
+    assert '2 robots publish /kachaka/odometry/odometry' in started.text
+
+
 def test_odometry_that_begins_in_mid_motion_is_watched_from_then_on(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)

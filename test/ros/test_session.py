@@ -18,6 +18,7 @@ import time
 from types import SimpleNamespace
 
 from kachaka_simple_control.control import manual_control_lease
+from kachaka_simple_control.control.processes import is_running
 from kachaka_simple_control.errors import InvalidMotionError, MotionRefusedError, RunFaultError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
@@ -83,6 +84,33 @@ def test_the_namespace_of_the_robot_moves_all_its_names(make):
         make(robot_namespace='left/robot').move_robot(0.1, 0.0, 0.2)
     assert [move.count for move in other.moves()] == [2]
     assert other.enabled
+
+
+def test_zeros_are_sent_for_the_prime_time_before_the_first_velocity(listener, make):
+    """A reader matches later than its writer: without them the first velocities may be lost."""
+    make(prime_time=0.6).move_robot(0.1, 0.0, 0.2)
+    first = next(at for at, velocity in enumerate(listener.received) if velocity.moves)
+    zeros = [velocity.time for velocity in listener.received[:first]]
+    # Some may be lost, and those of the guardian are among them.
+    assert len(zeros) >= 8
+    assert 0.2 < listener.received[first].time - zeros[0] < 1.5
+    assert listener.enabled[0] < zeros[0]
+
+
+def test_the_guardian_is_gone_before_the_robot_is_released(listener, make, monkeypatch):
+    """Its zero would take the robot again."""
+    node = make()
+    node.move_robot(0.1, 0.0, 0.2)
+    guardian, manual_control = node.session._guardian, node.session._manual_control
+    release, ran = manual_control.release, []
+
+    def released(timeout):
+        ran.append(is_running(guardian._process.pid))
+        return release(timeout)
+
+    monkeypatch.setattr(manual_control, 'release', released)
+    node.destroy_node()
+    assert ran == [False]
 
 
 def test_nothing_publishes_beside_the_velocity_gate(listener, make):
