@@ -22,6 +22,7 @@ import sys
 from optional_libraries import lack, optional_imports
 from program import restore_signals
 import pytest
+from real_time_trials import RealTimeTrials
 from ros_domain import isolate_ros
 
 with optional_imports():
@@ -97,19 +98,19 @@ def make():
     rclpy.try_shutdown()
 
 
+def pytest_configure(config):
+    """Watch the machine during the real-time tests."""
+    config.pluginmanager.register(RealTimeTrials())
+
+
 def pytest_collection_modifyitems(items):
     """
-    Skip tests whose libraries are not there, and give real-time tests a second try.
+    Skip tests whose libraries are not there.
 
     A skip that a module raises while it is imported could end the collection of all others, with
     plug-ins that import modules in their own way; so a module only says what its tests need.
-
-    Real-time tests use other processes over DDS on a machine that may be loaded.  What is broken
-    fails twice, and the summary shows second tries; without the plug-in, the mark has no effect.
     """
     for item in items:
         needed = [name for mark in item.iter_markers('needs') for name in mark.args]
         if (reason := next(filter(None, map(lack, needed)), None)) is not None:
             item.add_marker(pytest.mark.skip(reason=reason))
-        if item.get_closest_marker('ros'):
-            item.add_marker(pytest.mark.flaky(reruns=1, reruns_delay=1))

@@ -1,0 +1,123 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+Repeat a real-time trial only if the machine itself stood still during it.
+
+A plug-in of pytest, for the tests marked ``ros``.  A test that fails is a fact: it is repeated
+only if observers outside the tests saw the machine stand still meanwhile.  Each repeated trial is
+printed, and more than one in twenty of them fail the run: a suite that makes its own gaps fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import os
+from pathlib import Path
+import tempfile
+import time
+from typing import Any
+
+from _pytest.runner import runtestprotocol
+import pytest
+from stall_observer import Stall, StallObservers
+
+#: How often a trial is made at most, however often the machine stands still.
+MAX_TRIALS = 3
+#: The part of the trials that may be repeated, beside one.
+MAX_REPEATED = 0.05
+#: Where the observers write; given to the workers of pytest-xdist.
+FOLDER = 'STALL_OBSERVERS'
+REPEATED = 'repeated_because'
+
+
+class RealTimeTrials:
+    """The plug-in; each worker has one, and the process that they report to has the observers."""
+
+    def __init__(self) -> None:
+        self._is_worker = FOLDER in os.environ
+        self._scratch = None if self._is_worker else tempfile.TemporaryDirectory()
+        if self._scratch is not None:
+            os.environ[FOLDER] = self._scratch.name
+        self._observers = StallObservers(Path(os.environ[FOLDER]))
+        self._trials: set[str] = set()
+        #: why each trial was repeated
+        self._repeated: dict[str, list[str]] = {}
+
+    def pytest_sessionstart(self) -> None:
+        """Start the observers."""
+        if not self._is_worker:
+            self._observers.start()
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_protocol(self, item: pytest.Item, nextitem: pytest.Item | None) -> Any:
+        """Run a real-time test; others are left to pytest."""
+        if item.get_closest_marker('ros') is None:
+            return None
+        item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+        reasons: list[str] = []
+        while True:
+            begin = time.monotonic()
+            reports = runtestprotocol(item, nextitem=nextitem, log=False)
+            if len(reasons) + 1 == MAX_TRIALS or not any(report.failed for report in reports):
+                break
+            stalls = self._observers.between(begin, time.monotonic())
+            if not stalls:
+                break
+            reasons.append(describe(stalls))
+        for report in reports:
+            report.user_properties += [(REPEATED, reason) for reason in reasons]
+            item.ihook.pytest_runtest_logreport(report=report)
+        item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+        return True
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Count the trials, and those that were repeated."""
+        if report.when == 'setup' and 'ros' in report.keywords and not report.skipped:
+            self._trials.add(report.nodeid)
+            if reasons := [text for name, text in report.user_properties if name == REPEATED]:
+                self._repeated[report.nodeid] = reasons
+
+    @property
+    def _too_many(self) -> bool:
+        return len(self._repeated) > max(1.0, MAX_REPEATED * len(self._trials))
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """End the observers, and fail the run if too many trials were repeated."""
+        if self._is_worker:
+            return
+        self._observers.end()
+        if self._scratch is not None:
+            self._scratch.cleanup()
+        del os.environ[FOLDER]
+        if self._too_many and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        """Print each repeated trial, and their number."""
+        if not self._trials:
+            return
+        write = terminalreporter.write_line
+        for name, reasons in self._repeated.items():
+            write(f'REPEATED {name}: {"; ".join(reasons)}')
+        write(f'real-time trials: {len(self._trials)}, repeated because the machine stood still: '
+              f'{len(self._repeated)}')
+        if self._too_many:
+            write(f'more than {MAX_REPEATED:.0%} of the real-time trials were repeated: the run '
+                  'fails')
+
+
+def describe(stalls: Iterable[Stall]) -> str:
+    """Return the longest of some stalls in words."""
+    return str(max(stalls, key=lambda stall: stall.end - stall.begin))
