@@ -118,7 +118,7 @@ def documents_to_run() -> list[object]:
 
 @needs_source
 @pytest.mark.ros
-@pytest.mark.slow
+@pytest.mark.document
 @pytest.mark.parametrize('path, colcon', documents_to_run())
 def test_commands_of_a_document_work(path, colcon, tmp_path):
     pytest.importorskip('nav_msgs', reason='needs ROS 2')

@@ -50,7 +50,7 @@ collection=$(cd "src/$name" && PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 \
 expected=$(grep -c '::' <<<"$collection") || { echo 'colcon: there are no tests'; exit 1; }
 
 colcon test --return-code-on-test-failure --event-handlers console_cohesion+ \
-    --pytest-args -m "$selection"
+    --pytest-args -n "$(nproc)" -m "$selection"
 results=$(colcon test-result --verbose)
 echo "$results"
 ran=$(sed -n 's/^Summary: \([0-9]*\) tests.*/\1/p' <<<"$results")

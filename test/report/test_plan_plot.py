@@ -224,21 +224,23 @@ def test_all_rows_have_the_same_scales(matplotlib):
         assert (right - left) / box.width == pytest.approx((top - bottom) / box.height)
 
 
+#: What is drawn, by its name; planned when it is used.
 SHOWN = {
-    'square': [preview(SQUARE)],
-    'three': [preview(SQUARE), preview(EIGHT), preview(LESSON)],
-    'spin': [preview(SPIN, footprint=None)],
-    'empty': [preview(EMPTY)],
-    'nowhere': [preview(EMPTY, Limits(math.inf, math.inf), footprint=None)],
-    'back': [preview(BACK, Limits(30.0, 1.57, max_backward_velocity=0.2), footprint=DISC)],
-    'far': [preview(Motion('f' * 200, [Forward(-12345.678)]), Limits(0.3, 1e-6), robot='r' * 90)],
-    'hour': [preview(HOUR)],
+    'square': lambda: [preview(SQUARE)],
+    'three': lambda: [preview(SQUARE), preview(EIGHT), preview(LESSON)],
+    'spin': lambda: [preview(SPIN, footprint=None)],
+    'empty': lambda: [preview(EMPTY)],
+    'nowhere': lambda: [preview(EMPTY, Limits(math.inf, math.inf), footprint=None)],
+    'back': lambda: [preview(BACK, Limits(30.0, 1.57, max_backward_velocity=0.2), footprint=DISC)],
+    'far': lambda: [
+        preview(Motion('f' * 200, [Forward(-12345.678)]), Limits(0.3, 1e-6), robot='r' * 90)],
+    'hour': lambda: [preview(HOUR)],
 }
 
 
 @pytest.mark.parametrize('previews', SHOWN.values(), ids=SHOWN)
 def test_no_text_is_clipped_or_overlaps(matplotlib, previews):
-    figure = draw_plans(previews)
+    figure = draw_plans(previews())
     figure.canvas.draw()
     renderer = figure.canvas.get_renderer()
     texts = words(figure)
