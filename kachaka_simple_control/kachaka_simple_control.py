@@ -253,7 +253,7 @@ class KachakaSimpleControl(Node):
     @property
     def speed_factor(self) -> float:
         """
-        The speed relative to the plan, from 0 to 1: the product of all factors.
+        Return the speed relative to the plan, from 0 to 1: the product of all factors.
 
         Set it, above 0 and up to 1, to drive slower; from any thread.  The path stays the same.
         """

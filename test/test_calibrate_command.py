@@ -97,6 +97,7 @@ def test_a_real_robot_is_driven_only_after_somebody_has_confirmed(run, monkeypat
     assert len(run('--address', 'robot', '--yes')[3]) == 1
 
     class Terminal(io.StringIO):
+
         def isatty(self):
             return True
 

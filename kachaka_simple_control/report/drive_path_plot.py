@@ -95,8 +95,9 @@ def draw_drive_path(figure: Figure, aligned: AlignedDrive, footprint: Footprint 
     lines = path_lines(aligned)
     end = aligned.odometry[-1].pose if aligned.odometry else (
         aligned.dead_reckoning.end if aligned.sent else aligned.planned_end)
-    area = extent([*(point for points in lines.values() for point in points),
-                    *_corners(footprint, (ORIGIN, end))])
+    area = extent([
+        *(point for points in lines.values() for point in points),
+        *_corners(footprint, (ORIGIN, end))])
     width = WIDTH - PATH_LEFT - PATH_RIGHT
     height = width * area.height / area.width
     figure.set_size_inches(WIDTH, PATH_BOTTOM + height + TOP)

@@ -73,10 +73,10 @@ def create_debug_publisher(
         raise UsageError(
             f'{topic} is remapped to {name}, which moves the robot: what is shown needs a topic '
             'of its own')
+    callbacks: Any = NoEventCallbacks()
     publisher: Publisher = with_qos_overrides(
         lambda options: node.create_publisher(
-            kind, topic, qos, event_callbacks=NoEventCallbacks(),  # type: ignore[arg-type, unused-ignore]
-            qos_overriding_options=options),
+            kind, topic, qos, event_callbacks=callbacks, qos_overriding_options=options),
         _check_history)
     return publisher
 

@@ -134,7 +134,7 @@ class Run:
         self.feedback.on_odometry(now, pose, is_moving=False)
         self.feedback.begin(self.plan, self.limits)
 
-    def next(self, factor=1.0):
+    def next(self, factor=1.0):  # noqa: A003
         """Return the next tick and what is sent for it; None after the last."""
         tick = self.scheduler.due(self.due, factor)
         if tick is None:

@@ -116,6 +116,7 @@ def test_a_square_with_five_pauses_ends_where_it_would(make, monkeypatch):
     ticks = []
 
     class Recorded(TickScheduler):
+
         def due(self, elapsed, factor=1.0):
             tick = super().due(elapsed, factor)
             ticks.append(tick)
