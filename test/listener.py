@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+import inspect
 import threading
 import time
 from typing import Any
@@ -57,8 +58,17 @@ class HeldVelocity:
     count: int
 
 
+def takes_info(callback: Callable[..., object]) -> bool:
+    """Return whether a callback takes a message's info, too, as later releases of rclpy decide."""
+    try:
+        inspect.signature(callback).bind(object())
+    except TypeError:
+        return True
+    return False
+
+
 class InfoExecutor(SingleThreadedExecutor):
-    """Gives callbacks of subscriptions the message's info, too, which Humble's own keeps back."""
+    """Gives callbacks that take it the message's info, too, which Humble's own keeps back."""
 
     if not hasattr(Subscription, 'CallbackType'):
         def _take_subscription(self, sub: Subscription) -> tuple[Any, dict[str, int]] | None:
@@ -68,7 +78,7 @@ class InfoExecutor(SingleThreadedExecutor):
         async def _execute_subscription(
                 self, sub: Subscription, taken: tuple[Any, dict[str, int]] | None) -> None:
             if taken is not None:
-                sub.callback(*taken)
+                sub.callback(*taken if takes_info(sub.callback) else taken[:1])
 
 
 class Listener:
