@@ -132,10 +132,13 @@ def test_unknown_distro_is_bad_usage(tool):
 
 @pytest.fixture
 def sourced(tmp_path) -> dict[str, str]:
-    """Return the environment of a shell where a ROS, of two files, is sourced."""
+    """Return the environment of a shell where a ROS, of one node and one message, is sourced."""
     library = tmp_path / 'opt' / 'python'
-    library.joinpath('rclpy').mkdir(parents=True)
-    library.joinpath('rclpy', 'node.py').write_text('')
+    for path, text in (
+            ('rclpy/__init__.py', ''), ('rclpy/node.py', ''), ('geometry_msgs/__init__.py', ''),
+            ('geometry_msgs/msg.py', 'class Twist:\n    pass\n')):
+        library.joinpath(path).parent.mkdir(parents=True, exist_ok=True)
+        library.joinpath(path).write_text(text)
     return {'ROS_DISTRO': 'humble', 'PYTHONPATH': str(library)}
 
 
@@ -149,20 +152,29 @@ def test_a_sourced_ros_is_used_whatever_the_machine(sourced, monkeypatch, tmp_pa
         'build', 'development', 'kachaka', 'recording']
 
 
-def test_a_sourced_ros_without_what_draws_reports_is_told(monkeypatch, capsys, tmp_path):
+def test_a_sourced_ros_without_optional_libraries_is_told_what_for(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(environment, 'run', lambda *command: None)
-    monkeypatch.setattr(environment, 'lacking', lambda python: ['matplotlib', 'rich'])
+    monkeypatch.setattr(environment, 'lacking', lambda python: ['rich', 'mcap'])
     environment.make(environment.Recipe(tmp_path / '.venv', 'humble', True, 'development'))
-    (line,) = capsys.readouterr().out.splitlines()
-    assert line.startswith('set-up: matplotlib, rich is not here')
-    assert line.endswith('sudo apt install python3-matplotlib python3-rich')
+    assert capsys.readouterr().out == (
+        'set-up: the live display needs rich, which is not here: sudo apt install python3-rich\n'
+        'set-up: the recording beside a report needs mcap, which is not here: '
+        ".venv/bin/python -m pip install 'mcap>=1.5'\n")
     environment.make(environment.Recipe(tmp_path / '.venv', 'jazzy', False, 'development'))
     assert capsys.readouterr().out == ''
 
 
 def test_what_an_environment_lacks_is_found(monkeypatch):
-    monkeypatch.setattr(environment, 'SHOWN_WITH', {'json': 'one', 'no_such_library': 'other'})
+    monkeypatch.setattr(environment, 'OPTIONAL', {'json': ('', ''), 'no_such_library': ('', '')})
     assert environment.lacking(Path(sys.executable)) == ['no_such_library']
+
+
+def test_every_library_of_an_extra_is_one_that_is_told_when_it_is_missing():
+    text = ROOT.joinpath('setup.py').read_text()
+    extras = text[text.index('extras_require'):text.index('zip_safe')]
+    named = set(re.findall(r"'([\w-]+)>=[\d.]+'", extras)) | {'numpy'}
+    told = ' '.join([*environment.OPTIONAL, *(how for _, how in environment.OPTIONAL.values())])
+    assert [name for name in named if name.lower() not in told] == []
 
 
 def test_another_distro_than_the_sourced_one_is_refused(tool, sourced):
@@ -174,7 +186,34 @@ def test_a_ros_that_is_sourced_for_another_python_is_refused(tool):
     line = refusal(tool(
         '.venv', pretend=f'sys.executable = {shutil.which("false")!r}',
         ROS_DISTRO='humble', AMENT_PREFIX_PATH='/opt/ros/humble'))
-    assert 'cannot import its rclpy' in line
+    assert 'cannot use it' in line
+    assert 'PYTHON=/usr/bin/python3' in line
+
+
+def test_a_ros_whose_messages_cannot_be_used_is_refused_with_the_reason(tool, sourced):
+    message = Path(sourced['PYTHONPATH'], 'geometry_msgs', 'msg.py')
+    message.write_text('import no_such_library\n')
+    line = refusal(tool('.venv', AMENT_PREFIX_PATH='/opt/ros/humble', **sourced))
+    assert "No module named 'no_such_library'" in line
+
+
+@pytest.mark.slow
+def test_a_python_that_is_an_environment_itself_is_refused_with_the_reason(
+        tool, sourced, tmp_path):
+    """A new environment sees the libraries of the Python below, and not those of that one."""
+    outer = tmp_path / 'outer'
+    subprocess.run([sys.executable, '-m', 'venv', '--without-pip', str(outer)], check=True)
+    (libraries,) = outer.glob('lib/python3*/site-packages')
+    libraries.joinpath('of_the_outer_one.py').touch()
+    message = Path(sourced['PYTHONPATH'], 'geometry_msgs', 'msg.py')
+    message.write_text('import of_the_outer_one\n\n\nclass Twist:\n    pass\n')
+    python = str(outer / 'bin' / 'python')
+    line = refusal(tool('.venv', '--for=colcon', python=python, **sourced))
+    assert "No module named 'of_the_outer_one'" in line
+    assert f'{python} is itself a virtual environment' in line
+    assert f'{python} -m pip install -e .' in line
+    assert 'PYTHON=/usr/bin/python3' in line
+    assert not tmp_path.joinpath('.venv', environment.STAMP).exists()
 
 
 def test_the_name_of_a_distro_alone_is_no_ros(monkeypatch, tmp_path):

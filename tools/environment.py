@@ -42,12 +42,23 @@ STAMP = 'set-up-of'
 LOG = 'set-up.log'
 #: What an environment is made from, beside its locks.
 INPUTS = ('setup.py', 'setup.cfg', 'tools/environment.py')
-#: A folder without any code can be imported as rclpy, so ask for a module in it.
-USE_ROS = 'import rclpy.node'
-#: What the drive is shown and reported with, and the packages of Debian that have it: a sourced
-#: ROS may be without, and from PyPI matplotlib would want another numpy than that ROS.
-SHOWN_WITH = {
-    'jinja2': 'python3-jinja2', 'matplotlib': 'python3-matplotlib', 'rich': 'python3-rich'}
+#: A folder without any code can be imported as rclpy, so ask for a module in it; and messages
+#: import more than rclpy does, such as numpy.
+USE_ROS = 'import rclpy.node; from geometry_msgs.msg import Twist; Twist()'
+#: What the program can do without, what for, and how to install it: a sourced ROS may be without,
+#: and from PyPI matplotlib would want another numpy than that ROS.
+OPTIONAL = {
+    'jinja2': ('the page of a report', 'sudo apt install python3-jinja2'),
+    'matplotlib': ('a picture of a plan or report', 'sudo apt install python3-matplotlib'),
+    'rich': ('the live display', 'sudo apt install python3-rich'),
+    'argcomplete': ('completion by Tab', 'sudo apt install python3-argcomplete'),
+    'mcap': ('the recording beside a report', "pip install 'mcap>=1.5'"),
+    'grpc': ('a real robot', 'pip install grpcio protobuf'),
+    'numpy': ('a real robot', 'sudo apt install python3-numpy'),
+    'kachaka_api': ('a real robot', 'pip install --no-deps kachaka-api'),
+}
+#: Purposes that take no ROS and nothing but a lock of their own, and what that has.
+ALONE = {'lowest': 'the oldest releases'}
 #: What pip says when nobody answers; a refused or unknown release reads otherwise.
 UNREACHABLE = ('connection broken', 'Could not fetch URL', 'ReadTimeoutError')
 
@@ -62,7 +73,7 @@ class Recipe:
     What to make.
 
     :param folder: where, below the project's root
-    :param distro: the ROS 2 distro
+    :param distro: the ROS 2 distro; empty for none
     :param sourced: whether it is the one sourced here, so that none of it comes from PyPI
     :param purpose: the lock of the tools that go in: ``development``, ``colcon``, or ``lowest``,
         the oldest releases of everything and no ROS
@@ -80,7 +91,7 @@ class Recipe:
         :returns: their paths, in the order to install them in
         """
         distro = [] if self.sourced else [self.distro]
-        names = ['build', 'lowest'] if self.purpose == 'lowest' else [
+        names = ['build', self.purpose] if self.purpose in ALONE else [
             'build', self.purpose, 'kachaka', 'recording', *distro]
         return [ROOT / 'requirements' / f'{name}.txt' for name in names]
 
@@ -104,8 +115,8 @@ class Recipe:
         :returns: a part of a sentence
         """
         python = f'{self.folder.name}: Python {platform.python_version()}'
-        if self.purpose == 'lowest':
-            return f'{python}, the oldest releases, without ROS'
+        if self.purpose in ALONE:
+            return f'{python}, {ALONE[self.purpose]}, without ROS'
         origin = 'as sourced here' if self.sourced else 'from PyPI'
         return f'{python}, ROS 2 {self.distro} {origin}, {self.purpose} tools'
 
@@ -122,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--distro', choices=DISTROS, help='the ROS 2 that it must have')
     parser.add_argument(
         '--for', dest='purpose', default='development',
-        choices=('development', 'colcon', 'lowest'))
+        choices=('development', 'colcon', *ALONE))
     options = parser.parse_args(arguments)
     try:
         set_up(recipe(ROOT / options.folder, options.distro, options.purpose))
@@ -142,11 +153,11 @@ def recipe(folder: Path, distro: str | None, purpose: str) -> Recipe:
     :returns: what to make
     :raises RefusalError: if what is asked for cannot be had here
     """
-    if purpose == 'lowest':
-        if sys.version_info[:2] != LOWEST_PYTHON:
-            raise RefusalError(
-                'the oldest releases need Python 3.10, and this is '
-                f'{platform.python_version()}; install it, on Ubuntu: sudo apt install python3.10')
+    if purpose == 'lowest' and sys.version_info[:2] != LOWEST_PYTHON:
+        raise RefusalError(
+            'the oldest releases need Python 3.10, and this is '
+            f'{platform.python_version()}; install it, on Ubuntu: sudo apt install python3.10')
+    if purpose in ALONE:
         return Recipe(folder, '', False, purpose)
     sourced = sourced_distro()
     if sourced is None:
@@ -168,13 +179,16 @@ def sourced_distro() -> str | None:
     distro = os.environ.get('ROS_DISTRO')
     if not distro:
         return None
-    trial = [sys.executable, '-c', USE_ROS]
-    if subprocess.run(trial, capture_output=True, check=False).returncode == 0:
+    trial = subprocess.run(
+        [sys.executable, '-c', USE_ROS], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, text=True, check=False)
+    if trial.returncode == 0:
         return distro
     if os.environ.get('AMENT_PREFIX_PATH'):
         raise RefusalError(
-            f'ROS 2 {distro} is sourced here, but {sys.executable} cannot import its rclpy; name '
-            'the Python that it is for, as in: make setup PYTHON=/usr/bin/python3')
+            f'ROS 2 {distro} is sourced here, but {sys.executable} cannot use it '
+            f'({reason(trial.stdout)}); name the Python that it is for, as in: '
+            'make setup PYTHON=/usr/bin/python3')
     return None
 
 
@@ -237,17 +251,40 @@ def make(wanted: Recipe) -> None:
         pip(wanted, '--no-deps', '--require-hashes', f'--requirement={lock}')
     if wanted.purpose != 'colcon':
         pip(wanted, '--no-deps', f'--editable={ROOT}')
-    if wanted.sourced and (names := lacking(wanted.folder / 'bin' / 'python')):
-        print(f'set-up: {", ".join(names)} is not here, so reports and the live display are '
-              'simpler; on Debian and Ubuntu: '
-              f'sudo apt install {" ".join(SHOWN_WITH[name] for name in names)}', flush=True)
-    if wanted.purpose != 'lowest':
-        run(wanted, [str(wanted.folder / 'bin' / 'python'), '-c', USE_ROS])
+    if wanted.purpose in ALONE:
+        return
+    python = wanted.folder / 'bin' / 'python'
+    try:
+        run(wanted, [str(python), '-c', USE_ROS])
+    except RefusalError as refusal:
+        raise RefusalError(no_ros(wanted, str(refusal))) from None
+    for name in lacking(python) if wanted.sourced else ():
+        purpose, command = OPTIONAL[name]
+        if command.startswith('pip '):
+            command = f'{wanted.folder.name}/bin/python -m {command}'
+        print(f'set-up: {purpose} needs {name}, which is not here: {command}', flush=True)
+
+
+def no_ros(wanted: Recipe, failure: str) -> str:
+    """
+    Return why an environment cannot use ROS, and what to do.
+
+    :param wanted: the environment
+    :param failure: what the trial ended with
+    :returns: the sentence of a refusal
+    """
+    text = f'ROS 2 {wanted.distro} cannot be used in {wanted.folder.name}: {failure}'
+    if not wanted.sourced or sys.prefix == sys.base_prefix:
+        return text
+    return (
+        f'{text}; {sys.executable} is itself a virtual environment, and a new one does not see '
+        f'its libraries: install into it, with {sys.executable} -m pip install -e . , or name the '
+        "system's Python, as in: make setup PYTHON=/usr/bin/python3")
 
 
 def lacking(python: Path) -> list[str]:
     """
-    Return which libraries an environment does not have that show and report a drive.
+    Return which optional libraries an environment does not have.
 
     :param python: the Python of the environment
     :returns: their names
@@ -256,7 +293,7 @@ def lacking(python: Path) -> list[str]:
         'import sys; from importlib.util import find_spec; '
         'print(*[name for name in sys.argv[1:] if find_spec(name) is None])')
     found = subprocess.run(
-        [str(python), '-c', search, *SHOWN_WITH], capture_output=True, text=True, check=True)
+        [str(python), '-c', search, *OPTIONAL], capture_output=True, text=True, check=True)
     return found.stdout.split()
 
 
