@@ -46,11 +46,12 @@ test-lowest:  ## test what needs no ROS with the oldest releases, under Python 3
 	@python3.10 tools/set_up.py --for=lowest .venv-lowest
 	.venv-lowest/bin/python -m pytest -m 'not ros' test
 
-check: setup  ## set up, then check style, types and who imports whom
+check: setup  ## set up, then check style, types, who imports whom, and what the linters of Humble say
 	$(VENV)/bin/ruff check
 	$(VENV)/bin/mypy
 	$(VENV)/bin/mypy --follow-imports=silent tools/environment.py
 	$(VENV)/bin/lint-imports --no-cache --no-logo
+	@tools/check_humble_linters.sh $(PYTHON) .venv-humble-linters
 
 floor: setup  ## drive a square on one simulated floor: as it is, calibrated, in a closed loop; 3 minutes
 	rm -rf floor

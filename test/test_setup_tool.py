@@ -239,6 +239,25 @@ def test_the_oldest_releases_need_python_3_10_and_no_ros(sourced, monkeypatch, t
         environment.recipe(tmp_path, None, 'lowest')
 
 
+def test_the_linters_of_humble_need_no_ros(sourced, monkeypatch, tmp_path):
+    for name, value in sourced.items():
+        monkeypatch.setenv(name, value)
+    found = environment.recipe(tmp_path, None, 'humble-linters')
+    assert [path.stem for path in found.locks()] == ['build', 'humble-linters']
+    assert 'the linters of Humble, without ROS' in str(found)
+
+
+def test_the_linters_of_humble_are_skipped_where_no_python_can_run_them(tmp_path):
+    for name in ('bash', 'dirname'):
+        tmp_path.joinpath(name).symlink_to(shutil.which(name))
+    result = subprocess.run(
+        ['bash', str(TOOLS / 'check_humble_linters.sh'), '/bin/false', '.venv-none'],
+        capture_output=True, text=True, check=False, env={'PATH': str(tmp_path)})
+    assert (result.returncode, result.stderr) == (0, '')
+    assert result.stdout == (
+        'check: the linters of Humble are skipped, for they need Python 3.10 or 3.11\n')
+
+
 def test_the_oldest_releases_are_those_that_the_package_names():
     given = dict(re.findall(
         r'^([\w-]+)==(.+)$', ROOT.joinpath('requirements', 'lowest.in').read_text(), re.MULTILINE))

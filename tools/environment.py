@@ -58,7 +58,7 @@ OPTIONAL = {
     'kachaka_api': ('a real robot', 'pip install --no-deps kachaka-api'),
 }
 #: Purposes that take no ROS and nothing but a lock of their own, and what that has.
-ALONE = {'lowest': 'the oldest releases'}
+ALONE = {'humble-linters': 'the linters of Humble', 'lowest': 'the oldest releases'}
 #: What pip says when nobody answers; a refused or unknown release reads otherwise.
 UNREACHABLE = ('connection broken', 'Could not fetch URL', 'ReadTimeoutError')
 
@@ -75,8 +75,8 @@ class Recipe:
     :param folder: where, below the project's root
     :param distro: the ROS 2 distro; empty for none
     :param sourced: whether it is the one sourced here, so that none of it comes from PyPI
-    :param purpose: the lock of the tools that go in: ``development``, ``colcon``, or ``lowest``,
-        the oldest releases of everything and no ROS
+    :param purpose: the lock of the tools that go in: ``development``, ``colcon``, or one of
+        those without ROS: ``lowest``, the oldest releases of everything, or ``humble-linters``
     """
 
     folder: Path
@@ -249,7 +249,7 @@ def make(wanted: Recipe) -> None:
     for lock in wanted.locks():
         # A lock names all that is wanted; more than that would be what it left out on purpose.
         pip(wanted, '--no-deps', '--require-hashes', f'--requirement={lock}')
-    if wanted.purpose != 'colcon':
+    if wanted.purpose not in ('colcon', 'humble-linters'):
         pip(wanted, '--no-deps', f'--editable={ROOT}')
     if wanted.purpose in ALONE:
         return
