@@ -78,13 +78,19 @@ def namespace(request):
 
 @pytest.fixture
 def make():
-    """Yield a function that makes nodes, with ROS arguments; they are destroyed in the end."""
+    """
+    Yield a function that makes nodes, with ROS arguments; they are destroyed in the end.
+
+    They are quick to start: without a guardian, and with a short prime time, unless a test wants
+    them.
+    """
     rclpy = pytest.importorskip('rclpy', reason='needs ROS 2')
     from kachaka_simple_control import KachakaSimpleControl
     rclpy.init(args=[])
     nodes = []
 
     def make_node(*arguments, **parameters):
+        parameters = {'guardian': False, 'prime_time': 0.2, **parameters}
         nodes.append(KachakaSimpleControl(
             cli_args=['--ros-args', *arguments] if arguments else None,
             parameter_overrides=[

@@ -107,7 +107,7 @@ def test_the_driven_path_follows_odometry(listener, observer, make):
 
 
 def test_a_diagnosis_is_made_even_while_the_clock_of_ros_stands_still(listener, observer, make):
-    node = make(use_sim_time=True)
+    node = make(use_sim_time=True, guardian=True)
     seen = observer.diagnostics()
     thread = drive(node, 0.1, 0.0, 2.5)
     assert wait_until(lambda: any(figures(one)['state'] == 'driving' for one in seen))

@@ -27,29 +27,9 @@ from optional_libraries import optional_imports
 import pytest
 
 with optional_imports():
-    import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
-
-
-@pytest.fixture
-def make():
-    """Yield a function that makes nodes; they are taken down in the end."""
-    from kachaka_simple_control import KachakaSimpleControl
-    from rclpy.parameter import Parameter
-    rclpy.init(args=[])
-    nodes = []
-
-    def make_node(**parameters):
-        nodes.append(KachakaSimpleControl(parameter_overrides=[
-            Parameter(name, value=value) for name, value in parameters.items()]))
-        return nodes[-1]
-
-    yield make_node
-    for node in nodes:
-        node.destroy_node()
-    rclpy.try_shutdown()
 
 
 @pytest.mark.parametrize('arguments, text', [
@@ -99,7 +79,7 @@ def test_zeros_are_sent_for_the_prime_time_before_the_first_velocity(listener, m
 
 def test_the_guardian_is_gone_before_the_robot_is_released(listener, make, monkeypatch):
     """Its zero would take the robot again."""
-    node = make()
+    node = make(guardian=True)
     node.move_robot(0.1, 0.0, 0.2)
     guardian, manual_control = node.session._guardian, node.session._manual_control
     release, ran = manual_control.release, []
@@ -176,7 +156,7 @@ def test_a_stop_ends_a_movement_that_still_waits_for_its_robot(make):
 
 @pytest.mark.parametrize('after', [0.0, 0.1, 0.3, 0.6])
 def test_after_a_stop_before_the_first_velocity_none_is_sent(listener, make, after):
-    node = make()
+    node = make(prime_time=0.5)
     motion = Motion('test', (Move(0.1, 0.0, 1.0),))
     request = node.session.request(elsewhere=True)
     ended = []
@@ -287,7 +267,7 @@ def test_an_old_lease_of_manual_control_is_renewed_before_a_movement(
 
 def test_a_movement_that_waits_for_the_robot_does_not_delay_the_stop_before_it(
         listener, make, monkeypatch):
-    node = make()
+    node = make(guardian=True)
     node.move_robot(0.1, 0.0, 0.3)
     monkeypatch.setattr(node.session._lease, 'is_stale', lambda now: True)
     listener._delay = 1.5
