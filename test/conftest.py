@@ -119,4 +119,5 @@ def pytest_collection_modifyitems(items):
     for item in items:
         needed = [name for mark in item.iter_markers('needs') for name in mark.args]
         if (reason := next(filter(None, map(lack, needed)), None)) is not None:
-            item.add_marker(pytest.mark.skip(reason=reason))
+            # First of all: tests with parameters that are missing have a skip of their own.
+            item.add_marker(pytest.mark.skip(reason=reason), append=False)

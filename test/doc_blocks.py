@@ -49,6 +49,10 @@ Marks of other blocks:
     Run with a simulated robot of its own.
 
 Every block of commands must have a mark, and every block of Python must compile.
+
+A page that needs more than ROS and this package says so, and is skipped without::
+
+    <!-- test: this page needs MODULE, MODULE -->
 """
 
 from __future__ import annotations
@@ -63,6 +67,9 @@ DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted(ROOT.glob('do
 DOCUMENTS = [path for path in DOCUMENTS if path.is_file() and '_build' not in path.parts]
 COMMANDS = ('bash', 'console', 'sh', 'shell')
 MARK = re.compile(r'<!-- test: (.+?) -->')
+PAGE_NEEDS = re.compile(r'<!-- test: this page needs (.+?) -->')
+#: What a page may need; a name that nobody knows would skip it everywhere.
+LIBRARIES = {'jsonschema', 'kachaka_api', 'matplotlib', 'mcap', 'mcap_ros2', 'rosbags'}
 RUN = re.compile(
     r'run'
     r'(?: in (?P<folder>(?!another terminal)[^ ,]+))?'
@@ -131,6 +138,11 @@ def blocks(path: Path) -> list[Block]:
             match = MARK.fullmatch(line.strip())
             mark = match.group(1) if match else ''
     return found
+
+
+def needed(path: Path) -> list[str]:
+    """Return the modules that a document says it needs."""
+    return [name for names in PAGE_NEEDS.findall(path.read_text()) for name in names.split(', ')]
 
 
 def placeholders(text: str) -> list[int]:

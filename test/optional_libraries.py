@@ -29,6 +29,7 @@ NEEDED = {
     'ament_flake8.main': 'ament_flake8, which comes with ROS',
     'ament_pep257.main': 'ament_pep257, which comes with ROS',
     'grpc': 'the extra "kachaka"',
+    'jinja2': 'Jinja2',
     'kachaka_api': 'the SDK of the robot',
     'kachaka_api.generated': 'the SDK of the robot',
     'mcap': 'what writes recordings',

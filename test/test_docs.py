@@ -20,7 +20,16 @@ from pathlib import Path
 import shutil
 import textwrap
 
-from doc_blocks import Block, blocks, COMMANDS, DOCUMENTS, NOT_RUN, placeholders
+from doc_blocks import (
+    Block,
+    blocks,
+    COMMANDS,
+    DOCUMENTS,
+    LIBRARIES,
+    needed,
+    NOT_RUN,
+    placeholders,
+)
 from doc_output import compare
 from doc_runner import Reader, searched
 from program import ROOT
@@ -47,6 +56,11 @@ def test_other_marks_are_known(block):
     known = ('', 'fragment', 'output', *(['run'] if block.language == 'python' else []))
     assert block.mark in known or block.file, (
         f'{block}: {block.mark!r} is no mark; doc_blocks.py lists them at its top')
+
+
+@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_page_needs_only_libraries_that_are_known(path):
+    assert set(needed(path)) <= LIBRARIES
 
 
 @pytest.mark.parametrize('block', [b for b in ALL if b.language == 'python'], ids=str)
@@ -109,10 +123,11 @@ def documents_to_run() -> list[object]:
         run = [block for block in blocks(path) if block.is_run or (
             block.language == 'python' and block.mark == 'run')]
         name = str(path.relative_to(ROOT))
+        marks = pytest.mark.needs(*needed(path))
         if any(block.is_run and block.run['colcon'] for block in run):
-            found.append(pytest.param(path, True, id=f'{name} with colcon'))
+            found.append(pytest.param(path, True, id=f'{name} with colcon', marks=marks))
         if run:
-            found.append(pytest.param(path, False, id=name))
+            found.append(pytest.param(path, False, id=name, marks=marks))
     return found
 
 

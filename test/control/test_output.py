@@ -303,6 +303,7 @@ def test_the_result_and_the_last_line_delay_no_exit(full, tmp_path):
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     pytest.importorskip('jsonschema', reason='needs jsonschema')
+    pytest.importorskip('jinja2', reason='needs Jinja2')
     report = tmp_path / 'report'
     command = [*COMMAND, 'straight', '--sim', '--report', str(report)]
     with piped(command, *full) as started:

@@ -25,7 +25,7 @@ from program import COMMAND, program
 import pytest
 from recordings import read_with_mcap, read_with_rosbags, READERS
 
-pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'mcap')]
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'mcap', 'jinja2', 'jsonschema')]
 
 TOPIC = '/kachaka/manual_control/cmd_vel'
 ODOMETRY = '/kachaka/odometry/odometry'

@@ -87,6 +87,7 @@ LABELS = """
 def browser(tmp_path_factory):
     """Yield a browser with a new profile."""
     pytest.importorskip('selenium', reason='needs selenium')
+    pytest.importorskip('jinja2', reason='needs Jinja2')
     pytest.importorskip('matplotlib', reason='plots need matplotlib')
     if CHROMIUM is None or not DRIVER.exists():
         pytest.skip('needs chromium and chromedriver in /usr/bin: make browser')

@@ -83,6 +83,7 @@ def test_an_impossible_path_is_refused_before_anything_is_drawn(tmp_path, monkey
     assert str(refusal.value) == f'{tmp_path}/plan.svg: this is a folder; name a file in it'
 
 
+@pytest.mark.needs('matplotlib')
 def test_a_full_disk_leaves_the_old_plot_and_nothing_else(tmp_path, monkeypatch):
     file, write = tmp_path / 'plan.svg', Path.write_bytes
 

@@ -45,6 +45,8 @@ from plans import EMPTY, LESSON
 import pytest
 from simulated_drive import EPOCH, SimulatedDrive
 
+pytestmark = pytest.mark.needs('jinja2')
+
 LIMITS = Limits(1.0, 2.0)
 SECOND = Motion('second', [Move(0.1, 0.0, 1.0)])
 EVIL = '<script>alert("x")</script>&$x_1$\x00'

@@ -88,6 +88,7 @@ def test_a_line_about_a_report_is_printed_escaped(capsys):
         'report: a\\x1b[31m\\n\\u202e\\udcff/report.html\n')
 
 
+@pytest.mark.needs('jinja2', 'matplotlib')
 def test_all_published_events_are_recorded(tmp_path, capfd):
     events = [
         *BEGINNING, *drive(1000, 10.1), MotionEnded(30.0),
@@ -115,6 +116,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
+@pytest.mark.needs('jinja2')
 def test_it_continues_when_the_program_is_killed(tmp_path):
     environment = processes.child_environment()
     environment['PYTHONPATH'] += os.pathsep + str(Path(__file__).parent) + os.pathsep + str(
