@@ -17,43 +17,36 @@ from __future__ import annotations
 
 import subprocess
 
-from benchmarks import ROOT
-from kachaka_simple_control.control import processes
+from grpc_client_support import SimulatedRobot
 from kachaka_simple_control.motion.geometry import Pose
+from program import environment
+from ros_support import BridgeProcess
 
-#: How long each of the two may take to end [s].
-EXIT_TIMEOUT = 3.0
 #: How long the robot may take to respond [s].
 RESPONSE_TIMEOUT = 5.0
 
 
 class GrpcRobot:
     """
-    ``kachaka_sim`` and ``kachaka_bridge --address``; ``end`` ends both.
+    ``kachaka_sim`` and ``kachaka_bridge --address``; ``close`` ends both.
 
     :param namespace: of the robot in ROS
     :param domain: the bridge's ROS domain
-    :raises RuntimeError: if the robot does not start
+    :raises AssertionError: if the robot does not start
     """
 
     def __init__(self, namespace: str, domain: int) -> None:
-        self._domain = domain
-        self._processes: list[subprocess.Popen[str]] = []
-        robot = self._start('sim_command', '--grpc-port', '0')
-        assert robot.stdout is not None
-        # "ready: ... at HOST:PORT", or nothing if it ended.
-        ready = robot.stdout.readline().split()
-        if not ready:
-            self.end()
-            raise RuntimeError('the simulated robot did not start')
+        self._robot = SimulatedRobot()
         #: of the robot, ``HOST:PORT``
-        self.address = ready[-1]
-        self._bridge = self._start(
-            'bridge_command', '--address', self.address, '--namespace', namespace)
+        self.address = self._robot.address
+        # Only this process holds the other end of its standard input: it ends with us.
+        self._bridge = BridgeProcess(
+            '--address', self.address, '--namespace', namespace, '--with-parent',
+            stdin=subprocess.PIPE, env=environment(ROS_DOMAIN_ID=str(domain)))
 
-    def send(self, signum: int) -> None:
-        """Send the bridge a signal."""
-        self._bridge.send_signal(signum)
+    def send(self, signum: int) -> float:
+        """Send the bridge a signal; return when [s, system clock]."""
+        return self._bridge.send(signum)
 
     def pose(self) -> Pose:
         """
@@ -71,28 +64,7 @@ class GrpcRobot:
             raise RuntimeError(f'the robot does not say where it is: {result.text}')
         return conversions.pose(response.odometry)
 
-    def end(self) -> None:
+    def close(self, timeout: float = 0.0, signum: int = 0) -> None:
         """End both, the bridge first; harmless if they have ended."""
-        for process in reversed(self._processes):
-            process.terminate()
-            try:
-                process.wait(EXIT_TIMEOUT)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-            for pipe in (process.stdin, process.stdout):
-                assert pipe is not None
-                pipe.close()
-        self._processes.clear()
-
-    def _start(self, module: str, *options: str) -> subprocess.Popen[str]:
-        # Only this process holds the other end of its standard input: it ends with us.
-        process = subprocess.Popen(
-            [*processes.python_command(f'kachaka_simple_control.kachaka.{module}'), *options,
-             '--with-parent'],
-            cwd=ROOT, env={**processes.child_environment(), 'ROS_DOMAIN_ID': str(self._domain)},
-            text=True,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            start_new_session=True)
-        self._processes.append(process)
-        return process
+        for process in (self._bridge, self._robot):
+            process.close(timeout, signum)

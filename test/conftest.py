@@ -37,9 +37,10 @@ sys.path.append(str(Path(__file__).resolve().parent.parent))
 # Before anything loads rclpy.
 isolate_ros()
 if (worker := os.environ.get('PYTEST_XDIST_WORKER')) is not None:
-    # Parallel workers, gw0, gw1, ..., have a domain each.
-    number = int(os.environ['ROS_DOMAIN_ID']) + int(worker.removeprefix('gw'))
-    os.environ['ROS_DOMAIN_ID'] = str(number % 101)
+    # Parallel workers, gw0, gw1, ..., have a domain each, and those after it up to the next one's.
+    step = 100 // int(os.environ['PYTEST_XDIST_WORKER_COUNT'])
+    number = int(os.environ['ROS_DOMAIN_ID']) + step * int(worker.removeprefix('gw'))
+    os.environ['ROS_DOMAIN_ID'] = str(number % 100 + 1)
 restore_signals()
 
 

@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from pathlib import Path
 import re
@@ -24,11 +23,10 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 
 from doc_blocks import Block
 from doc_output import compare
-from program import ROOT
+from program import Program, ROOT
 
 PROGRAMS = {
     'kachaka_simple_control': 'kachaka_simple_control',
@@ -37,8 +35,9 @@ PROGRAMS = {
     'kachaka_bridge': 'kachaka_simple_control.kachaka.bridge_command',
     'kachaka_sim': 'kachaka_simple_control.kachaka.sim_command',
 }
-#: How long the commands of a block may take [s].
-COMMAND_TIMEOUT = 300.0
+#: How long the commands of a block may take, and a program until it is there, and to end after
+#: Ctrl+C [s].
+COMMAND_TIMEOUT, READY_TIMEOUT, EXIT_TIMEOUT = 300.0, 30.0, 10.0
 
 MAKE = """#!/bin/bash
 set -e
@@ -61,43 +60,6 @@ exit 1
 """
 
 
-class Terminal:
-    """A shell that a reader has opened, and its output."""
-
-    def __init__(self, command: str, reader: Reader, number: int) -> None:
-        """Start a command in it."""
-        self._log = reader.scratch / f'terminal-{number}.txt'
-        with self._log.open('w') as out:
-            self._process = subprocess.Popen(
-                ['bash', '-c', command], cwd=reader.home, env=reader.environment,
-                stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT,
-                start_new_session=True)
-
-    @property
-    def text(self) -> str:
-        """Return its output so far."""
-        return self._log.read_text()
-
-    def wait_for(self, text: str) -> None:
-        """Return when its output has a text."""
-        end = time.monotonic() + 30.0
-        while text not in self.text:
-            assert time.monotonic() < end, f'{text!r} never came, but:\n{self.text}'
-            assert self._process.poll() is None, f'{text!r} never came, but:\n{self.text}'
-            time.sleep(0.05)
-
-    def wait(self) -> int:
-        """Wait for the command, and return its exit code."""
-        return self._process.wait(COMMAND_TIMEOUT)
-
-    def close(self) -> None:
-        """Press Ctrl+C, and close it."""
-        for signum in (signal.SIGINT, signal.SIGKILL):
-            with contextlib.suppress(ProcessLookupError, subprocess.TimeoutExpired):
-                os.killpg(self._process.pid, signum)
-                self._process.wait(10.0)
-
-
 class Reader:
     """Does what a document says, block by block."""
 
@@ -106,7 +68,7 @@ class Reader:
         self.scratch = scratch
         self.home, self.source = scratch / 'home', scratch / 'source'
         self._state = scratch / 'state'
-        self._terminals: list[Terminal] = []
+        self._terminals: list[Program] = []
         self._count = 0
         self.output = ''
         self.home.mkdir()
@@ -150,14 +112,14 @@ class Reader:
         if run['until']:
             # Another terminal does not have what was sourced here.
             terminal = self._open(folder + text)
-            terminal.wait_for(run['until'])
+            terminal.wait_for_text(run['until'], READY_TIMEOUT)
             self.output = terminal.text
             return
         state = shlex.quote(str(self._state))
         terminal = self._open(
             f'if [ -e {state} ]; then source {state}; fi\nset -e\n{folder}{text}set +e\n'
             f'{{ export -p; printf "cd %q\\n" "$PWD"; }} >{state}\n')
-        code = terminal.wait()
+        code = terminal.end(COMMAND_TIMEOUT)
         self.output = terminal.text
         assert code == int(run['code'] or 0), (
             f'{block}: these commands ended with exit code {code}:\n{text}\n{self.output}')
@@ -175,14 +137,14 @@ class Reader:
     def run_python(self, block: Block) -> None:
         """Run a block of Python with a simulated robot."""
         robot = self._open('kachaka_bridge --sim')
-        robot.wait_for('ready: ')
+        robot.wait_for_text('ready: ', READY_TIMEOUT)
         script = self.scratch / 'script.py'
         script.write_text(block.text)
         program = self._open(f'python3 {script}')
-        code = program.wait()
+        code = program.end(COMMAND_TIMEOUT)
         assert code == 0, f'{block}: ended with exit code {code}:\n{program.text}'
         assert 'Movement completed' in program.text, f'{block}: nothing moved:\n{program.text}'
-        robot.close()
+        robot.close(EXIT_TIMEOUT, signal.SIGINT)
 
     def read_output(self, block: Block) -> None:
         """Compare what a block quotes with the last output."""
@@ -199,12 +161,15 @@ class Reader:
     def close_terminals(self) -> None:
         """Press Ctrl+C in every terminal."""
         for terminal in self._terminals:
-            terminal.close()
+            terminal.close(EXIT_TIMEOUT, signal.SIGINT)
         self._terminals.clear()
 
-    def _open(self, command: str) -> Terminal:
+    def _open(self, command: str) -> Program:
+        """Start a command in a shell of its own."""
         self._count += 1
-        self._terminals.append(Terminal(command, self, self._count))
+        self._terminals.append(Program(
+            ['bash', '-c', command], self.scratch / f'terminal-{self._count}.txt', cwd=self.home,
+            env=self.environment))
         return self._terminals[-1]
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-A simulated robot with faults, a program that executes lines of its standard input.
+A simulated robot with faults, a program that executes commands, each a line with a JSON string.
 
 ``delay S``, ``refuse CODE``, ``json TEXT``, ``errors CODE ...`` and ``forget`` (manual control)
 set the robot; ``cut``, ``hang`` and ``flow`` set the connection to it.  ``rows`` returns the
@@ -154,9 +154,9 @@ class Robot(pb2_grpc.KachakaApiServicer):
         return pb2.GetRobotVersionResponse(version='1.0')
 
 
-def execute(robot, wire, line):
-    """Execute a line, and return the response."""
-    word, _, rest = line.strip().partition(' ')
+def execute(robot, wire, command):
+    """Execute a command, and return the response."""
+    word, _, rest = command.partition(' ')
     if word == 'delay':
         robot.delay = float(rest)
     elif word == 'refuse':
@@ -189,7 +189,7 @@ def main():
     wire = Wire(target, int(sys.argv[1]) if len(sys.argv) > 1 else 0)
     print(json.dumps(wire.flow()), flush=True)
     for line in sys.stdin:
-        print(json.dumps(execute(robot, wire, line)), flush=True)
+        print(json.dumps(execute(robot, wire, json.loads(line))), flush=True)
     os._exit(0)
 
 

@@ -16,33 +16,30 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from pathlib import Path
 import subprocess
 import sys
 import threading
 import time
 
-from program import environment
-from ros_support import BridgeProcess, wait_until
+from program import JsonProcess, Program
+from ros_support import BridgeProcess
 
 
-class FaultyRobot:
+class FaultyRobot(JsonProcess):
     """The process of ``faulty_robot.py``, and commands to it."""
 
     def __init__(self):
         """Start the process."""
-        self.process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name('faulty_robot.py'))],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment())
+        super().__init__([sys.executable, str(Path(__file__).with_name('faulty_robot.py'))])
         self._lock = threading.Lock()
-        self.address = f'127.0.0.1:{self._read()}'
+        self.address = f'127.0.0.1:{self.read()}'
 
     def ask(self, line):
         """Send a line, and return the response."""
         with self._lock:
-            print(line, file=self.process.stdin, flush=True)
-            return self._read()
+            self.write(line)
+            return self.read()
 
     def moves(self, since=0.0):
         """Return when it received motions [s]."""
@@ -57,36 +54,25 @@ class FaultyRobot:
         """Return its x [m]."""
         return self.ask('pose')[1]
 
-    def end(self):
-        """Kill the process."""
-        self.process.kill()
-        self.process.wait()
-        self.process.stdin.close()
-        self.process.stdout.close()
 
-    def _read(self):
-        return json.loads(self.process.stdout.readline())
+class SimulatedRobot(Program):
+    """The simulated robot over gRPC, which ends with us, and its address ``HOST:PORT``."""
 
-
-@contextlib.contextmanager
-def faulty_robot():
-    """Run a robot for the length of a block."""
-    robot = FaultyRobot()
-    try:
-        yield robot
-    finally:
-        robot.end()
+    def __init__(self):
+        """Start it at a free port."""
+        super().__init__(
+            [sys.executable, '-m', 'kachaka_simple_control.kachaka.sim_command',
+             '--grpc-port', '0', '--with-parent'], stdin=subprocess.PIPE)
+        self.wait_for_text('ready: ')
+        self.address = self.text.split()[-1]
 
 
 @contextlib.contextmanager
 def real_bridge(address, *options):
     """Run a bridge to a robot for the length of a block, connected."""
-    process = BridgeProcess('--address', address, *options)
-    try:
-        assert wait_until(lambda: 'ready' in process.text), process.text
+    with BridgeProcess('--address', address, *options) as process:
+        process.wait_for_text('ready')
         yield process
-    finally:
-        process.end()
 
 
 class Commander:

@@ -26,9 +26,10 @@ import signal
 import sys
 import time
 
-from grpc_client_support import commander, faulty_robot, real_bridge
+from grpc_client_support import commander, FaultyRobot, real_bridge
 from ros_domain import isolate_ros
-from ros_support import Probe, wait_until
+from ros_support import Probe
+from waiting import wait_until
 
 SPEED = 0.1
 
@@ -101,12 +102,12 @@ def killed(robot, driver, process):
 def frozen(robot, driver, process):
     """Suspend the bridge; the commander ends meanwhile, and leaves velocities in the queue."""
     where, when = robot.x, time.monotonic()
-    process.process.send_signal(signal.SIGSTOP)
+    process.send(signal.SIGSTOP)
     time.sleep(0.5)
     driver.drive(None)
     time.sleep(1.5)
     continued = time.monotonic()
-    process.process.send_signal(signal.SIGCONT)
+    process.send(signal.SIGCONT)
     time.sleep(1.0)
     late = max([0.0, *(move - when for move in robot.moves(when) if move < continued)])
     return Result(robot.x - where, len(robot.moves(continued)), late, process.text)
@@ -142,7 +143,7 @@ STILL = 0.0005
 
 def run_scenario(probe, name, namespace):
     """Run a scenario with a robot and a bridge of its own."""
-    with faulty_robot() as robot, \
+    with FaultyRobot() as robot, \
             real_bridge(robot.address, '--namespace', namespace) as process, \
             commander(probe, namespace, process) as driver:
         driver.drive(SPEED)

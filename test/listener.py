@@ -29,6 +29,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from std_srvs.srv import SetBool, Trigger
+from waiting import poll
 
 #: Best effort, as the bridge, but deeper than its 5: a loaded machine must lose nothing here.
 QUALITY = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -135,26 +136,32 @@ class Listener:
         client = self._node.create_client(Trigger, f'/kachaka_simple_control/{name}')
         try:
             assert client.wait_for_service(10.0), f'there is no service {client.srv_name}'
-            answer, end = client.call_async(Trigger.Request()), time.monotonic() + 10.0
-            while not answer.done():
-                assert time.monotonic() < end, f'{client.srv_name} does not answer'
-                time.sleep(0.01)
+            answer = client.call_async(Trigger.Request())
+            assert poll(answer.done, 10.0), f'{client.srv_name} does not answer'
             return answer.result()
         finally:
             self._node.destroy_client(client)
+
+    def first(
+            self, condition: Callable[[SentVelocity], bool], after: int,
+            timeout: float) -> SentVelocity | None:
+        """
+        Wait for a velocity.
+
+        :param condition: returns whether a velocity is the one
+        :param after: number of velocities to leave out
+        :param timeout: how long to wait [s]
+        :returns: the first that meets the condition; None if none came in time
+        """
+        return poll(lambda: next(filter(condition, self.received[after:]), None), timeout)
 
     def wait_for(
             self, condition: Callable[[SentVelocity], bool], timeout: float = 20.0,
             after: int = 0) -> SentVelocity:
         """Return the first velocity that meets a condition; fail if none comes in time."""
-        end, seen = time.monotonic() + timeout, after
-        while time.monotonic() < end:
-            while seen < len(self.received):
-                if condition(self.received[seen]):
-                    return self.received[seen]
-                seen += 1
-            time.sleep(0.002)
-        raise AssertionError(f'no such velocity within {timeout} s')
+        velocity = self.first(condition, after, timeout)
+        assert velocity is not None, f'no such velocity within {timeout} s, but {self.held()}'
+        return velocity
 
     def held(self) -> list[HeldVelocity]:
         """Return runs of equal velocities, each held until the next velocity."""

@@ -11,61 +11,192 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Start programs as a user would, and check how they end."""
+"""Start programs as a user would, read what they print, and end them with their children."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Sequence
 import contextlib
+import json
 import os
 from pathlib import Path
+import queue
 import signal
 import subprocess
 import sys
+import tempfile
+import threading
 import time
+from typing import Any
 
 from kachaka_simple_control.control.processes import is_running
+from waiting import poll
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = [sys.executable, '-m', 'kachaka_simple_control']
 #: What reading of a process or a thread that has ended raises.
 GONE = (FileNotFoundError, ProcessLookupError)
+#: How long a guardian may go on when its program has ended [s].
+CHILD_EXIT_TIMEOUT = 3.0
+_END = object()
+
+
+class EndedError(RuntimeError):
+    """A process did not write what it should have written."""
 
 
 class Program:
-    """A process, and all it printed."""
+    """
+    A process in a session of its own, and all it printed; leaving the ``with`` block ends it.
 
-    def __init__(self, command: list[str], log: Path, folder: Path | None) -> None:
-        """Start it in a session of its own, and in a folder if one is given."""
-        self._log = log
-        with log.open('w') as out:
-            self.process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT,
-                cwd=folder, start_new_session=True, env=environment())
+    What it prints goes to a file, which cannot be full as a pipe that nobody reads.
+
+    :param command: program and arguments
+    :param log: that file; None for one without a name
+    :param options: of ``Popen``, before those given here
+    """
+
+    #: How long it may take to end after the block before it is killed [s].
+    exit_timeout = 0.0
+
+    def __init__(
+            self, command: Sequence[str], log: Path | None = None, **options: Any) -> None:
+        self._log = log.open('w+') if log else tempfile.TemporaryFile('w+')  # noqa: SIM115
+        self._logged = ''
+        #: ids of processes that it has started, as far as they are known
+        self.children: list[int] = []
+        self.process = subprocess.Popen(command, **{
+            'stdin': subprocess.DEVNULL, 'stdout': self._log, 'stderr': self._log,
+            'start_new_session': True, 'env': environment(), 'text': True, **options})
+
+    def __enter__(self) -> Any:
+        """Return it."""
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        """End it; after an error at once or within a second, and print what it printed."""
+        if error is not None:
+            print(self)
+        self.close(self.exit_timeout if error is None else min(self.exit_timeout, 1.0))
+
+    def __str__(self) -> str:
+        """Return its command, and what it has printed."""
+        return f'{self.process.args} printed:\n{self.text}'
 
     @property
     def text(self) -> str:
         """Return what it has printed."""
-        return self._log.read_text()
+        return self._read_log()
+
+    @property
+    def is_over(self) -> bool:
+        """Return whether it will print nothing more."""
+        return self.process.poll() is not None
 
     def send(self, signum: int) -> float:
         """Send it a signal; return when [s, system clock]."""
         now = time.time()  # before: the stop may be quicker than we are
-        self.process.send_signal(signum)
+        # Popen.send_signal would poll first, and may wait there for another thread.  A process
+        # that has not been waited for keeps its id.
+        if self.process.returncode is None:
+            os.kill(self.process.pid, signum)
         return now
 
     def wait_for_text(self, text: str, timeout: float = 20.0) -> None:
-        """Return when it has printed a text."""
-        end = time.monotonic() + timeout
-        while text not in self.text:
-            assert time.monotonic() < end, f'{text!r} never came; it printed:\n{self.text}'
-            assert self.process.poll() is None, f'it ended; it printed:\n{self.text}'
-            time.sleep(0.01)
+        """Return when it has printed a text; fail if it does not."""
+        poll(lambda: text in self.text or self.is_over, timeout)
+        assert text in self.text, f'{text!r} never came; {self}'
 
     def end(self, timeout: float = 30.0) -> int:
         """Wait for its end; return its exit code as a shell gives it."""
         code = self.process.wait(timeout)
         return 128 - code if code < 0 else code
+
+    def code_within(self, timeout: float) -> int | None:
+        """Wait for its end; return its exit code as a shell gives it, None if it goes on."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return self.end(timeout)
+        return None
+
+    def close(self, timeout: float = 0.0, signum: int = 0) -> bool:
+        """
+        End it and what it has started; harmless if that is done.
+
+        :param timeout: how long it may take to end without standard input before it is killed [s]
+        :param signum: sent to its session first; 0 for none
+        :returns: whether what it has started ended by itself, as a guardian that sends zeros does
+        """
+        if self._log.closed:
+            return True
+        children = {*self.children, *children_of(self.process.pid)}
+        if self.process.stdin is not None:
+            with contextlib.suppress(OSError):
+                self.process.stdin.close()
+        for number, patience in ((signum, timeout), (signal.SIGKILL, None)):
+            with contextlib.suppress(ProcessLookupError, subprocess.TimeoutExpired):
+                os.killpg(self.process.pid, number)
+                self.process.wait(patience)
+        # A guardian sends zeros after its node was killed: not into the next test.
+        poll(lambda: not any(map(is_running, children)), CHILD_EXIT_TIMEOUT, 0.02)
+        left = [*filter(is_running, children)]
+        for child in left:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(child, signal.SIGKILL)
+        self._logged = self._read_log()
+        self._log.close()
+        return not left
+
+    def _read_log(self) -> str:
+        if self._log.closed:
+            return self._logged
+        # By position: the program goes on writing at the end of the open file.
+        log = self._log.fileno()
+        return os.pread(log, os.fstat(log).st_size, 0).decode(errors='replace')
+
+
+class JsonProcess(Program):
+    """
+    A process that reads and writes a JSON value a line, and logs to standard error.
+
+    :param on_value: called in a thread with each value; None to keep them for ``read``
+    """
+
+    exit_timeout = 8.0
+
+    def __init__(
+            self, command: Sequence[str], on_value: Callable[[Any], None] | None = None,
+            **options: Any) -> None:
+        self._values: queue.Queue[Any] = queue.Queue()
+        self._on_value = on_value or self._values.put
+        super().__init__(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, **options)
+        threading.Thread(target=self._read_output, daemon=True).start()
+
+    def write(self, value: object) -> None:
+        """Write it a value, as a line of JSON."""
+        try:
+            print(json.dumps(value), file=self.process.stdin, flush=True)
+        except OSError:
+            raise EndedError(f'it has ended; {self}') from None
+
+    def read(self, timeout: float = 30.0) -> Any:
+        """
+        Wait for its next value.
+
+        :raises EndedError: if there is none within the timeout [s], with what it has printed
+        """
+        try:
+            value = self._values.get(timeout=timeout)
+        except queue.Empty:
+            raise EndedError(f'it wrote nothing for {timeout:g} s; {self}') from None
+        if value is _END:
+            raise EndedError(f'it has ended; {self}')
+        return value
+
+    def _read_output(self) -> None:
+        with self.process.stdout as lines:
+            for line in lines:
+                self._on_value(json.loads(line))
+        self._values.put(_END)
 
 
 def restore_signals() -> None:
@@ -98,25 +229,9 @@ def environment(**more: str) -> dict[str, str]:
     return {**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths)), **more}
 
 
-@contextlib.contextmanager
-def program(
-        command: list[str], scratch: Path, folder: Path | None = None) -> Iterator[Program]:
-    """Run a command, in a folder if one is given; kill it and its children in the end."""
-    started = Program(command, scratch / 'log.txt', folder)
-    try:
-        yield started
-    except BaseException:
-        print(f'{command} printed:\n{started.text}')
-        raise
-    finally:
-        children = children_of(started.process.pid)
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(started.process.pid, signal.SIGKILL)
-        started.process.wait()
-        # A guardian sends zeros after its node was killed: not into the next test.
-        end = time.monotonic() + 3.0
-        while any(map(is_running, children)) and time.monotonic() < end:
-            time.sleep(0.02)
+def program(command: list[str], scratch: Path, folder: Path | None = None) -> Program:
+    """Run a command in a ``with`` block, in a folder if one is given."""
+    return Program(command, scratch / 'log.txt', cwd=folder)
 
 
 def children_of(pid: int) -> list[int]:
@@ -138,10 +253,8 @@ def find_process(pids: Iterable[int], module: str) -> int | None:
     return None
 
 
-@contextlib.contextmanager
-def script(text: str, folder: Path) -> Iterator[Program]:
+def script(text: str, folder: Path) -> Program:
     """Run a script as a user would have written it, in a folder of its own."""
     file = folder / 'script.py'
     file.write_text(text)
-    with program([sys.executable, str(file)], folder, folder) as started:
-        yield started
+    return program([sys.executable, str(file)], folder, folder)

@@ -15,71 +15,33 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import subprocess
 import sys
 import threading
 import time
 
-from program import environment
+from program import Program
+from waiting import TIMEOUT, wait_until
 
-#: Discovery may take 3 s, and longer on a loaded machine [s].
-TIMEOUT = 15.0
-
-
-def wait_until(condition, timeout=TIMEOUT):
-    """Wait for a condition; return whether it became true."""
-    deadline = time.monotonic() + timeout
-    while not condition():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.005)
-    return True
+BRIDGE = [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command']
 
 
-class BridgeProcess:
+class BridgeProcess(Program):
     """A bridge as a user starts it, and its log."""
 
     def __init__(self, *options, **more):
         """Start it; ``more`` goes to Popen."""
-        self.process = subprocess.Popen(
-            [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command', *options],
-            stderr=subprocess.PIPE, text=True, env=environment(), **more)
-        self.lines = []
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self):
-        self.lines.extend(self.process.stderr)
+        super().__init__([*BRIDGE, *options], **more)
 
     @property
-    def text(self):
-        """Return all that it has logged."""
-        return ''.join(self.lines)
-
-    def wait(self, timeout=TIMEOUT):
-        """Wait for its end; return its exit code."""
-        code = self.process.wait(timeout)
-        self._reader.join(timeout)
-        return code
-
-    def end(self):
-        """Kill it."""
-        self.process.kill()
-        self.wait()
-        for pipe in filter(None, (self.process.stdin, self.process.stderr)):
-            pipe.close()
+    def lines(self):
+        """Return the lines of its log."""
+        return self.text.splitlines()
 
 
-@contextlib.contextmanager
 def bridge(*options, **more):
     """Run a bridge to the simulated robot for the length of a block."""
-    process = BridgeProcess('--sim', *options, **more)
-    try:
-        yield process
-    finally:
-        process.end()
+    return BridgeProcess('--sim', *options, **more)
 
 
 class Probe:
@@ -124,7 +86,7 @@ class Probe:
             self.send(publisher, math.nan)
             return 'the robot refused' in process.text
 
-        assert wait_until(has_matched)
+        wait_until(has_matched)
         return publisher
 
     def send(self, publisher, linear_x, angular_z=0.0):
@@ -141,7 +103,7 @@ class Probe:
         self.node.create_subscription(
             Odometry, f'{namespace}/{topic}',
             lambda message: received.append((time.monotonic(), message)), qos_profile_sensor_data)
-        assert wait_until(lambda: received)
+        wait_until(lambda: received)
         return received
 
     def set_enabled(self, namespace, enabled):
@@ -150,5 +112,5 @@ class Probe:
             self._set_bool, f'{namespace}/manual_control/set_enabled')
         assert client.wait_for_service(TIMEOUT)
         future = client.call_async(self._set_bool.Request(data=enabled))
-        assert wait_until(future.done)
+        wait_until(future.done)
         return future.result()

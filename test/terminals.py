@@ -15,21 +15,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-import contextlib
 import fcntl
 import os
 import pty
 import re
 import select
-import signal
 import struct
-import subprocess
 import sys
 import termios
-import time
 
-from program import children_of, environment, find_process
+from program import children_of, environment, find_process, Program
+from waiting import poll
 
 SEQUENCE = re.compile(r'\x1b(?:\[([?0-9;]*)([A-Za-z])|([78]))')
 
@@ -109,23 +105,35 @@ class Screen:
             assert letter == 'm', f'unknown: ESC {numbers}{letter}'
 
 
-class TerminalProgram:
-    """A process at a terminal of its own."""
+class TerminalProgram(Program):
+    """A process at a terminal of its own, whose screen has all that it writes."""
 
     def __init__(self, command: list[str], columns: int, rows: int) -> None:
         """Start it with the terminal as its controlling one, so that Ctrl+C reaches it."""
         self.leader, follower = pty.openpty()
         self.screen = Screen(columns, rows)
         self._rest = b''
+        self._is_over = False
         self.resize(columns, rows)
         starter = (
             'import fcntl, os, sys, termios; fcntl.ioctl(2, termios.TIOCSCTTY, 0); '
             'os.execv(sys.argv[1], sys.argv[1:])')
-        self.process = subprocess.Popen(
+        super().__init__(
             [sys.executable, '-c', starter, *command], stdin=follower, stdout=follower,
-            stderr=follower, start_new_session=True,
-            env={**environment(), 'TERM': 'xterm-256color'})
+            stderr=follower, env=environment(TERM='xterm-256color'))
         os.close(follower)
+
+    @property
+    def text(self) -> str:
+        """Read what it has written; return the text of the terminal."""
+        while not self._is_over and select.select([self.leader], [], [], 0.0)[0]:
+            self._read()
+        return '\n'.join([*self.screen.history, '-' * 20, *self.screen.lines])
+
+    @property
+    def is_over(self) -> bool:
+        """Return whether all that could write to the terminal is gone."""
+        return self._is_over
 
     def resize(self, columns: int, rows: int) -> None:
         """Set the size of the terminal."""
@@ -138,52 +146,33 @@ class TerminalProgram:
 
     def read_for(self, seconds: float) -> None:
         """Read what it writes for a while."""
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
-            if not select.select([self.leader], [], [], left)[0] or not self._read():
-                return
-
-    def wait_for_text(self, text: str, timeout: float = 20.0) -> None:
-        """Read what it writes until a text is on the screen."""
-        end = time.monotonic() + timeout
-        while not any(text in line for line in (*self.screen.history, *self.screen.lines)):
-            assert time.monotonic() < end, f'{text!r} never came:\n{self}'
-            if select.select([self.leader], [], [], 0.1)[0] and not self._read():
-                raise AssertionError(f'{text!r} never came, and it is over:\n{self}')
+        poll(lambda: self.text and self._is_over, seconds)
 
     def end(self, timeout: float = 30.0) -> int:
         """Read what it writes until its end; return its exit code as a shell gives it."""
-        end = time.monotonic() + timeout
-        while self.process.poll() is None:
-            assert time.monotonic() < end, f'it does not end:\n{self}'
-            self.read_for(0.05)
+        poll(lambda: self.text and self.process.poll() is not None, timeout)
         self.read_for(0.3)
-        code = self.process.returncode
-        return 128 - code if code < 0 else code
+        return super().end(0.0)
 
     def display(self) -> int:
         """Return the id of the display process."""
         display = find_process(children_of(self.process.pid), 'display.display_program')
-        assert display is not None, f'there is no display process:\n{self}'
+        assert display is not None, f'there is no display process; {self}'
         return display
 
-    def close(self) -> None:
-        """Kill it and its children."""
-        for child in [self.process.pid, *children_of(self.process.pid)]:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(child, signal.SIGKILL)
-        self.process.wait()
+    def close(self, timeout: float = 0.0, signum: int = 0) -> bool:
+        """End it and its children, and close the terminal."""
+        have_ended = super().close(timeout, signum)
+        self._is_over = True
         os.close(self.leader)
+        return have_ended
 
-    def __str__(self) -> str:
-        """Return the text of the terminal."""
-        return '\n'.join([*self.screen.history, '-' * 20, *self.screen.lines])
-
-    def _read(self) -> bool:
+    def _read(self) -> None:
         try:
             data = self._rest + os.read(self.leader, 65536)
         except OSError:  # all followers are closed
-            return False
+            self._is_over = True
+            return
         # A character or a sequence may be cut in two.
         text = data.decode(errors='ignore')
         cut = text.rfind('\x1b')
@@ -191,15 +180,8 @@ class TerminalProgram:
             text = text[:cut]
         self._rest = data[len(text.encode()):]
         self.screen.write(text)
-        return True
 
 
-@contextlib.contextmanager
-def at_terminal(
-        command: list[str], columns: int = 100, rows: int = 24) -> Iterator[TerminalProgram]:
-    """Run a command at a terminal."""
-    program = TerminalProgram(command, columns, rows)
-    try:
-        yield program
-    finally:
-        program.close()
+def at_terminal(command: list[str], columns: int = 100, rows: int = 24) -> TerminalProgram:
+    """Run a command at a terminal in a ``with`` block."""
+    return TerminalProgram(command, columns, rows)

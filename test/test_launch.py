@@ -216,7 +216,8 @@ def test_the_view_shows_topics_that_are_there_with_a_quality_that_fits(view):
         QoSProfile,
         ReliabilityPolicy,
     )
-    from ros_support import bridge, wait_until
+    from ros_support import bridge
+    from waiting import wait_until
     topics = {
         display['Topic']['Value']: (display['Class'], display['Topic'])
         for display in view['Visualization Manager']['Displays'] if 'Topic' in display}

@@ -24,7 +24,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
-from ros_support import TIMEOUT, wait_until
+from waiting import poll, TIMEOUT, wait_until
 
 NODE = '/kachaka_simple_control'
 ODOMETRY = '/kachaka/odometry/odometry'
@@ -61,7 +61,7 @@ class TopicObserver:
         seen = []
         self.node.create_subscription(kind, topic, seen.append, quality)
         if matched:
-            assert wait_until(lambda: self.node.count_publishers(topic)), topic
+            wait_until(lambda: self.node.count_publishers(topic))
         return seen
 
     def planned(self, node=NODE, **more):
@@ -86,7 +86,7 @@ class TopicObserver:
         client = self.node.create_client(kind, service)
         assert client.wait_for_service(TIMEOUT), service
         future = client.call_async(request)
-        assert wait_until(future.done), service
+        assert poll(future.done, TIMEOUT), service
         return future.result()
 
     def publish_odometry(self, topic, x, y, z, w, frame):

@@ -93,7 +93,7 @@ def _reconnect(
     if after is not None:
         time.sleep(max(0.0, begin + after - time.monotonic()))
         back = _timed(fixture.network.connect)
-    code, ended = program.wait(PROGRAM_TIMEOUT), time.monotonic()
+    code, ended = program.code_within(PROGRAM_TIMEOUT), time.monotonic()
     if back is None:
         time.sleep(later)
         back = _timed(fixture.network.connect)

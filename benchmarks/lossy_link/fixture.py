@@ -23,7 +23,8 @@ import time
 from benchmarks.lossy_link.network import Network, NODE, ROBOT
 from benchmarks.lossy_link.observed import ReceivedVelocity, RobotLog
 from benchmarks.lossy_link.process import NetworkProcess
-from benchmarks.process import EndedError
+from program import EndedError
+from waiting import poll
 
 #: How long a robot may take to start [s].
 START_TIMEOUT = 20.0
@@ -75,13 +76,8 @@ class Fixture:
         :param condition: returns whether a command is the one
         :returns: the first that meets the condition; None if none came in time
         """
-        end = time.monotonic() + timeout
-        while time.monotonic() < end:
-            found = filter(condition, self.log.motions_since(since))
-            if (first := next(found, None)) is not None:
-                return first
-            time.sleep(0.002)
-        return None
+        return poll(
+            lambda: next(filter(condition, self.log.motions_since(since)), None), timeout)
 
 
 @contextlib.contextmanager
@@ -95,10 +91,8 @@ def fixture() -> Iterator[Fixture]:
     log = RobotLog()
     with (Network() as network,
           NetworkProcess(network, ROBOT, ['-m', 'benchmarks.lossy_link.robot'], log.add) as robot):
-        end = time.monotonic() + START_TIMEOUT
-        while not log.is_ready:
-            if time.monotonic() > end or robot.process.poll() is not None:
-                raise EndedError(f'the robot does not begin; it printed:\n{robot.text}')
-            time.sleep(0.02)
+        poll(lambda: log.is_ready or robot.is_over, START_TIMEOUT)
+        if not log.is_ready:
+            raise EndedError(f'the robot does not begin; {robot}')
         time.sleep(SETTLING_TIME)
         yield Fixture(network, log)

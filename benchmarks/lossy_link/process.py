@@ -16,15 +16,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-import contextlib
-import subprocess
 import sys
 from typing import Any
 
+from benchmarks import ROOT
 from benchmarks.lossy_link.network import Network
-from benchmarks.process import JsonProcess
 from kachaka_simple_control.ros.dds_transport import CHOICES
-from program import environment
+from program import environment, JsonProcess
 
 #: How long a process may take to respond [s]: with loss, a service may take many tries.
 RESPONSE_TIMEOUT = 60.0
@@ -46,23 +44,13 @@ class NetworkProcess(JsonProcess):
             self, network: Network, end: str, arguments: Sequence[str],
             on_value: Callable[[Any], None] | None = None) -> None:
         super().__init__(
-            ' '.join(arguments), network.command(end, [sys.executable, *arguments]),
-            network_environment(), on_value)
-
-    def __enter__(self) -> NetworkProcess:
-        """Return it."""
-        return self
+            network.command(end, [sys.executable, *arguments]), on_value, cwd=ROOT,
+            env=network_environment())
 
     def ask(self, *words: object) -> Any:
         """Write it words, as one array; return its response."""
         self.write(words)
         return self.read(RESPONSE_TIMEOUT)
-
-    def wait(self, timeout: float) -> int | None:
-        """Wait until it ends by itself; return its exit code, None if it does not end."""
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            return self.process.wait(timeout)
-        return None
 
 
 def network_environment() -> dict[str, str]:

@@ -19,22 +19,21 @@ import contextlib
 import fcntl
 import os
 from pathlib import Path
-import signal
+import shutil
 import subprocess
 import sys
 import tempfile
 import termios
 import time
 
-from kachaka_simple_control.control.processes import is_running
-from program import children_of, environment, fill, find_process
+from program import children_of, environment, fill, find_process, Program
+from waiting import poll
 
 #: How long a program may take to be ready to move, also on a loaded machine [s].
 READY_TIMEOUT = 40.0
-POLL_PERIOD = 0.02
 
 
-class Program:
+class ScriptProgram(Program):
     """
     A script in a session of its own.
 
@@ -51,27 +50,23 @@ class Program:
             self, text: str, options: list[str], variables: dict[str, str],
             output: str = 'file') -> None:
         self.folder = Path(tempfile.mkdtemp(prefix='stop_matrix_'))
-        self._log = self.folder / 'log.txt'
-        self._output_kind = output
         self._printed = ''
         script = self.folder / 'script.py'
         script.write_text(text)
-        ours, theirs = os.openpty() if output == 'terminal' else os.pipe()
+        has_terminal = output == 'terminal'
+        ours, theirs = os.openpty() if has_terminal else os.pipe()
         self._descriptor = ours
-        with self._log.open('w') as log:
-            out = log.fileno() if output == 'file' else theirs
-            self.process = subprocess.Popen(
-                [sys.executable, str(script), *options], cwd=self.folder,
-                stdin=theirs if output == 'terminal' else subprocess.PIPE, stdout=out,
-                stderr=out, start_new_session=True,
-                # No other thread of this process starts programs or holds a lock that the child
-                # needs.
-                preexec_fn=_take_terminal if output == 'terminal' else None,  # noqa: PLW1509
-                env={**environment(), **variables})
+        super().__init__(
+            [sys.executable, str(script), *options], cwd=self.folder,
+            stdin=theirs if has_terminal else subprocess.PIPE,
+            # No other thread of this process starts programs or holds a lock that the child needs.
+            preexec_fn=_take_terminal if has_terminal else None,
+            env=environment(**variables),
+            **({} if output == 'file' else {'stdout': theirs, 'stderr': theirs}))
+        self._has_terminal = has_terminal
         self._filled = theirs if output == 'full' else -1
         if self._filled < 0:
             os.close(theirs)
-        self._children: list[int] = []
 
     def wait_until_ready(self) -> None:
         """
@@ -79,12 +74,11 @@ class Program:
 
         :raises RuntimeError: if it fails to, with what it printed
         """
-        end = time.monotonic() + READY_TIMEOUT
-        while not (self.folder / 'ready').exists():
-            if time.monotonic() > end or self.process.poll() is not None:
-                raise RuntimeError(f'a program met no robot; it printed:\n{self.text}')
-            time.sleep(POLL_PERIOD)
-        self._children = children_of(self.process.pid)
+        ready = self.folder / 'ready'
+        poll(lambda: ready.exists() or self.is_over, READY_TIMEOUT)
+        if not ready.exists():
+            raise RuntimeError(f'a program met no robot; {self}')
+        self.children = children_of(self.process.pid)
 
     def go(self) -> None:
         """Start its motion."""
@@ -92,13 +86,10 @@ class Program:
 
     def write_line(self, line: str) -> None:
         """Write a line to its standard input."""
-        data = f'{line}\n'.encode()
-        if self._output_kind == 'terminal':
-            os.write(self._descriptor, data)
+        if self._has_terminal:
+            os.write(self._descriptor, f'{line}\n'.encode())
         else:
-            assert self.process.stdin is not None
-            self.process.stdin.write(data)
-            self.process.stdin.flush()
+            print(line, file=self.process.stdin, flush=True)
 
     def close_output(self) -> float:
         """
@@ -115,27 +106,15 @@ class Program:
     def block_output(self) -> None:
         """Leave no room in what it prints to: fill the pipe, or stop the terminal by Ctrl+S."""
         self._read()
-        if self._output_kind == 'full':
-            fill(self._filled)
-        else:
+        if self._has_terminal:
             os.write(self._descriptor, b'\x13')
-
-    def send(self, signum: int) -> float:
-        """
-        Send it a signal.
-
-        :returns: when [s, system clock]
-        """
-        # Popen.send_signal polls first, and may wait there for another thread.  The process has
-        # not been waited for, so that its id cannot be another's.
-        now = time.time()
-        os.kill(self.process.pid, signum)
-        return now
+        else:
+            fill(self._filled)
 
     @property
     def guardian(self) -> int:
         """Return the process id of its guardian."""
-        guardian = find_process(self._children, 'guardian_program')
+        guardian = find_process(self.children, 'guardian_program')
         if guardian is None:
             raise RuntimeError('the program has no guardian')
         return guardian
@@ -151,45 +130,20 @@ class Program:
     def text(self) -> str:
         """Return what it has printed."""
         self._read()
-        return self._printed + self._log.read_text()
+        return self._printed + super().text
 
-    def wait(self, timeout: float) -> int | None:
-        """
-        Wait for its end.
+    def close(self, timeout: float = 0.0, signum: int = 0) -> bool:
+        """End it and its children, and remove its files; see ``Program``."""
+        have_ended = super().close(timeout, signum)
+        self._close_descriptors()
+        shutil.rmtree(self.folder, ignore_errors=True)
+        return have_ended
 
-        :param timeout: how long [s]
-        :returns: the exit code, as a shell gives it; None if it did not end
-        """
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            code = self.process.wait(timeout)
-            return 128 - code if code < 0 else code
-        return None
-
-    def end(self) -> bool:
-        """
-        End it and its children, and remove its files.
-
-        :returns: whether its children had ended by themselves
-        """
-        if self.process.poll() is None:
-            self.process.kill()
-            self.process.wait()
-        end = time.monotonic() + 3.0
-        while (left := [*filter(is_running, self._children)]) and time.monotonic() < end:
-            time.sleep(POLL_PERIOD)
-        for child in left:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(child, signal.SIGKILL)
+    def _close_descriptors(self) -> None:
         for descriptor in (self._descriptor, self._filled):
             if descriptor >= 0:
                 os.close(descriptor)
-        if self.process.stdin is not None:
-            with contextlib.suppress(OSError):
-                self.process.stdin.close()
-        for file in self.folder.iterdir():
-            file.unlink()
-        self.folder.rmdir()
-        return not left
+        self._descriptor = self._filled = -1
 
     def _read(self) -> None:
         if self._descriptor < 0:

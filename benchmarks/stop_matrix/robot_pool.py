@@ -16,21 +16,26 @@
 from __future__ import annotations
 
 import itertools
+import os
 from pathlib import Path
 import random
+import signal
 import tempfile
-import time
 
 from benchmarks.grpc_robot import GrpcRobot
 from benchmarks.stop_matrix.observer import Observer
 from benchmarks.stop_matrix.robot_process import RobotProcess
+from waiting import poll
 
 _NUMBERS = itertools.count(1)
 #: Number of ROS domains, from 1 on, that Linux leaves room for.
 DOMAINS = 100
-_FIRST_DOMAIN = random.randrange(DOMAINS)
+#: Robots take the domains after ours: those of parallel tests are elsewhere.
+_OWN_DOMAIN = int(os.environ.get('ROS_DOMAIN_ID') or random.randrange(DOMAINS))
 #: How long a robot may take until it publishes odometry [s].
 START_TIMEOUT = 20.0
+#: How long it may take to end [s].
+EXIT_TIMEOUT = 3.0
 
 
 class PooledRobot:
@@ -46,7 +51,7 @@ class PooledRobot:
 
     def __init__(self, slow: bool, over_grpc: bool = False) -> None:
         number = next(_NUMBERS)
-        self.domain = (_FIRST_DOMAIN + number) % DOMAINS + 1
+        self.domain = (_OWN_DOMAIN + number - 1) % DOMAINS + 1
         self.observer = Observer(self.domain)
         self.recorder = self.observer.record(f'stop_{number}')
         self._folder = tempfile.TemporaryDirectory(prefix='stop_matrix_') if slow else None
@@ -61,20 +66,17 @@ class PooledRobot:
 
         :raises RuntimeError: if it does not come in time
         """
-        end = time.monotonic() + START_TIMEOUT
-        while not self.recorder.odometry_count:
-            if time.monotonic() > end:
-                raise RuntimeError('a simulated robot did not come')
-            time.sleep(0.02)
+        if not poll(lambda: self.recorder.odometry_count, START_TIMEOUT):
+            raise RuntimeError('a simulated robot did not come')
 
     def replace(self) -> None:
         """Start another robot in place of one that has left."""
-        self.process.end()
+        self.process.close(EXIT_TIMEOUT, signal.SIGTERM)
         self.process = self._start()
 
     def end(self) -> None:
         """End robot and recorder."""
-        self.process.end()
+        self.process.close(EXIT_TIMEOUT, signal.SIGTERM)
         self.observer.close()
         if self._folder is not None:
             self._folder.cleanup()

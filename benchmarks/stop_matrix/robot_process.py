@@ -19,18 +19,16 @@ from pathlib import Path
 import re
 import subprocess
 import sys
-import tempfile
 
 from benchmarks import ROOT
-from kachaka_simple_control.control import processes
+from program import environment, Program
+from ros_support import BRIDGE
 
-#: How long it may take to end [s].
-EXIT_TIMEOUT = 2.0
 #: What the bridge logs when manual control is released, with the time [s, system clock].
 RELEASED = re.compile(r'\[([\d.]+)\] \[[\w./]+\]: manual control disabled')
 
 
-class RobotProcess:
+class RobotProcess(Program):
     """
     The bridge of the package with its simulated robot, or the slow bridge.
 
@@ -40,34 +38,13 @@ class RobotProcess:
     """
 
     def __init__(self, namespace: str, domain: int, log: Path | None = None) -> None:
-        bridge = [*processes.python_command('kachaka_simple_control.kachaka.bridge_command'),
-                  '--sim', '--with-parent', '--namespace', namespace]
+        bridge = [*BRIDGE, '--sim', '--with-parent', '--namespace', namespace]
         slow = [sys.executable, '-m', 'benchmarks.stop_matrix.slow_bridge', namespace, str(log)]
-        # Append mode: this process reads from the same open file.
-        self._log = tempfile.TemporaryFile('a+')  # noqa: SIM115 (as long as the process)
         # Only this process holds the other end of its standard input: it ends with us.
-        self._process = subprocess.Popen(
+        super().__init__(
             slow if log else bridge, cwd=ROOT, stdin=subprocess.PIPE,
-            env={**processes.child_environment(), 'ROS_DOMAIN_ID': str(domain)}, stderr=self._log,
-            start_new_session=True)
-
-    def send(self, signum: int) -> None:
-        """Send it a signal."""
-        self._process.send_signal(signum)
+            env=environment(ROS_DOMAIN_ID=str(domain)))
 
     def released_since(self, since: float) -> bool:
         """Return whether manual control was disabled after a time [s, system clock]."""
-        self._log.seek(0)
-        return any(float(at) > since for at in RELEASED.findall(self._log.read()))
-
-    def end(self) -> None:
-        """End it; harmless if it has ended."""
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        self._process.terminate()
-        try:
-            self._process.wait(EXIT_TIMEOUT)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._log.close()
+        return any(float(at) > since for at in RELEASED.findall(self.text))

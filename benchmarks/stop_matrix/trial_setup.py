@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 from benchmarks.stop_matrix import scripts
 from benchmarks.stop_matrix.expectation import Expectation, Zero
 from benchmarks.stop_matrix.message import last_message
-from benchmarks.stop_matrix.program import Program
+from benchmarks.stop_matrix.program import ScriptProgram
 from benchmarks.stop_matrix.trial import Trial
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class Row:
     :param quick: number of trials in the quick form
     :param background: what runs beside a batch of trials, from before their motions; is given the
         first trial of the batch
-    :param output: what the program prints to, see ``Program``
+    :param output: what the program prints to, see ``ScriptProgram``
     :param moves: whether it moves at all
     :param slow_robot: whether each call to its robot takes 250 ms
     :param robot_reusable: whether its robot can be used for another trial
@@ -118,9 +118,9 @@ class TrialContext:
         #: another publisher of velocities
         self.other: OtherPublisher | None = None
         #: another program of ours for the same robot
-        self.second: Program | None = None
+        self.second: ScriptProgram | None = None
 
-    def start_program(self, **variables: str) -> Program:
+    def start_program(self, **variables: str) -> ScriptProgram:
         """Start the row's script for the robot; ``variables`` are added to its environment."""
         options = ['--ros-args']
         for option in (f'robot_namespace:={self.recorder.namespace}', 'robot_timeout:=30.0',
@@ -129,7 +129,7 @@ class TrialContext:
         environment = {
             'DURATION': str(self.row.duration), 'ROS_DOMAIN_ID': str(self.robot.domain),
             **variables}
-        return Program(self.row.script, options, environment, self.row.output)
+        return ScriptProgram(self.row.script, options, environment, self.row.output)
 
     def wait_until_ready(self) -> None:
         """Wait until the program is connected to its robot; if it fails, start it again, once."""
@@ -137,7 +137,7 @@ class TrialContext:
             self.program.wait_until_ready()
         except RuntimeError as error:
             print(f'\nStarted again: {error}')
-            self.program.end()
+            self.program.close()
             self.program = self.start_program()
             self.program.wait_until_ready()
 
@@ -163,8 +163,7 @@ class TrialContext:
     def end(self) -> None:
         """End the programs that still run, and remove their files."""
         for program in filter(None, (self.program, self.second)):
-            if program.folder.exists():
-                program.end()
+            program.close()
 
 
 def inject_fault(context: TrialContext, pause: Callable[[], float]) -> float:
@@ -206,12 +205,12 @@ def finish_trial(context: TrialContext, fault: float) -> Trial:
     row, recorder = context.row, context.recorder
     if row.after is not None:
         row.after(context)
-    code = context.program.wait(EXIT_TIMEOUT if row.expectation.codes else 0.0)
+    code = context.program.code_within(EXIT_TIMEOUT if row.expectation.codes else 0.0)
     time.sleep(SETTLING_TIME)
     if row.check is not None:
         context.violations += row.check(context, fault)
     text = context.program.text
-    if not context.program.end():
+    if not context.program.close():
         context.violations.append('its guardian outlived it')
     velocities, zeros = recorder.sent_since(context.counted_from), context.stop_zeros()
     # A program that is killed may be sending a velocity at that moment.

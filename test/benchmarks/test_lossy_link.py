@@ -17,9 +17,7 @@ import contextlib
 import json
 import math
 import os
-import subprocess
 import sys
-import time
 
 from benchmarks.lossy_link import disconnects, network, stops
 from benchmarks.lossy_link.__main__ import BEGIN, joined, main, PAGE
@@ -29,8 +27,9 @@ from benchmarks.lossy_link.tables import BRIEF, find_violations, QUIET, tables
 from benchmarks.run import updated
 from hypothesis import given
 from hypothesis import strategies as st
-from program import ROOT
+from program import Program, ROOT
 import pytest
+from waiting import wait_until
 
 TIMES = st.floats(0.0, 10.0)
 
@@ -99,20 +98,15 @@ def test_a_network_is_removed_after_its_block():
 
 def test_leftovers_of_a_killed_run_are_removed_by_the_next():
     skip_where_impossible()
-    text = 'from benchmarks.lossy_link.network import Network\nNetwork().__enter__()\ninput()\n'
-    run = subprocess.Popen([sys.executable, '-c', text], cwd=ROOT, stdin=subprocess.PIPE)
-    try:
-        end = time.monotonic() + 20.0
-        while len(namespaces(run.pid)) < 2 and time.monotonic() < end:
-            time.sleep(0.01)
+    text = ('import time\nfrom benchmarks.lossy_link.network import Network\n'
+            'Network().__enter__()\ntime.sleep(60)\n')
+    with Program([sys.executable, '-c', text], cwd=ROOT) as run:
+        pid = run.process.pid
+        wait_until(lambda: len(namespaces(pid)) == 2 and run, 20.0)
         network.remove_leftovers()
-        assert len(namespaces(run.pid)) == 2  # the process that made them runs
-    finally:
-        run.kill()
-        run.wait()
-        run.stdin.close()
+        assert len(namespaces(pid)) == 2  # the process that made them runs
     network.remove_leftovers()
-    assert namespaces(run.pid) == []
+    assert namespaces(pid) == []
 
 
 def test_a_missing_command_is_named_with_its_package(monkeypatch, capsys):

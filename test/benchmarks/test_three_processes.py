@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from benchmarks.three_processes import (
+from benchmarks.experiments.three_processes import (
     errors,
     HEAD,
     main,
@@ -93,7 +93,7 @@ def test_one_run_through_three_processes(monkeypatch, capsys):
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     pytest.importorskip('kachaka_api.generated', reason="needs the robot's SDK")
-    monkeypatch.setattr('benchmarks.three_processes.MAX_OFFSET', 0.1)
-    monkeypatch.setattr('benchmarks.three_processes.MAX_ANGLE', math.radians(10.0))
+    monkeypatch.setattr('benchmarks.experiments.three_processes.MAX_OFFSET', 0.1)
+    monkeypatch.setattr('benchmarks.experiments.three_processes.MAX_ANGLE', math.radians(10.0))
     assert main(['--runs', '1', '--motions', 'straight']) == 0
     assert '| straight | 1 of 1 |' in capsys.readouterr().out

@@ -25,7 +25,7 @@ from kachaka_simple_control.control.claims import ClaimedError, MachineClaim
 from kachaka_simple_control.control.processes import is_stopped
 from program import environment
 import pytest
-from ros_support import wait_until
+from waiting import wait_until
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith('linux'), reason='abstract sockets are those of Linux')

@@ -13,9 +13,7 @@
 # limitations under the License.
 """Output without a reader delays neither the robot's stop nor the program's exit."""
 
-import contextlib
 import os
-from pathlib import Path
 import pty
 import select
 import signal
@@ -26,9 +24,10 @@ import time
 
 from kachaka_simple_control.control.output import FLUSH_TIMEOUT
 from kachaka_simple_control.control.processes import is_running
-from program import children_of, COMMAND, environment, fill
+from program import COMMAND, environment, fill, Program
 import pytest
 from terminals import at_terminal
+from waiting import wait_until
 
 BEGIN = """
 import os, sys, time
@@ -36,30 +35,22 @@ from kachaka_simple_control.control.output import make_nonblocking
 """
 
 
-class Piped:
-    """A program whose output goes to a pipe that the test may leave unread."""
+class Piped(Program):
+    """A program whose output, or the streams named, go to a pipe that may be left unread."""
 
-    def __init__(self, command, full=('stdout', 'stderr'), log=None):
+    def __init__(self, command, *full):
         """Start it; what does not go to the pipe goes to a file."""
         self.reader, self._pipe = os.pipe()
-        out = dict.fromkeys(full, self._pipe)
-        with Path(log or os.devnull).open('w') as file:
-            self.process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=out.get('stdout', file),
-                stderr=out.get('stderr', file), start_new_session=True,
-                # A buffer is what Python has to empty in the end.
-                env={**environment(), 'PYTHONUNBUFFERED': ''})
+        super().__init__(
+            command, **dict.fromkeys(full or ('stdout', 'stderr'), self._pipe),
+            # A buffer is what Python has to empty in the end.
+            env=environment(PYTHONUNBUFFERED=''))
 
     def fill(self):
         """Fill the pipe."""
         fill(self._pipe)
 
-    def end(self, timeout):
-        """Wait for its end, and return its exit code as a shell gives it."""
-        code = self.process.wait(timeout)
-        return 128 - code if code < 0 else code
-
-    def text(self):
+    def read(self):
         """Return what the program and its children wrote, once they are gone."""
         self._close('_pipe')
         text = b''
@@ -68,33 +59,17 @@ class Piped:
             text += part
         return text.decode()
 
-    def close(self):
-        """Kill it and its children, and close the pipe."""
-        children = children_of(self.process.pid)
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.process.pid, signal.SIGKILL)
-        self.process.wait()
+    def close(self, timeout=0.0, signum=0):
+        """End it and its children, and close the pipe."""
+        super().close(timeout, signum)
         self._close('_pipe')
         self._close('reader')
-        end = time.monotonic() + 3.0
-        while any(map(is_running, children)) and time.monotonic() < end:
-            time.sleep(0.02)
 
     def _close(self, name):
         descriptor = getattr(self, name)
         setattr(self, name, -1)
         if descriptor >= 0:
             os.close(descriptor)
-
-
-@contextlib.contextmanager
-def piped(command, *full, log=None):
-    """Run a command whose output, or the streams named, go to a pipe."""
-    started = Piped(command, full or ('stdout', 'stderr'), log)
-    try:
-        yield started
-    finally:
-        started.close()
 
 
 def code(text):
@@ -109,7 +84,7 @@ def run(text, **options):
 
 def test_unread_text_is_dropped_after_one_wait():
     begun = time.monotonic()
-    with piped(code("""
+    with Piped(code("""
 make_nonblocking(1, 2)
 for line in range(2000):
     print('x' * 99)
@@ -121,14 +96,14 @@ sys.exit(7)
 
 
 def test_a_slow_reader_receives_everything():
-    with piped(code("""
+    with Piped(code("""
 make_nonblocking(1, 2)
 for line in range(5000):
     print(f'{line:09}')
     print(f'{line:09}', file=sys.stderr, flush=True)
 """)) as started:
         time.sleep(FLUSH_TIMEOUT)
-        lines = started.text().split()
+        lines = started.read().split()
     assert sorted(lines) == sorted(2 * [f'{line:09}' for line in range(5000)])
 
 
@@ -256,10 +231,10 @@ def moving(listener):
 
 
 @needs_ros
-def test_ros_s_logger_does_not_block_python(tmp_path):
+def test_ros_s_logger_does_not_block_python():
     """It writes in C, and keeps the interpreter's lock meanwhile."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
-    with piped([sys.executable, '-c', SCRIPT + """
+    with Piped([sys.executable, '-c', SCRIPT + """
 beats = [time.monotonic()]
 def beat():
     while True:
@@ -271,19 +246,17 @@ time.sleep(1.0)
 node.get_logger().info('for nobody')
 time.sleep(0.1)
 print('gap', max(two - one for one, two in zip(beats, beats[1:])), flush=True)
-"""], 'stderr', log=tmp_path / 'log.txt') as started:
-        end = time.monotonic() + 20.0
-        while not (tmp_path / 'log.txt').read_text() and time.monotonic() < end:
-            time.sleep(0.02)
+"""], 'stderr') as started:
+        started.wait_for_text('ready')
         started.fill()
         assert started.end(20.0) == 0
-    assert float((tmp_path / 'log.txt').read_text().split()[-1]) < 0.5
+    assert float(started.text.split()[-1]) < 0.5
 
 
 @needs_ros
 @pytest.mark.parametrize('signum, code', [(None, 0), (signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_the_command_stops_the_robot_and_exits_without_a_reader(listener, signum, code):
-    with piped(COMMAND) as started:
+    with Piped(COMMAND) as started:
         moved = moving(listener)
         started.fill()
         if signum is None:
@@ -306,12 +279,12 @@ def test_the_result_and_the_last_line_delay_no_exit(full, tmp_path):
     pytest.importorskip('jinja2', reason='needs Jinja2')
     report = tmp_path / 'report'
     command = [*COMMAND, 'straight', '--sim', '--report', str(report)]
-    with piped(command, *full) as started:
+    with Piped(command, *full) as started:
         os.read(started.reader, 4096)
         started.fill()
         assert started.end(40.0) == 0
     assert (report / 'report.html').exists()
-    with piped([*COMMAND, '--ros-args', '-p', 'robot_timeout:=2.0'], *full) as started:
+    with Piped([*COMMAND, '--ros-args', '-p', 'robot_timeout:=2.0'], *full) as started:
         os.read(started.reader, 4096)
         started.fill()
         assert started.end(12.0) == 3
@@ -322,7 +295,7 @@ def test_a_bridge_whose_log_is_unread_goes_on():
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     bridge = [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command', '--sim']
-    with piped([*bridge, '--namespace', 'unread'], 'stderr') as shown:
+    with Piped([*bridge, '--namespace', 'unread'], 'stderr') as shown:
         os.read(shown.reader, 4096)
         shown.fill()
         drive = [*COMMAND, '--ros-args', '-p', 'robot_namespace:=/unread']
@@ -337,9 +310,9 @@ def test_a_result_is_printed_whole_to_a_late_reader():
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     pytest.importorskip('jsonschema', reason='needs jsonschema')
-    with piped([*COMMAND, 'straight', '--sim']) as started:
+    with Piped([*COMMAND, 'straight', '--sim']) as started:
         code = started.end(30.0)
-        text = started.text()
+        text = started.read()
     assert code == 0, text
     assert 'Motion completed: straight' in text
     assert text.splitlines()[-1].startswith('Final pose by odometry: ')
@@ -348,7 +321,7 @@ def test_a_result_is_printed_whole_to_a_late_reader():
 @needs_ros
 @pytest.mark.parametrize('signum, code', [(None, 0), (signal.SIGINT, 130)])
 def test_a_script_whose_log_is_unread_is_stopped_too(listener, signum, code):
-    with piped([sys.executable, '-c', SCRIPT + """
+    with Piped([sys.executable, '-c', SCRIPT + """
 node.move_robot(0.1, 0.0, 2.0)
 node.destroy_node()
 """], 'stderr') as started:
@@ -366,7 +339,7 @@ node.destroy_node()
     'while True:\n    print("x" * 99)',
     'time.sleep(2.0)\nfor line in range(40):\n    print("x" * 99)\ntime.sleep(30.0)'])
 def test_a_print_that_waits_for_its_reader_does_not_delay_ctrl_c(listener, text):
-    with piped([sys.executable, '-c', SCRIPT + f"""
+    with Piped([sys.executable, '-c', SCRIPT + f"""
 threading.Thread(target=node.move_robot, args=(0.1, 0.0, 30.0), daemon=True).start()
 {text}
 """], 'stdout') as started:
@@ -395,7 +368,4 @@ def test_after_ctrl_s_a_drive_ends_and_leaves_the_terminal_clean(listener):
         assert shown.screen.bottom == shown.screen.rows
         assert shown.screen.cursor_is_shown
         assert not any('Ctrl+C' in line for line in shown.screen.lines)
-        end = time.monotonic() + 5.0
-        while is_running(display) and time.monotonic() < end:
-            time.sleep(0.02)
-        assert not is_running(display)
+        wait_until(lambda: not is_running(display), 5.0)

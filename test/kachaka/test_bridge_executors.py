@@ -21,7 +21,7 @@ import time
 
 from optional_libraries import optional_imports
 import pytest
-from ros_support import wait_until
+from waiting import wait_until
 
 with optional_imports():
     from geometry_msgs.msg import Twist

@@ -22,7 +22,8 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from ros_support import bridge, BridgeProcess, wait_until
+from ros_support import bridge, BridgeProcess
+from waiting import wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
 #: The distance driven in a command timeout of 0.3 s at 0.1 m/s [m].
@@ -185,7 +186,7 @@ def test_signals_end_it_without_a_traceback(signum):
         assert wait_until(lambda: 'ready' in process.text)
         process.process.send_signal(signum)
         process.process.send_signal(signum)
-        assert process.wait(3.0) == 0
+        assert process.end(3.0) == 0
         assert 'Traceback' not in process.text
         assert len(process.lines) == 1
         for name in ('manual_control/cmd_vel', 'manual_control/set_enabled', 'odometry/odometry'):
@@ -203,7 +204,7 @@ def test_end_of_the_parent_ends_it():
         assert child.process.poll() is None
         for process in (child, free):
             process.process.stdin.close()
-        assert child.wait(3.0) == 0
+        assert child.end(3.0) == 0
         assert free.process.poll() is None
 
 
@@ -223,14 +224,11 @@ def test_end_of_the_parent_ends_it():
     (('--sim', '--ros-args', '-p'), 'ROS could not be started')])
 def test_bad_arguments_are_one_line(options, text):
     """Exit code 2."""
-    process = BridgeProcess(*options)
-    try:
-        assert process.wait() == 2
+    with BridgeProcess(*options) as process:
+        assert process.end() == 2
         assert len(process.lines) == 1
         assert process.text.startswith('kachaka_bridge: ')
         assert text in process.text
-    finally:
-        process.end()
 
 
 def test_ros_arguments_reach_the_node(probe, namespace):

@@ -27,7 +27,7 @@ from kachaka_simple_control.kachaka import bridge_process as module
 from kachaka_simple_control.kachaka.bridge_process import simulated_bridge
 from program import environment, ROOT
 import pytest
-from ros_support import TIMEOUT, wait_until
+from waiting import TIMEOUT, wait_until
 
 needs_ros = pytest.mark.ros
 #: Programs in place of the bridge, for what needs no ROS.

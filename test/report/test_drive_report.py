@@ -24,6 +24,7 @@ from kachaka_simple_control.report.rosbag2_metadata import FIELDS
 from program import COMMAND, program
 import pytest
 from recordings import read_with_mcap, read_with_rosbags, READERS
+from waiting import wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'mcap', 'jinja2', 'jsonschema')]
 
@@ -83,18 +84,12 @@ def is_motion(velocity):
 
 def wait_for_end(folder, started):
     """Return when the reporter, which outlives its program, has printed its last line."""
-    end = time.monotonic() + 20.0
-    while 'report: ' not in started.text.rpartition('run.mcap')[2]:
-        assert time.monotonic() < end, started.text
-        time.sleep(0.05)
+    wait_until(lambda: 'report: ' in started.text.rpartition('run.mcap')[2], 20.0)
 
 
 def wait_for_file(file):
     """Return when there is something in a file."""
-    end = time.monotonic() + 20.0
-    while not file.exists() or not file.stat().st_size:
-        assert time.monotonic() < end
-        time.sleep(0.02)
+    wait_until(lambda: file.exists() and file.stat().st_size, 20.0)
 
 
 def test_as_many_velocities_are_recorded_as_a_robot_received(listener, tmp_path):

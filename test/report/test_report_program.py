@@ -45,6 +45,7 @@ from kachaka_simple_control.telemetry.subscriber_process import (
 )
 import pytest
 from recordings import READERS, sent_velocities, stamp_of, velocities
+from waiting import wait_until
 
 pytestmark = pytest.mark.needs('mcap')
 
@@ -76,10 +77,7 @@ def assert_recorded(folder, events):
 
 def wait_for_file(file, size):
     """Return when a file is larger than a size."""
-    end = time.monotonic() + EXIT_TIMEOUT
-    while not file.exists() or file.stat().st_size <= size:
-        assert time.monotonic() < end
-        time.sleep(0.02)
+    wait_until(lambda: file.exists() and file.stat().st_size > size, EXIT_TIMEOUT)
 
 
 def test_a_line_about_a_report_is_printed_escaped(capsys):

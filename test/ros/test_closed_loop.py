@@ -25,8 +25,8 @@ from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Forward, Motion
 from program import COMMAND, program
 import pytest
-from ros_support import wait_until
 from test_drive_command import final_pose
+from waiting import wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'jsonschema')]
 

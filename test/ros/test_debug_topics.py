@@ -23,7 +23,7 @@ from kachaka_simple_control.errors import MotionRefusedError
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion
 from optional_libraries import MISSING, optional_imports
 import pytest
-from ros_support import wait_until
+from waiting import wait_until
 
 SHOWN = MISSING
 with optional_imports():

@@ -20,7 +20,7 @@ import time
 from optional_libraries import MISSING, optional_imports
 from program import COMMAND, program, script
 import pytest
-from ros_support import wait_until
+from waiting import wait_until
 
 qos_profile_sensor_data = MISSING
 with optional_imports():

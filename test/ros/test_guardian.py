@@ -19,11 +19,12 @@ import subprocess
 import sys
 import time
 
+from benchmarks.load import busy
 from kachaka_simple_control.control.guardian import Guardian
 from kachaka_simple_control.control.processes import is_running, is_stopped
 from program import children_of, COMMAND, find_process, program, script
 import pytest
-from ros_support import wait_until
+from waiting import wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
@@ -78,10 +79,7 @@ def test_the_guardian_does_not_outlive_its_node(listener, tmp_path):
         guardian = guardian_of(started)
         started.send(signal.SIGKILL)
         started.end()
-        end = time.monotonic() + 3.0
-        while is_running(guardian) and time.monotonic() < end:
-            time.sleep(0.05)
-        assert not is_running(guardian)
+        wait_until(lambda: not is_running(guardian), 3.0)
 
 
 def test_a_frozen_node_is_stopped_once_and_sends_no_motion_when_it_resumes(listener, tmp_path):
@@ -200,10 +198,7 @@ def test_a_process_is_frozen_from_sigstop_to_sigcont():
         assert not is_stopped(process.pid)
         for signum, frozen in ((signal.SIGSTOP, True), (signal.SIGCONT, False)):
             process.send_signal(signum)
-            end = time.monotonic() + 3.0
-            while is_stopped(process.pid) != frozen and time.monotonic() < end:
-                time.sleep(0.01)
-            assert is_stopped(process.pid) == frozen
+            wait_until(lambda frozen=frozen: is_stopped(process.pid) == frozen, 3.0)
         process.kill()
     assert not is_stopped(process.pid)
 
@@ -359,12 +354,7 @@ def test_a_node_without_a_guardian_is_not_stopped_after_sigkill(listener, tmp_pa
 
 def test_a_busy_machine_is_no_reason_to_stop(listener, tmp_path):
     """Twelve busy processes on a few cores; the run goes on."""
-    busy = [subprocess.Popen(['sh', '-c', 'while :; do :; done']) for _ in range(12)]
-    try:
-        with program([*COMMAND, '--ros-args', '-p', 'robot_timeout:=60'], tmp_path) as started:
-            assert started.end(90.0) == 0, started.text
-    finally:
-        for process in busy:
-            process.kill()
-            process.wait()
+    command = [*COMMAND, '--ros-args', '-p', 'robot_timeout:=60']
+    with busy(12), program(command, tmp_path) as started:
+        assert started.end(90.0) == 0, started.text
     assert len(listener.moves()) == 3

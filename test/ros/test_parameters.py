@@ -21,7 +21,7 @@ import threading
 from kachaka_simple_control.errors import UsageError
 from optional_libraries import MISSING, optional_imports
 import pytest
-from ros_support import wait_until
+from waiting import wait_until
 
 SHOWN = VELOCITY = MISSING
 with optional_imports():

@@ -20,7 +20,8 @@ import time
 from kachaka_simple_control.control.processes import is_running
 from program import COMMAND, program, script
 import pytest
-from ros_support import bridge, BridgeProcess, wait_until
+from ros_support import bridge
+from waiting import wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
 
@@ -138,12 +139,9 @@ def test_a_program_that_stands_by_takes_nothing_until_it_drives(listener, tmp_pa
 def test_a_second_bridge_under_the_same_name_is_refused():
     with bridge() as first:
         assert wait_until(lambda: 'ready: ' in first.text)
-        second = BridgeProcess('--sim')
-        try:
-            assert second.wait() == 3
-            (line,) = second.text.splitlines()
-        finally:
-            second.end()
+        with bridge() as second:
+            assert second.end() == 3
+        (line,) = second.lines
         assert is_running(first.process.pid)
     assert f'/kachaka/kachaka_bridge (process {first.process.pid}, since ' in line
     assert 'shows a robot on /kachaka/manual_control/cmd_vel' in line

@@ -85,7 +85,8 @@ def test_two_robots_under_one_name_are_refused(tmp_path):
 def test_a_robot_under_the_same_name_is_left_alone_by_a_simulated_drive(tmp_path):
     """It may be a real one: then it would leave its dock, and drive beside the simulated one."""
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
-    from ros_support import bridge, wait_until
+    from ros_support import bridge
+    from waiting import wait_until
     command = [*COMMAND, '--sim', '--ros-args', '-p', 'robot_timeout:=3']
     with bridge() as other:
         assert wait_until(lambda: 'ready: ' in other.text)

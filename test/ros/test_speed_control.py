@@ -34,7 +34,8 @@ from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySe
 from optional_libraries import MISSING, optional_imports
 from program import COMMAND, program
 import pytest
-from ros_support import bridge, wait_until
+from ros_support import bridge
+from waiting import wait_until
 
 NODE = ODOMETRY = TRANSIENT_LOCAL = MISSING
 with optional_imports():

@@ -23,7 +23,7 @@ from program import ROOT
 import pytest
 
 with optional_imports():
-    from benchmarks import bridge_latency
+    from benchmarks.experiments import bridge_latency
 
 PAGE = Path(ROOT, 'docs', 'kachaka.md')
 pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason='the documentation is not here')
@@ -87,7 +87,7 @@ def test_latency_table_holds_the_bridge_against_the_bare_call():
 
 def test_page_names_the_programs_that_print_its_tables():
     text = PAGE.read_text()
-    for program in ('test/link_fault_cases.py', 'python -m benchmarks.bridge_latency',
-                    'python -m benchmarks.three_processes',
+    for program in ('test/link_fault_cases.py', 'python -m benchmarks.experiments.bridge_latency',
+                    'python -m benchmarks.experiments.three_processes',
                     'python -m benchmarks.stop_matrix --robot grpc'):
         assert f'`{program}`' in text

@@ -23,10 +23,11 @@ import subprocess
 import sys
 import time
 
-from grpc_client_support import commander, faulty_robot, real_bridge
+from grpc_client_support import commander, FaultyRobot, real_bridge, SimulatedRobot
 from program import environment
 import pytest
-from ros_support import BridgeProcess, wait_until
+from ros_support import BridgeProcess
+from waiting import wait_until
 
 pytestmark = [
     pytest.mark.ros,
@@ -36,7 +37,7 @@ pytestmark = [
 @pytest.fixture
 def robot():
     """Return a robot of this test."""
-    with faulty_robot() as robot:
+    with FaultyRobot() as robot:
         yield robot
 
 
@@ -52,7 +53,7 @@ def test_first_velocity_enables_manual_control_and_is_not_lost(probe, namespace,
         assert robot.ask('rows')[-1][1] == pytest.approx(1.0 / 3.0)
         assert [row[1] for row in robot.ask('asked')] == [True]
         process.process.send_signal(signal.SIGTERM)
-        assert process.wait(3.0) == 0
+        assert process.end(3.0) == 0
         assert robot.stops(robot.moves()[-1])
         assert [row[1] for row in robot.ask('asked')] == [True, False]
         assert 'Traceback' not in process.text
@@ -157,14 +158,9 @@ def test_diagnostics_report_connection_and_errors(probe, namespace, robot):
 
 def test_odometry_is_fetched_only_for_subscribers(probe, namespace):
     """From the simulated robot, with its frames, stamps and cursors."""
-    simulator = subprocess.Popen(
-        [sys.executable, '-m', 'kachaka_simple_control.kachaka.sim_command',
-         '--grpc-port', '0'],
-        stdout=subprocess.PIPE, text=True, env=environment())
-    try:
-        address = simulator.stdout.readline().split()[-1]
+    with SimulatedRobot() as robot:
         with real_bridge(
-                address, '--namespace', namespace, '--frame-prefix', 'left/') as process, \
+                robot.address, '--namespace', namespace, '--frame-prefix', 'left/') as process, \
                 commander(probe, namespace, process) as driver:
             received = probe.odometry(namespace)
             wheels = probe.odometry(namespace, 'wheel_odometry/wheel_odometry')
@@ -180,10 +176,6 @@ def test_odometry_is_fetched_only_for_subscribers(probe, namespace):
         assert abs(message.header.stamp.sec - time.time()) < 60.0
         stamps = [(m.header.stamp.sec, m.header.stamp.nanosec) for _, m in received]
         assert stamps == sorted(set(stamps)), 'each reading once'
-    finally:
-        simulator.kill()
-        simulator.wait()
-        simulator.stdout.close()
 
 
 @pytest.mark.parametrize(('options', 'code', 'text'), [
@@ -192,25 +184,19 @@ def test_odometry_is_fetched_only_for_subscribers(probe, namespace):
     (('--address', 'http://robot'), 2, 'is no address of a robot'),
     (('--address', 'robot', '--sim'), 2, 'one robot at a time')])
 def test_unreachable_robot_is_one_line(options, code, text):
-    process = BridgeProcess(*options)
-    try:
-        assert process.wait(10.0) == code
+    with BridgeProcess(*options) as process:
+        assert process.end(10.0) == code
         assert len(process.lines) == 1
         assert text in process.text
-    finally:
-        process.end()
 
 
 def test_server_that_never_responds_is_reported(tmp_path):
     with socket.create_server(('127.0.0.1', 0)) as server:
         address = f'127.0.0.1:{server.getsockname()[1]}'
-        process = BridgeProcess('--address', address)
-        try:
-            assert process.wait(10.0) == 3
+        with BridgeProcess('--address', address) as process:
+            assert process.end(10.0) == 3
             assert f'{address} accepts connections, but does not answer' in process.text
             assert len(process.lines) == 1
-        finally:
-            process.end()
 
 
 def test_missing_sdk_is_reported_with_what_to_install(tmp_path):

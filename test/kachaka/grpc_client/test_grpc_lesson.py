@@ -15,42 +15,24 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 import signal
-import subprocess
-import sys
 import time
 
-from grpc_client_support import faulty_robot, real_bridge
-from program import COMMAND, environment, program
+from grpc_client_support import FaultyRobot, real_bridge, SimulatedRobot
+from program import COMMAND, program
 import pytest
-from ros_support import wait_until
+from waiting import wait_until
 
 pytestmark = [
     pytest.mark.ros, pytest.mark.slow,
     pytest.mark.needs('rclpy', 'nav_msgs', 'diagnostic_msgs', 'kachaka_api.generated')]
 
 
-@contextlib.contextmanager
-def simulated_robot():
-    """Run a simulated robot, and return its address."""
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'kachaka_simple_control.kachaka.sim_command',
-         '--grpc-port', '0'],
-        stdout=subprocess.PIPE, text=True, env=environment())
-    try:
-        yield process.stdout.readline().split()[-1]
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
-
-
 def test_lesson_ends_at_its_planned_pose(tmp_path):
     """As with --sim, but over gRPC."""
-    with simulated_robot() as address, \
-            program([*COMMAND, '--address', address], tmp_path) as started:
+    with SimulatedRobot() as robot, \
+            program([*COMMAND, '--address', robot.address], tmp_path) as started:
         assert started.end(40.0) == 0, started.text
     pose = re.search(r'x (\S+) m, y (\S+) m, heading (\S+) degrees', started.text)
     x, y, heading = (float(number) for number in pose.groups())
@@ -64,7 +46,7 @@ def test_lesson_ends_at_its_planned_pose(tmp_path):
     (signal.SIGINT, 130, 0.3), (signal.SIGTERM, 143, 0.3), (signal.SIGKILL, 137, 0.3),
     (signal.SIGSTOP, None, 0.4)])
 def test_zeros_reach_the_robot_however_the_node_ends(tmp_path, signum, code, within):
-    with faulty_robot() as robot, real_bridge(robot.address), \
+    with FaultyRobot() as robot, real_bridge(robot.address), \
             program(COMMAND, tmp_path) as started:
         assert wait_until(lambda: len(robot.moves()) > 3, 30.0)
         started.send(signum)
@@ -80,7 +62,7 @@ def test_zeros_reach_the_robot_however_the_node_ends(tmp_path, signum, code, wit
 
 
 def test_emergency_stop_ends_the_run_with_the_robots_error_text(tmp_path):
-    with faulty_robot() as robot:
+    with FaultyRobot() as robot:
         robot.ask('json [{"code": 21051, "title_en": "Emergency stop"}]')
         with program([*COMMAND, '--address', robot.address], tmp_path) as started:
             assert wait_until(lambda: len(robot.moves()) > 3, 30.0)
@@ -93,7 +75,7 @@ def test_emergency_stop_ends_the_run_with_the_robots_error_text(tmp_path):
 
 
 def test_lost_robot_ends_the_run(tmp_path):
-    with faulty_robot() as robot, \
+    with FaultyRobot() as robot, \
             program([*COMMAND, '--address', robot.address], tmp_path) as started:
         assert wait_until(lambda: len(robot.moves()) > 3, 30.0)
         robot.ask('cut')
@@ -102,7 +84,7 @@ def test_lost_robot_ends_the_run(tmp_path):
 
 
 def test_refused_manual_control_is_reported(tmp_path):
-    with faulty_robot() as robot:
+    with FaultyRobot() as robot:
         robot.ask('refuse 7')
         with program([*COMMAND, '--address', robot.address], tmp_path) as started:
             assert started.end(20.0) == 3

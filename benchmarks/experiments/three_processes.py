@@ -16,7 +16,7 @@ Where a motion ends that goes through three processes: robot over gRPC, bridge, 
 
 Each is a process of its own, as with a real Kachaka: ``kachaka_sim``, ``kachaka_bridge --address``
 and ``kachaka_simple_control``.  The robot's odometry before and after is compared with the pose at
-the end of the plan.  ``python -m benchmarks.three_processes`` prints the table of
+the end of the plan.  ``python -m benchmarks.experiments.three_processes`` prints the table of
 ``docs/kachaka.md``.
 """
 
@@ -84,7 +84,7 @@ def measure(motions: Sequence[str] = MOTIONS, runs: int = RUNS) -> list[Run]:
                 found.append(_drive(robot, motion, planned))
                 show(f'runs of {motion}', index + 1, runs)
     finally:
-        robot.end()
+        robot.close()
     return found
 
 
@@ -161,7 +161,7 @@ def _command(motion: str, timeout: float) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure and print; return 1 if a threshold was missed or a run failed, else 0."""
-    parser = argparse.ArgumentParser(prog='benchmarks.three_processes', description=__doc__)
+    parser = argparse.ArgumentParser(prog='three_processes', description=__doc__)
     parser.add_argument('--runs', type=int, default=RUNS, help='of each motion (default: 10)')
     parser.add_argument('--motions', nargs='+', default=MOTIONS, metavar='NAME',
                         help='which of the library (default: lesson square)')

@@ -16,7 +16,7 @@ The latency that the bridge to a real robot adds to the gRPC call.
 
 Measured from publishing a velocity to its arrival at the robot, and from a bare gRPC call to its
 arrival, in turns, at the same rates, with the same robot; all processes are on this machine.
-``python -m benchmarks.bridge_latency`` prints the table of ``docs/kachaka.md``.
+``python -m benchmarks.experiments.bridge_latency`` prints the table of ``docs/kachaka.md``.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 import contextlib
 import json
-import subprocess
+import signal
 import sys
 import threading
 import time
@@ -37,7 +37,9 @@ from benchmarks.nanosleep import BILLION, sleep_until
 from benchmarks.resource_usage import process_time
 from benchmarks.tables import Table
 from kachaka_simple_control.report.quantiles import median, quantile
+from program import JsonProcess
 from ros_domain import isolate_ros
+from ros_support import BridgeProcess
 
 RATES = (10, 50, 100)
 #: How long each of the two is measured at a time at each rate [s], and how many times.
@@ -70,7 +72,7 @@ def measure(
     isolate_ros()
     entries = [{'who': who, 'rate': rate, 'latency': [], 'sent': 0, 'cpu': 0.0}
                for rate in rates for who in NAMES]
-    with _robot() as robot, _floor(robot) as floor, _bridge(robot) as bridge:
+    with _Robot() as robot, _floor(robot) as floor, _bridge(robot) as bridge:
         for _ in range(turns):
             for entry in entries:
                 send, cpu = floor if entry['who'] == 'floor' else bridge
@@ -157,10 +159,7 @@ def _floor(robot: _Robot) -> Iterator[tuple[Send, Callable[[], float]]]:
 def _bridge(robot: _Robot) -> Iterator[tuple[Send, Callable[[], float]]]:
     from geometry_msgs.msg import Twist
     import rclpy
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command',
-         '--address', robot.address],
-        cwd=ROOT, stdin=subprocess.DEVNULL)
+    process = BridgeProcess('--address', robot.address, cwd=ROOT)
     rclpy.init()
     node = rclpy.create_node('bridge_latency')
     publisher = node.create_publisher(Twist, '/kachaka/manual_control/cmd_vel', 10)
@@ -173,44 +172,31 @@ def _bridge(robot: _Robot) -> Iterator[tuple[Send, Callable[[], float]]]:
     try:
         end = time.monotonic() + 20.0
         while not robot.rows():
-            assert process.poll() is None, 'the bridge ended'
-            assert time.monotonic() < end, 'the bridge hears nothing'
+            assert not process.is_over, f'the bridge ended; {process}'
+            assert time.monotonic() < end, f'the bridge hears nothing; {process}'
             send(STEP)
             time.sleep(0.1)
-        yield send, lambda: process_time(process.pid)
+        yield send, lambda: process_time(process.process.pid)
     finally:
-        process.terminate()
-        process.wait(10.0)
+        process.close(10.0, signal.SIGTERM)
         node.destroy_node()
         rclpy.shutdown()
 
 
-class _Robot:
+class _Robot(JsonProcess):
     """A robot in a process of its own, which records arrivals."""
 
-    def __init__(self, process: subprocess.Popen[str]) -> None:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        self._stdin, self._stdout = process.stdin, process.stdout
-        self.address = self._stdout.readline().strip()
+    def __init__(self) -> None:
+        super().__init__(
+            [sys.executable, '-m', 'benchmarks.experiments.bridge_latency', '--be-robot'],
+            cwd=ROOT)
+        self.address = self.read()
 
     def rows(self) -> list[tuple[float, float]]:
         """Return what arrived since the last call: when [s], and the forward velocity."""
-        print(file=self._stdin, flush=True)
-        rows: list[tuple[float, float]] = json.loads(self._stdout.readline())
+        self.write('rows')
+        rows: list[tuple[float, float]] = self.read()
         return rows
-
-
-@contextlib.contextmanager
-def _robot() -> Iterator[_Robot]:
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'benchmarks.bridge_latency', '--be-robot'], cwd=ROOT,
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    try:
-        yield _Robot(process)
-    finally:
-        process.kill()
-        process.wait()
 
 
 def _be_robot() -> None:
@@ -236,7 +222,8 @@ def _be_robot() -> None:
 
     server = grpc.server(ThreadPoolExecutor(4))
     pb2_grpc.add_KachakaApiServicer_to_server(Servicer(), server)
-    print(f'127.0.0.1:{server.add_insecure_port("127.0.0.1:0")}', flush=True)
+    address = f'127.0.0.1:{server.add_insecure_port("127.0.0.1:0")}'
+    print(json.dumps(address), flush=True)
     server.start()
     for _ in sys.stdin:
         with lock:
