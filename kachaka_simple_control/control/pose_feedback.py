@@ -102,6 +102,8 @@ class PoseFeedback:
         self._floor = ORIGIN
         #: the newest samples: those since the robot came to rest, or one
         self._samples: tuple[PoseSample, ...] = ()
+        #: number of samples, each later than the one before
+        self.sample_count = 0
         self._sent: deque[_Sent] = deque()
 
     def on_odometry(self, arrived: float, pose: Pose, is_moving: bool) -> None:
@@ -122,6 +124,7 @@ class PoseFeedback:
         self._floor = pose if self._reported is None else self._odometry.advance_on_floor(
             self._floor, self._reported, pose)
         self._reported = pose
+        self.sample_count += 1
         sample = PoseSample(arrived, self._floor)
         is_one_rest = not is_moving and samples and _are_near(samples[-1], sample)
         self._samples = (*samples, sample)[-START_SAMPLES:] if is_one_rest else (sample,)

@@ -361,7 +361,8 @@ class Session:
         def is_at_rest() -> bool:
             self._require_wanted()
             now = time.monotonic()
-            return (feedback.age(now) <= FEEDBACK_MAX_AGE
+            # A stamp that stands still is new once.
+            return (feedback.sample_count > 1 and feedback.age(now) <= FEEDBACK_MAX_AGE
                     and self.odometry.still_since(now) is not None)
 
         if not wait_until(is_at_rest, FEEDBACK_START_TIMEOUT):
