@@ -28,9 +28,10 @@ from ros_domain import isolate_ros
 with optional_imports():
     from hypothesis import HealthCheck, settings
     # No test of pure code fails because a machine is busy.
-    settings.register_profile(
-        'busy machine', deadline=None, suppress_health_check=[HealthCheck.too_slow])
-    settings.load_profile('busy machine')
+    busy_machine = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    settings.register_profile('quick', busy_machine, max_examples=50)
+    settings.register_profile('thorough', busy_machine)
+    settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'quick'))
 
 # The benchmarks are not installed.
 sys.path.append(str(Path(__file__).resolve().parent.parent))
@@ -42,6 +43,11 @@ if (worker := os.environ.get('PYTEST_XDIST_WORKER')) is not None:
     number = int(os.environ['ROS_DOMAIN_ID']) + step * int(worker.removeprefix('gw'))
     os.environ['ROS_DOMAIN_ID'] = str(number % 100 + 1)
 restore_signals()
+
+
+#: The real-time tests that are quick enough to be run one after the other: how a robot is found,
+#: driven and stopped.
+CORE = ('test_lesson', 'test_parameters', 'test_session', 'test_stop', 'test_guardian')
 
 
 @pytest.fixture
@@ -105,18 +111,29 @@ def make():
     rclpy.try_shutdown()
 
 
+def is_left_to_make(item):
+    """Return whether a test is left to make test and make docs, where nothing was chosen."""
+    marks = {mark.name for mark in item.iter_markers()}
+    return 'document' in marks or bool(
+        marks & {'ros', 'real_time'} and item.module.__name__ not in CORE)
+
+
 def pytest_configure(config):
     """Watch the machine during the real-time tests."""
     config.pluginmanager.register(RealTimeTrials())
 
 
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
     """
-    Skip tests whose libraries are not there.
+    Leave the long tests to make, and skip tests whose libraries are not there.
 
     A skip that a module raises while it is imported could end the collection of all others, with
     plug-ins that import modules in their own way; so a module only says what its tests need.
     """
+    if not config.option.markexpr and config.args == config.getini('testpaths'):
+        # As colcon test calls it, one test after the other.
+        config.hook.pytest_deselected(items=[*filter(is_left_to_make, items)])
+        items[:] = [item for item in items if not is_left_to_make(item)]
     for item in items:
         needed = [name for mark in item.iter_markers('needs') for name in mark.args]
         if (reason := next(filter(None, map(lack, needed)), None)) is not None:

@@ -34,6 +34,8 @@ from waiting import poll
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = [sys.executable, '-m', 'kachaka_simple_control']
+#: Quick to start, for tests of neither guardian nor prime time; more parameters may follow.
+QUICK_COMMAND = [*COMMAND, '--ros-args', '-p', 'guardian:=false', '-p', 'prime_time:=0.2']
 #: What reading of a process or a thread that has ended raises.
 GONE = (FileNotFoundError, ProcessLookupError)
 #: How long a guardian may go on when its program has ended [s].
@@ -199,6 +201,15 @@ class JsonProcess(Program):
         self._values.put(_END)
 
 
+def quick_drive(folder: Path, *options: str, duration: float = 0.5) -> list[str]:
+    """Return a command that is quick to start, and drives 0.1 m/s for a while [s]."""
+    motion = folder / 'quick.yaml'
+    motion.write_text(
+        'name: quick\nrate: 20 Hz\n'
+        f'steps: [move: {{linear_x: 0.1 m/s, angular_z: 0 rad/s, duration: {duration} s}}]\n')
+    return [*COMMAND, str(motion), *options, *QUICK_COMMAND[len(COMMAND):]]
+
+
 def restore_signals() -> None:
     """
     Restore signals that this process, and so all programs that it starts, would ignore.
@@ -253,8 +264,8 @@ def find_process(pids: Iterable[int], module: str) -> int | None:
     return None
 
 
-def script(text: str, folder: Path) -> Program:
+def script(text: str, folder: Path, *arguments: str) -> Program:
     """Run a script as a user would have written it, in a folder of its own."""
     file = folder / 'script.py'
     file.write_text(text)
-    return program([sys.executable, str(file)], folder, folder)
+    return program([sys.executable, str(file), *arguments], folder, folder)

@@ -14,9 +14,10 @@
 """
 Repeat a real-time trial only if the machine itself stood still during it.
 
-A plug-in of pytest, for the tests marked ``ros``.  A test that fails is a fact: it is repeated
-only if observers outside the tests saw the machine stand still meanwhile.  Each repeated trial is
-printed, and more than one in twenty of them fail the run: a suite that makes its own gaps fails.
+A plug-in of pytest, for the tests marked ``ros`` or ``real_time``.  A test that fails is a fact:
+it is repeated only if observers outside the tests saw the machine stand still meanwhile.  Each
+repeated trial is printed, and more than one in twenty of them fail the run: a suite that makes its
+own gaps fails.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ MAX_REPEATED = 0.05
 #: Where the observers write; given to the workers of pytest-xdist.
 FOLDER = 'STALL_OBSERVERS'
 REPEATED = 'repeated_because'
+#: The marks of real-time tests.
+MARKS = {'ros', 'real_time'}
 
 
 class RealTimeTrials:
@@ -62,7 +65,7 @@ class RealTimeTrials:
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_protocol(self, item: pytest.Item, nextitem: pytest.Item | None) -> Any:
         """Run a real-time test; others are left to pytest."""
-        if item.get_closest_marker('ros') is None:
+        if not MARKS.intersection(mark.name for mark in item.iter_markers()):
             return None
         item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
         reasons: list[str] = []
@@ -76,17 +79,18 @@ class RealTimeTrials:
                 break
             reasons.append(describe(stalls))
         for report in reports:
-            report.user_properties += [(REPEATED, reason) for reason in reasons]
+            report.user_properties.append((REPEATED, reasons))
             item.ihook.pytest_runtest_logreport(report=report)
         item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
         return True
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Count the trials, and those that were repeated."""
-        if report.when == 'setup' and 'ros' in report.keywords and not report.skipped:
-            self._trials.add(report.nodeid)
-            if reasons := [text for name, text in report.user_properties if name == REPEATED]:
-                self._repeated[report.nodeid] = reasons
+        for name, reasons in report.user_properties:
+            if name == REPEATED and report.when == 'setup' and not report.skipped:
+                self._trials.add(report.nodeid)
+                if reasons:
+                    self._repeated[report.nodeid] = reasons
 
     @property
     def _too_many(self) -> bool:

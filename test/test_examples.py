@@ -18,7 +18,7 @@ from __future__ import annotations
 import re
 import signal
 
-from program import ROOT
+from program import COMMAND, QUICK_COMMAND, ROOT
 from program import script as user_script
 import pytest
 
@@ -31,8 +31,10 @@ needs_source = pytest.mark.skipif(
 @pytest.fixture
 def example(tmp_path):
     """Return what starts an example."""
-    def start(name: str):
-        return user_script(ROOT.joinpath('examples', name).read_text(), tmp_path)
+    def start(name: str, *parameters: str):
+        quick = QUICK_COMMAND[len(COMMAND):]
+        text = ROOT.joinpath('examples', name).read_text()
+        return user_script(text, tmp_path, *quick, *parameters)
     return start
 
 
@@ -58,7 +60,7 @@ def test_square_is_a_square(example, listener):
 
 @needs_source
 def test_square_says_when_there_is_no_robot(example):
-    with example('square.py') as started:
+    with example('square.py', '-p', 'robot_timeout:=1.0') as started:
         assert started.end() == 3
     assert re.search(r'\.py:\d+: no robot listens on ', started.text)
     assert 'Traceback' not in started.text

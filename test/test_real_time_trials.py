@@ -21,11 +21,14 @@ import subprocess
 import sys
 import time
 
+from kachaka_simple_control.control.processes import is_stopped
 from program import ROOT
 import pytest
 from real_time_trials import FOLDER
-from ros_support import wait_until
 from stall_observer import MIN_STALL, StallObservers
+from waiting import poll, wait_until
+
+pytestmark = pytest.mark.real_time
 
 TESTS = """
 import os, pathlib, pytest, time
@@ -139,14 +142,17 @@ def test_the_observers_see_a_core_that_stands_still(tmp_path):
         begin = time.monotonic()
         for process in observers.processes:
             process.send_signal(signal.SIGSTOP)
+        wait_until(lambda: all(is_stopped(process.pid) for process in observers.processes))
         time.sleep(2.0 * MIN_STALL)
         for process in observers.processes:
             process.send_signal(signal.SIGCONT)
         end = time.monotonic()
         # The core of an observer may be busy.
-        assert wait_until(lambda: os.sched_getaffinity(0) == {
-            stall.core for stall in observers.between(begin, end)})
+        poll(lambda: len(observers.between(begin, end)) >= len(files), 10.0)
         seen = observers.between(begin, end)
+        assert {stall.core for stall in seen} == os.sched_getaffinity(0), (
+            begin, end, [(file.name, file.read_text()) for file in files],
+            [process.poll() for process in observers.processes])
     finally:
         observers.end()
     assert all(stall.end - stall.begin >= MIN_STALL for stall in seen)

@@ -13,6 +13,6 @@ run() {
     if [ $ended != $no_test ] && { [ $code = 0 ] || [ $code = $no_test ]; }; then code=$ended; fi
 }
 marked=${1:+ and ($1)}
-run 'not ros' -n "$([ "$WORKERS" = 0 ] && echo 0 || nproc)"
-run ros -n "$WORKERS" --dist worksteal
+run '(not ros and not real_time)' -n "$([ "$WORKERS" = 0 ] && echo 0 || nproc)"
+run '(ros or real_time)' -n "$WORKERS" --dist worksteal
 exit $code

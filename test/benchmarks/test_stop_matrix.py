@@ -201,24 +201,6 @@ def test_the_page_shows_the_reference_results():
 
 
 @pytest.mark.ros
-def test_faults_are_injected():
-    """A stop by the node, one by the guardian, and none because both are killed."""
-    pytest.importorskip('rclpy', reason='needs ROS 2')
-    pytest.importorskip('nav_msgs', reason='needs nav_msgs')
-    from benchmarks.stop_matrix.runner import run
-    names = ('SIGTERM', 'SIGKILL', 'program and guardian killed')
-    rows = [row for row in ROWS if row.expectation.what in names]
-    seen = run([(row, 1) for row in rows])
-    assert violations(rows, seen, under_load=True) == []
-    ((stopped,), (guarded,), (lost,)) = (seen[name] for name in names)
-    assert guarded.zero is not None
-    assert stopped.metres is not None
-    assert lost.zeros == 0
-    # The command timeout alone: 0.3 s at 0.1 m/s since the last velocity.
-    assert lost.metres == pytest.approx(0.025, abs=0.01)
-
-
-@pytest.mark.ros
 def test_a_robot_over_grpc_is_stopped_too():
     """Three processes: the robot, the bridge, and the node that is ended or killed."""
     pytest.importorskip('rclpy', reason='needs ROS 2')

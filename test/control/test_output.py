@@ -24,10 +24,12 @@ import time
 
 from kachaka_simple_control.control.output import FLUSH_TIMEOUT
 from kachaka_simple_control.control.processes import is_running
-from program import COMMAND, environment, fill, Program
+from program import COMMAND, environment, fill, Program, QUICK_COMMAND, quick_drive
 import pytest
 from terminals import at_terminal
 from waiting import wait_until
+
+pytestmark = pytest.mark.real_time
 
 BEGIN = """
 import os, sys, time
@@ -254,51 +256,48 @@ print('gap', max(two - one for one, two in zip(beats, beats[1:])), flush=True)
 
 
 @needs_ros
+@pytest.mark.needs('yaml', 'jsonschema')
 @pytest.mark.parametrize('signum, code', [(None, 0), (signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_the_command_stops_the_robot_and_exits_without_a_reader(listener, signum, code):
-    with Piped(COMMAND) as started:
+def test_the_command_stops_the_robot_and_exits_without_a_reader(
+        listener, tmp_path, signum, code):
+    with Piped(quick_drive(tmp_path, duration=2.0)) as started:
         moved = moving(listener)
         started.fill()
-        if signum is None:
-            listener.wait_for(lambda velocity: velocity.angular_z < 0.0)
-            moved = time.time()
-            time.sleep(3.0)
-        else:
+        if signum is not None:
             started.process.send_signal(signum)
         assert started.end(SOON) == code
     assert_stopped_and_released(listener, moved)
 
 
 @needs_ros
-@pytest.mark.parametrize('full', [('stderr',), ('stdout', 'stderr')])
-def test_the_result_and_the_last_line_delay_no_exit(full, tmp_path):
+def test_the_result_and_the_last_line_delay_no_exit(tmp_path):
     """With --sim a table follows; without a robot, an error line."""
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     pytest.importorskip('jsonschema', reason='needs jsonschema')
     pytest.importorskip('jinja2', reason='needs Jinja2')
     report = tmp_path / 'report'
-    command = [*COMMAND, 'straight', '--sim', '--report', str(report)]
-    with Piped(command, *full) as started:
+    with Piped(quick_drive(tmp_path, '--sim', '--report', str(report))) as started:
         os.read(started.reader, 4096)
         started.fill()
         assert started.end(40.0) == 0
     assert (report / 'report.html').exists()
-    with Piped([*COMMAND, '--ros-args', '-p', 'robot_timeout:=2.0'], *full) as started:
+    with Piped([*QUICK_COMMAND, '-p', 'robot_timeout:=1.0']) as started:
         os.read(started.reader, 4096)
         started.fill()
         assert started.end(12.0) == 3
 
 
 @needs_ros
-def test_a_bridge_whose_log_is_unread_goes_on():
+@pytest.mark.needs('yaml', 'jsonschema')
+def test_a_bridge_whose_log_is_unread_goes_on(tmp_path):
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     bridge = [sys.executable, '-m', 'kachaka_simple_control.kachaka.bridge_command', '--sim']
     with Piped([*bridge, '--namespace', 'unread'], 'stderr') as shown:
         os.read(shown.reader, 4096)
         shown.fill()
-        drive = [*COMMAND, '--ros-args', '-p', 'robot_namespace:=/unread']
+        drive = [*quick_drive(tmp_path), '-p', 'robot_namespace:=/unread']
         assert subprocess.run(
             drive, env=environment(), timeout=40.0, check=False).returncode == 0
         shown.process.terminate()
@@ -306,15 +305,15 @@ def test_a_bridge_whose_log_is_unread_goes_on():
 
 
 @needs_ros
-def test_a_result_is_printed_whole_to_a_late_reader():
+def test_a_result_is_printed_whole_to_a_late_reader(tmp_path):
     pytest.importorskip('rclpy', reason='needs ROS 2')
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     pytest.importorskip('jsonschema', reason='needs jsonschema')
-    with Piped([*COMMAND, 'straight', '--sim']) as started:
+    with Piped(quick_drive(tmp_path, '--sim')) as started:
         code = started.end(30.0)
         text = started.read()
     assert code == 0, text
-    assert 'Motion completed: straight' in text
+    assert 'Motion completed: quick' in text
     assert text.splitlines()[-1].startswith('Final pose by odometry: ')
 
 
@@ -345,7 +344,7 @@ threading.Thread(target=node.move_robot, args=(0.1, 0.0, 30.0), daemon=True).sta
 """], 'stdout') as started:
         moved = moving(listener)
         started.fill()
-        time.sleep(3.0)
+        time.sleep(2.5)
         started.process.send_signal(signal.SIGINT)
         assert started.end(SOON) == 130
     assert_stopped_and_released(listener, moved)

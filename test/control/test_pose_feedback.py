@@ -20,7 +20,7 @@ import random
 from statistics import median
 
 from closed_loop import ClosedLoopDrive, random_robots, SQUARE
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.control.pose_feedback import loop_gain, PoseFeedback
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
@@ -322,6 +322,7 @@ def test_a_run_starts_where_the_newest_samples_are(late, pose):
 
 
 @given(st.data())
+@settings(max_examples=50)
 def test_what_is_corrected_for_a_calibrated_robot_is_within_its_limits(data):
     """The gate refuses what is not, in mid-motion; the limits are those that ``run()`` has."""
     gains = st.floats(0.8, 1.25)

@@ -29,9 +29,11 @@ from strategies import KACHAKA, LIMITS, MOTIONS, RATES
 CHANGES = st.lists(
     st.tuples(st.just(0.0) | st.just(1.0) | st.floats(0.05, 1.0), st.integers(0, 60)),
     max_size=12)
-#: As many random drives as the promise names; to make a failing one smaller takes too long.
-THOUSAND = settings(
-    max_examples=1000, phases=(Phase.explicit, Phase.reuse, Phase.generate))
+#: Of thorough tests as many random drives as the promise names, a thousand; to make a failing one
+#: smaller takes too long.
+MANY = settings(
+    max_examples=10 * settings.default.max_examples,
+    phases=(Phase.explicit, Phase.reuse, Phase.generate))
 
 
 def drive(planned, changes):
@@ -56,7 +58,7 @@ def end_pose(ticks):
     return pose
 
 
-@THOUSAND
+@MANY
 @given(MOTIONS, LIMITS, RATES, CHANGES)
 def test_the_end_is_that_of_the_plan(motion, limits, rate, changes):
     planned = plan(motion, limits, rate)
@@ -68,7 +70,7 @@ def test_the_end_is_that_of_the_plan(motion, limits, rate, changes):
     assert end.theta == pytest.approx(planned.pose.theta, abs=1e-9 * scale)
 
 
-@THOUSAND
+@MANY
 @given(MOTIONS, LIMITS, RATES, CHANGES)
 def test_ticks_follow_each_other_and_go_forward_on_the_plan(motion, limits, rate, changes):
     planned = plan(motion, limits, rate)
@@ -93,7 +95,7 @@ def test_without_a_change_each_velocity_is_that_of_the_plan(motion, limits, rate
         assert tick.plan_time == tick.start
 
 
-@THOUSAND
+@MANY
 @given(st.lists(st.builds(Forward, st.floats(-3.0, 3.0)), min_size=1, max_size=3), RATES, CHANGES)
 def test_what_is_sent_keeps_the_limits_of_acceleration(steps, rate, changes):
     """Between the middles of two ticks, for each carries the mean over its time."""

@@ -42,7 +42,7 @@ from program import COMMAND, program
 import pytest
 from terminals import at_terminal, Screen
 
-pytestmark = pytest.mark.needs('rich')
+pytestmark = [pytest.mark.real_time, pytest.mark.needs('rich')]
 
 #: Publishes a drive in real time, and writes log lines meanwhile, each of them in two halves.
 PUBLISHER = """
@@ -303,11 +303,10 @@ def test_a_drive_is_shown_and_its_log_lines_stay(motion):
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize('presses', [1, 2])
-def test_ctrl_c_ends_the_drive_and_the_display(motion, presses):
+def test_ctrl_c_ends_the_drive_and_the_display(motion):
     with at_terminal([*COMMAND, motion, '--sim'], 130, 30) as shown:
         shown.wait_for_text('DRIVING')
-        for _ in range(presses):
+        for _ in range(2):
             shown.press(b'\x03')
             shown.read_for(0.1)
         began = time.monotonic()

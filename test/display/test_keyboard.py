@@ -23,7 +23,7 @@ from program import COMMAND
 import pytest
 from terminals import at_terminal
 
-pytestmark = [pytest.mark.needs('rich', 'rclpy', 'nav_msgs', 'jsonschema')]
+pytestmark = [pytest.mark.ros, pytest.mark.needs('rich', 'rclpy', 'nav_msgs', 'jsonschema')]
 
 MOTION = """\
 name: long

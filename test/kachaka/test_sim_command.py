@@ -23,6 +23,8 @@ import sys
 from program import environment, program
 import pytest
 
+pytestmark = pytest.mark.real_time
+
 COMMAND = [sys.executable, '-m', 'kachaka_simple_control.kachaka.sim_command']
 BLOCKED = """
 import sys

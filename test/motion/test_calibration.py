@@ -15,7 +15,7 @@
 
 import math
 
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.library import find
@@ -121,6 +121,7 @@ def drive(motion, calibration, robot, rate=20.0):
 
 
 @given(calibrations)
+@settings(max_examples=25)  # each is a drive
 def test_a_calibrated_square_ends_where_it_was_planned(calibration):
     robot = SimulationParameters(
         dead_time=0.2, lag=0.1, linear_gain=calibration.forward_gain,

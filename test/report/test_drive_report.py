@@ -108,7 +108,7 @@ def test_as_many_velocities_are_recorded_as_a_robot_received(listener, tmp_path)
     assert [velocity[1:] for velocity in sent[-10:]] == [(0.0, 0.0)] * 10
 
 
-@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM', 'SIGHUP'])
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
 def test_a_signal_in_mid_motion_is_recorded_to_the_last_zero(listener, tmp_path, name):
     signum = signal.Signals[name]
     with program(command(tmp_path, 8.0), tmp_path) as started:

@@ -56,7 +56,7 @@ def exactly(rows):
 
 @given(st.sampled_from([TWIST, STAMPED]), st.lists(st.one_of(SENT, ANSWERED), max_size=30),
        st.lists(st.tuples(st.integers(0, 30), TIMES), max_size=3))
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_both_readers_find_what_was_published(opened, told, flushes):
     """In any order of events, with any flushes in between: equal stamps, equal bits."""
     with tempfile.TemporaryDirectory() as folder:

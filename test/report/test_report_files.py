@@ -384,6 +384,7 @@ EVENTS = st.one_of(
 
 
 @given(st.lists(EVENTS, max_size=40))
+@settings(max_examples=50)
 def test_whatever_happened_there_is_a_report(events):
     """Even what cannot happen, as messages back in time."""
     record = DriveLog()

@@ -47,7 +47,7 @@ import pytest
 from recordings import READERS, sent_velocities, stamp_of, velocities
 from waiting import wait_until
 
-pytestmark = pytest.mark.needs('mcap')
+pytestmark = [pytest.mark.real_time, pytest.mark.needs('mcap')]
 
 LIMITS = Limits(0.3, 1.5)
 OPENED = SessionStarted('test', 'kachaka', LIMITS, 0.3, 1.7e9, '/cmd_vel', '/odom')

@@ -18,7 +18,7 @@ import signal
 import time
 
 from optional_libraries import MISSING, optional_imports
-from program import COMMAND, program, script
+from program import program, QUICK_COMMAND, quick_drive, script
 import pytest
 from waiting import wait_until
 
@@ -32,11 +32,16 @@ with optional_imports():
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
 
 BEGIN = """
-import time
 import rclpy
 from kachaka_simple_control import ControlError, KachakaSimpleControl
-rclpy.init()
+rclpy.init(args=[
+    '--ros-args', '-p', 'guardian:=false', '-p', 'prime_time:=0.2', '-p', 'rate:=20.0'])
 node = KachakaSimpleControl()
+"""
+#: As the lesson, with a shorter first movement.
+DRIVE = BEGIN + """
+node.move_robot(0.1, 0.0, 0.3)
+node.move_robot(0.0, 0.5, 4.0)
 """
 
 
@@ -71,7 +76,7 @@ def end_of_motion(listener):
 
 
 def test_a_robot_that_leaves_is_noticed_at_once(listener, tmp_path):
-    with program(COMMAND, tmp_path) as started:
+    with program(QUICK_COMMAND, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         time.sleep(0.2)
         listener.leave()
@@ -86,7 +91,7 @@ def test_a_robot_that_leaves_is_noticed_at_once(listener, tmp_path):
 def test_a_robot_whose_odometry_falls_silent_is_taken_for_lost(listener, tmp_path):
     """Nothing else reports a pulled cable within 20 s."""
     odometer = Odometer(listener)
-    with program(COMMAND, tmp_path) as started:
+    with script(DRIVE, tmp_path) as started:
         moved = listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         odometer.silence()
         silent = time.time()
@@ -100,7 +105,7 @@ def test_a_robot_whose_odometry_falls_silent_is_taken_for_lost(listener, tmp_pat
 def test_a_second_robot_that_comes_in_mid_motion_ends_it(listener, tmp_path):
     """Both would obey."""
     Odometer(listener)
-    with program(COMMAND, tmp_path) as started:
+    with script(DRIVE, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         with Listener() as second:
             Odometer(second)
@@ -110,7 +115,7 @@ def test_a_second_robot_that_comes_in_mid_motion_ends_it(listener, tmp_path):
 
 
 def test_odometry_that_begins_in_mid_motion_is_watched_from_then_on(listener, tmp_path):
-    with program(COMMAND, tmp_path) as started:
+    with script(DRIVE, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         odometer = Odometer(listener)
         moved = listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
@@ -124,7 +129,7 @@ def test_odometry_that_begins_in_mid_motion_is_watched_from_then_on(listener, tm
 def test_odometry_that_is_not_a_number_is_ignored(listener, tmp_path):
     """A robot that publishes nothing else counts as silent."""
     odometer = Odometer(listener)
-    with program(COMMAND, tmp_path) as started:
+    with script(DRIVE, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         odometer.velocity = math.nan
         assert started.end() == 1
@@ -132,7 +137,7 @@ def test_odometry_that_is_not_a_number_is_ignored(listener, tmp_path):
 
 
 def test_a_robot_without_odometry_is_driven_as_well(listener, tmp_path):
-    with program(COMMAND, tmp_path) as started:
+    with script(BEGIN + 'node.move_robot(0.1, 0.0, 1.5)\n', tmp_path) as started:
         assert started.end() == 0
     assert started.text.count('No odometry has come on /kachaka/odometry/odometry yet') == 1
 
@@ -179,7 +184,7 @@ def ours(listener, other):
 @pytest.mark.parametrize('quality', [10, qos_profile_sensor_data])
 def test_the_first_velocity_of_another_publisher_ends_the_run(listener, tmp_path, quality):
     other = OtherPublisher(listener, quality)
-    with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
+    with script(DRIVE, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         other.send()
         assert started.end() == 1
@@ -194,9 +199,9 @@ def test_the_first_velocity_of_another_publisher_ends_the_run(listener, tmp_path
 
 def test_a_zero_of_another_publisher_ends_the_run(listener, tmp_path):
     other = OtherPublisher(listener)
-    with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
+    with script(DRIVE, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
-        time.sleep(0.5)
+        time.sleep(1.5)  # by then no zero of ours can be meant
         other.send(0.0)
         assert started.end() == 1
     assert 'another program (node listener) sends velocities' in started.text
@@ -205,7 +210,7 @@ def test_a_zero_of_another_publisher_ends_the_run(listener, tmp_path):
 
 
 def test_another_publisher_that_joins_in_mid_motion_ends_the_run(listener, tmp_path):
-    with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
+    with script(DRIVE, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         other = OtherPublisher(listener)
         other.send()
@@ -224,11 +229,11 @@ def end_of_motion_of_ours(listener):
 def test_a_publisher_that_never_sends_is_no_fault(listener, tmp_path):
     """Neither before a run, nor in it, nor when the robot is released."""
     other = OtherPublisher(listener)
-    with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
+    with script(DRIVE.replace('4.0', '2.0'), tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         another = OtherPublisher(listener)
         assert started.end() == 0
-    assert len(listener.moves()) == 3
+    assert len(listener.moves()) == 2
     assert len(listener.released) == 1
     other.leave()
     another.leave()
@@ -238,7 +243,7 @@ def test_no_run_begins_while_another_publisher_sends(listener, tmp_path):
     other = OtherPublisher(listener)
     other.send()
     listener.wait_for(lambda velocity: velocity.moves)
-    with program(COMMAND, tmp_path) as started:
+    with script(DRIVE, tmp_path) as started:
         code = started.end()
     assert 'another program (node ' in started.text
     assert f') sends velocities on {listener._subscription.topic_name}' in started.text
@@ -252,7 +257,7 @@ def test_no_run_begins_while_another_publisher_sends(listener, tmp_path):
 
 def test_zeros_go_on_beside_a_publisher_that_is_silent(listener, tmp_path):
     odometer, other = Odometer(listener), OtherPublisher(listener)
-    with program([*COMMAND, '--ros-args', '-p', 'rate:=20.0'], tmp_path) as started:
+    with script(DRIVE, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.angular_z != 0.0)
         odometer.velocity = 0.1
         # A program that never received odometry has none to confirm its stop by.
@@ -265,8 +270,8 @@ def test_zeros_go_on_beside_a_publisher_that_is_silent(listener, tmp_path):
 
 def test_other_publishers_may_be_allowed(listener, tmp_path):
     other = OtherPublisher(listener)
-    command = [*COMMAND, '--ros-args', '-p', 'allow_other_publishers:=true']
-    with program(command, tmp_path) as started:
+    text = DRIVE.replace('rate:=20.0', 'allow_other_publishers:=true').replace('4.0', '1.5')
+    with script(text, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         other.send(0.0)
         assert started.end() == 0
@@ -274,7 +279,7 @@ def test_other_publishers_may_be_allowed(listener, tmp_path):
 
 
 def test_a_robot_that_is_back_does_not_move_by_itself(tmp_path):
-    with Listener() as listener, program(COMMAND, tmp_path) as started:
+    with Listener() as listener, script(DRIVE, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         listener.leave()
         with Listener() as back:
@@ -298,7 +303,7 @@ node.move_robot(0.2, 0.0, 0.5)
         started.wait_for_text('the robot left')
         with Listener() as back:
             assert started.end() == 0
-            assert [(move.linear_x, move.count) for move in back.moves()] == [(0.2, 5)]
+            assert [(move.linear_x, move.count) for move in back.moves()] == [(0.2, 10)]
             assert back.enabled
             moved = next(velocity for velocity in back.received if velocity.moves)
             assert back.enabled[0] < moved.time
@@ -314,9 +319,10 @@ def test_zeros_go_on_while_odometry_sees_the_robot_move(listener, tmp_path):
     assert listener.received[-1].time - end_of_motion(listener) > 1.0
 
 
+@pytest.mark.needs('yaml', 'jsonschema')
 def test_a_stop_that_odometry_does_not_confirm_is_a_fault(listener, tmp_path):
     odometer = Odometer(listener)
-    with program(COMMAND, tmp_path) as started:
+    with program(quick_drive(tmp_path), tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         odometer.velocity = 0.1
         assert started.end() == 1
@@ -326,7 +332,7 @@ def test_a_stop_that_odometry_does_not_confirm_is_a_fault(listener, tmp_path):
 
 def test_a_stop_by_a_signal_that_is_not_confirmed_is_reported_once(listener, tmp_path):
     odometer = Odometer(listener)
-    with program(COMMAND, tmp_path) as started:
+    with program(QUICK_COMMAND, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         odometer.velocity = 0.1
         started.send(signal.SIGINT)

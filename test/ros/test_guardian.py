@@ -32,7 +32,7 @@ BEGIN = """
 import os, signal, sys, time
 import rclpy
 from kachaka_simple_control import KachakaSimpleControl
-rclpy.init()
+rclpy.init(args=['--ros-args', '-p', 'robot_timeout:=60.0'])
 node = KachakaSimpleControl()
 """
 
@@ -152,8 +152,7 @@ def test_slow_graph_queries_do_not_end_the_run(listener, tmp_path):
 
     At 50 Hz that is more than a program may be silent, and less than the robot's command timeout.
     """
-    at_50_hz = "rclpy.init(args=['--ros-args', '-p', 'rate:=50.0'])"
-    text = BEGIN.replace('rclpy.init()', at_50_hz) + SLOW_GRAPH + """
+    text = BEGIN.replace('robot_timeout:=60.0', 'rate:=50.0') + SLOW_GRAPH + """
 node.session._discovery.check_exclusive = slow(node.session._discovery.check_exclusive, 0.18)
 node.move_robot(0.1, 0.0, 3.0)
 """
@@ -167,7 +166,7 @@ ask = node.session._discovery.check_exclusive
 def hang():
     node.session._discovery.check_exclusive = slow(ask, 3.0)
     print('hangs', flush=True)
-threading.Timer(4.0, hang).start()
+threading.Timer(2.5, hang).start()
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:
@@ -204,7 +203,7 @@ def test_a_process_is_frozen_from_sigstop_to_sigcont():
 
 
 def test_a_short_freeze_does_not_stop_a_healthy_run(listener, tmp_path):
-    with program(COMMAND, tmp_path) as started:
+    with script(BEGIN + 'node.move_robot(0.1, 0.0, 2.0)\n', tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         for _ in range(5):
             started.send(signal.SIGSTOP)
@@ -234,7 +233,7 @@ def test_a_guardian_that_is_terminated_stops_the_robot_first(listener, tmp_path)
 
 
 def test_ctrl_c_at_the_terminal_does_not_end_the_guardian(listener, tmp_path):
-    with program(COMMAND, tmp_path) as started:
+    with script(BEGIN + 'node.move_robot(0.1, 0.0, 1.5)\n', tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         guardian = guardian_of(started)
         assert os.getsid(guardian) == guardian
@@ -353,8 +352,7 @@ def test_a_node_without_a_guardian_is_not_stopped_after_sigkill(listener, tmp_pa
 
 
 def test_a_busy_machine_is_no_reason_to_stop(listener, tmp_path):
-    """Twelve busy processes on a few cores; the run goes on."""
-    command = [*COMMAND, '--ros-args', '-p', 'robot_timeout:=60']
-    with busy(12), program(command, tmp_path) as started:
+    """Four busy processes beside other tests; the stop matrix has twelve."""
+    with busy(4), script(BEGIN + 'node.move_robot(0.1, 0.0, 2.0)\n', tmp_path) as started:
         assert started.end(90.0) == 0, started.text
-    assert len(listener.moves()) == 3
+    assert len(listener.moves()) == 1

@@ -13,10 +13,11 @@
 # limitations under the License.
 """The start: a robot that is late, incomplete, there twice or missing; invalid parameters."""
 
+import sys
 import time
 
 from optional_libraries import MISSING, optional_imports
-from program import COMMAND, program
+from program import COMMAND, JsonProcess, program, QUICK_COMMAND
 import pytest
 
 Duration = DurabilityPolicy = LivelinessPolicy = MISSING
@@ -34,7 +35,7 @@ ENABLED = '/kachaka/manual_control/set_enabled'
 
 def with_parameters(*parameters):
     """Return the command with some parameters set."""
-    return [*COMMAND, '--ros-args',
+    return [*QUICK_COMMAND,
             *(part for parameter in parameters for part in ('-p', parameter))]
 
 
@@ -49,7 +50,7 @@ def test_without_a_robot_it_says_so_and_ends_with_3(tmp_path):
 
 
 def test_a_robot_that_comes_late_gets_the_first_movement_whole(tmp_path):
-    with program(COMMAND, tmp_path) as started:
+    with program(QUICK_COMMAND, tmp_path) as started:
         started.wait_for_text('Robot control node has started')
         time.sleep(1.0)
         with Listener() as listener:
@@ -87,7 +88,7 @@ def test_a_robot_under_the_same_name_is_left_alone_by_a_simulated_drive(tmp_path
     pytest.importorskip('nav_msgs', reason='needs nav_msgs')
     from ros_support import bridge
     from waiting import wait_until
-    command = [*COMMAND, '--sim', '--ros-args', '-p', 'robot_timeout:=3']
+    command = [*COMMAND, '--sim', *QUICK_COMMAND[len(COMMAND):], '-p', 'robot_timeout:=3']
     with bridge() as other:
         assert wait_until(lambda: 'ready: ' in other.text)
         with program(command, tmp_path) as started:
@@ -98,7 +99,7 @@ def test_a_robot_under_the_same_name_is_left_alone_by_a_simulated_drive(tmp_path
 
 
 def test_nothing_is_sent_before_manual_control_was_granted(tmp_path):
-    with Listener(delay=0.7) as listener, program(COMMAND, tmp_path) as started:
+    with Listener(delay=0.7) as listener, program(QUICK_COMMAND, tmp_path) as started:
         listener.wait_for(bool)
         assert listener.enabled[0] < listener.received[0].time
         assert started.process.poll() is None
@@ -106,7 +107,7 @@ def test_nothing_is_sent_before_manual_control_was_granted(tmp_path):
 
 def test_a_robot_that_refuses_manual_control_is_not_driven(tmp_path):
     with Listener(grants=False) as listener:
-        with program(COMMAND, tmp_path) as started:
+        with program(QUICK_COMMAND, tmp_path) as started:
             assert started.end() == 3
         assert 'the robot refused manual control: not today' in started.text
         assert listener.received == []
@@ -120,6 +121,39 @@ def test_zeros_are_sent_for_the_prime_time_first(tmp_path):
         assert moved.time - listener.received[0].time == pytest.approx(2.0, abs=0.3)
 
 
+#: Imports once, and runs the command with each list of arguments in a child of its own.
+SERVER = """
+import json, os, sys
+from kachaka_simple_control.__main__ import main
+import kachaka_simple_control.kachaka_simple_control
+for line in sys.stdin:
+    reader, writer = os.pipe()
+    if os.fork() == 0:
+        os.dup2(writer, 1)
+        os.dup2(writer, 2)
+        try:
+            code = main(json.loads(line))
+        except SystemExit as ended:
+            code = ended.code
+        sys.stdout.flush()
+        os._exit(code)
+    os.close(writer)
+    with os.fdopen(reader) as printed:
+        text = printed.read()
+    print(json.dumps([os.waitstatus_to_exitcode(os.wait()[1]), text]), flush=True)
+"""
+
+
+@pytest.fixture(scope='module')
+def run():
+    """Return what runs the command with ROS arguments: its exit code, and what it printed."""
+    with JsonProcess([sys.executable, '-c', SERVER]) as server:
+        def run(*arguments):
+            server.write(['--ros-args', *arguments])
+            return server.read()
+        yield run
+
+
 @pytest.mark.parametrize('parameter, text', [
     ('rate:=4', 'rate is 4 Hz; for kachaka it must be from 5 to 1000 Hz'),
     ('rate:=fast', "parameter rate is 'fast'; it must be a number"),
@@ -127,27 +161,23 @@ def test_zeros_are_sent_for_the_prime_time_first(tmp_path):
     ('rte:=20', 'there is no parameter rte; did you mean rate?'),
     ('colour:=red', 'there is no parameter colour: robot, robot_namespace, rate, '),
 ])
-def test_a_parameter_that_cannot_work_is_refused_in_one_line(tmp_path, parameter, text):
-    with program(with_parameters(parameter), tmp_path) as started:
-        assert started.end() == 2
-        assert text in started.text
-        assert len(started.text.splitlines()) == 1
+def test_a_parameter_that_cannot_work_is_refused_in_one_line(run, parameter, text):
+    code, printed = run('-p', parameter)
+    assert (code, len(printed.splitlines())) == (2, 1)
+    assert text in printed
 
 
 @pytest.mark.parametrize('parameter', [
     'use_sim_time:=false', 'another_node:colour:=red',
     'qos_overrides./kachaka/odometry/odometry.subscription.depth:=5'])
-def test_parameters_of_ros_and_of_other_nodes_are_accepted(tmp_path, parameter):
-    with program(with_parameters('robot_timeout:=0.5', parameter), tmp_path) as started:
-        assert started.end() == 3
+def test_parameters_of_ros_and_of_other_nodes_are_accepted(run, parameter):
+    assert run('-p', 'robot_timeout:=0.5', '-p', 'guardian:=false', '-p', parameter)[0] == 3
 
 
-def test_arguments_that_ros_does_not_understand_are_bad_usage(tmp_path):
-    with program(with_parameters('nonsense'), tmp_path) as started:
-        assert started.end() == 2
-        assert started.text == (
-            "kachaka_simple_control: ROS cannot read the parameter override rule '-p nonsense': "
-            'write -p NAME:=VALUE, with a value as in YAML\n')
+def test_arguments_that_ros_does_not_understand_are_bad_usage(run):
+    assert run('-p', 'nonsense') == [2, (
+        "kachaka_simple_control: ROS cannot read the parameter override rule '-p nonsense': "
+        'write -p NAME:=VALUE, with a value as in YAML\n')]
 
 
 LONG = 'a' * 230
@@ -171,11 +201,11 @@ LONG = 'a' * 230
     (('-p', f'qos_overrides.{ODOMETRY}.subscription.depth:=0'), 'must be from 1 to 100000'),
     (('-p', 'use_sim_time:=7'), "'use_sim_time' to '7'"),
 ])
-def test_names_and_qualities_that_cannot_work_are_refused_in_one_line(tmp_path, arguments, text):
+def test_names_and_qualities_that_cannot_work_are_refused_in_one_line(run, arguments, text):
     """Before there is a node: nothing that ROS itself prints comes out, and nothing is sent."""
-    with program([*COMMAND, '--ros-args', *arguments], tmp_path) as started:
-        assert started.end() == 2
-        (line,) = started.text.splitlines()
+    code, printed = run(*arguments)
+    assert code == 2
+    (line,) = printed.splitlines()
     assert line.startswith('kachaka_simple_control: ')
     assert text in line
     assert len(line) < 400
@@ -191,7 +221,7 @@ def test_names_and_qualities_that_cannot_work_are_refused_in_one_line(tmp_path, 
 def test_an_environment_that_ros_cannot_use_is_refused_in_one_line(
         tmp_path, monkeypatch, name, value, text):
     monkeypatch.setenv(name, value)
-    with program(COMMAND, tmp_path) as started:
+    with program(QUICK_COMMAND, tmp_path) as started:
         assert started.end() == 2
         (line,) = started.text.splitlines()
     assert line.startswith(f'kachaka_simple_control: {name} is {value!r}; ')
@@ -202,7 +232,7 @@ def test_an_environment_that_ros_cannot_use_is_refused_in_one_line(
     ('no\x1b[2J\nnot today', r'refused manual control: no\x1b[2J\nnot today'),
     ('no' * 50_000, 'nonon...')])
 def test_a_refusal_of_the_robot_is_printed_in_one_line(tmp_path, reason, shown):
-    with Listener(grants=False, reason=reason), program(COMMAND, tmp_path) as started:
+    with Listener(grants=False, reason=reason), program(QUICK_COMMAND, tmp_path) as started:
         assert started.end() == 3
         last = started.text.splitlines()[-1]
     assert shown in last

@@ -26,10 +26,10 @@ from kachaka_simple_control.cli import parse
 from kachaka_simple_control.control import plan_runner
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, PauseTimeoutError
-from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import integrate, ORIGIN, relative_to
 from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Turn
 from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySent
 from optional_libraries import MISSING, optional_imports
 from program import COMMAND, program
@@ -112,7 +112,7 @@ def call_set(observer, values):
 
 
 @pytest.mark.slow
-def test_a_square_with_five_pauses_ends_where_it_would(make, monkeypatch):
+def test_a_motion_with_five_pauses_ends_where_it_would(make, monkeypatch):
     """As sent, to a millimetre; as a simulated robot drove, to what a machine has of noise."""
     ticks = []
 
@@ -124,10 +124,10 @@ def test_a_square_with_five_pauses_ends_where_it_would(make, monkeypatch):
             return tick
 
     monkeypatch.setattr(plan_runner, 'TickScheduler', Recorded)
-    square = find('square')
-    planned = plan(square.motion, KACHAKA.limits, 50.0)
+    motion = Motion('half a square', (Repeat(2, (Forward(0.6), Turn(math.pi / 2.0))),))
+    planned = plan(motion, KACHAKA.limits, 20.0)
     with bridge():
-        node = make(rate=50.0)
+        node = make(rate=20.0)
         events, refused = [], []
         node.event_bus.subscribe(events.append)
 
@@ -148,14 +148,14 @@ def test_a_square_with_five_pauses_ends_where_it_would(make, monkeypatch):
 
         thread = threading.Thread(target=pause_and_resume)
         thread.start()
-        node.run(square.motion)
+        node.run(motion)
         thread.join()
         # The newest odometry may be one from before the stop.
         time.sleep(0.3)
         node.destroy_node()
     assert refused == []
     assert ticks.pop() is None
-    assert ticks[-1].deadline > planned.duration + 1.0
+    assert ticks[-1].deadline > planned.duration + 0.5
     sent = [event.velocity for event in events if isinstance(event, VelocitySent)]
     moving = [velocity for velocity in sent if not velocity.is_zero]
     assert moving == [tick.velocity for tick in ticks if not tick.velocity.is_zero]

@@ -27,7 +27,7 @@ with optional_imports():
     from kachaka_api.generated import kachaka_api_pb2 as pb2
     from kachaka_simple_control.kachaka.simulator.grpc_server import CALLS, UNIMPLEMENTED
 
-pytestmark = pytest.mark.needs('grpc', 'kachaka_api')
+pytestmark = [pytest.mark.real_time, pytest.mark.needs('grpc', 'kachaka_api')]
 
 #: All that is read with a cursor.
 READINGS = [name for name in CALLS if name.startswith('Get') and name not in UNIMPLEMENTED
