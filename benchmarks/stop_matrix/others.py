@@ -85,7 +85,7 @@ def start_second_program(context: TrialContext) -> float:
 def check_refused(context: TrialContext, _fault: float) -> list[str]:
     """Check that the second program was refused, with a line that names the first."""
     assert context.second is not None
-    code = context.second.wait(START_TIMEOUT)
+    code = context.second.code_within(START_TIMEOUT)
     named = f'(process {context.program.process.pid}' in context.second.text
     return [*([f'the newcomer ended with {code}'] if code != REFUSED else []),
             *([] if named else ['the newcomer was not told who drives'])]
@@ -113,7 +113,7 @@ def discover_second_program(context: TrialContext) -> float:
 def check_both_stopped(context: TrialContext, fault: float) -> list[str]:
     """Check that the second program stopped as well."""
     assert context.second is not None
-    code = context.second.wait(START_TIMEOUT)
+    code = context.second.code_within(START_TIMEOUT)
     after = [velocity for velocity in context.recorder.sent_since(fault + STOP_TIMEOUT)
              if velocity.moves]
     return [*([f'the second program ended with {code}'] if code != 1 else []),
