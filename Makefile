@@ -12,7 +12,7 @@ PYTHON ?= python3
 DISTRO ?=
 DOCS ?= html
 MARKED ?=
-WORKERS ?= 8
+WORKERS ?= 7
 VENV := .venv$(addprefix -,$(filter-out jazzy,$(DISTRO)))
 SET_UP := @$(PYTHON) tools/set_up.py $(addprefix --distro=,$(DISTRO))
 
