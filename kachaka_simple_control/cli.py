@@ -228,11 +228,16 @@ def add_drive_options(parser: OneLineParser) -> None:
 def _speed(text: str) -> float:
     number = text.strip().removesuffix('%')
     with contextlib.suppress(ValueError):
-        factor = float(number) / (100.0 if number != text.strip() else 1.0)
-        if MIN_SPEED_FACTOR <= factor <= 1.0:
-            return factor
+        percent = float(number)
+        has_sign = number != text.strip()
+        if (100.0 * MIN_SPEED_FACTOR if has_sign else 2.0) <= percent <= 100.0:
+            return percent / 100.0
+        if not has_sign and MIN_SPEED_FACTOR <= percent <= 1.0:
+            # A part of 1 for some, a percentage for others: the robot must not guess.
+            meant = '1% or 100%' if percent == 1.0 else f'{100.0 * percent:g}%'
+            raise argparse.ArgumentTypeError(f'{escaped(text, 60)!r} has no %: write {meant}')
     raise argparse.ArgumentTypeError(
-        f'{escaped(text, 60)!r} is not from 1% to 100%, as in 50% or 0.5; to stop, pause')
+        f'{escaped(text, 60)!r} is not from 1% to 100%, as in 50%; to stop, pause')
 
 
 def _complete(parser: OneLineParser) -> NoReturn:

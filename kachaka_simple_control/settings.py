@@ -161,7 +161,8 @@ def chosen_speed(options: Options) -> float | None:
     if options.speed is not None and text is not None and _number('speed_factor', text) != (
             options.speed):
         raise UsageError(
-            f'--speed {options.speed:g} and -p speed_factor:={escaped(text)} differ: give one')
+            f'--speed {100.0 * options.speed:g}% and -p speed_factor:={escaped(text)} differ: '
+            'give one')
     return options.speed
 
 

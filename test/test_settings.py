@@ -169,24 +169,35 @@ def test_what_a_plan_cannot_follow_is_refused(words, refused):
 
 
 @pytest.mark.parametrize('words, speed', [
-    ('', None), ('--speed 50%', 0.5), ('--speed 0.5', 0.5), ('--speed 100%', 1.0),
-    ('--speed 50% --ros-args -p speed_factor:=0.5', 0.5), ('--speed 1', 1.0),
+    ('', None), ('--speed 50%', 0.5), ('--speed 50', 0.5), ('--speed 100%', 1.0),
+    ('--speed 50% --ros-args -p speed_factor:=0.5', 0.5), ('--speed 1%', 0.01),
+    ('--speed 2', 0.02), ('--speed 100', 1.0),
     ('--ros-args -p speed_factor:=0.5', None),
 ])
 def test_the_speed_is_a_part_of_the_planned_one(words, speed):
     assert chosen_speed(parse(words.split())) == speed
 
 
-@pytest.mark.parametrize('speed', ['0', '0%', '150%', '50', 'half', 'nan', '-50%', '%', ''])
+@pytest.mark.parametrize('speed', [
+    '0', '0%', '150%', '150', '1.5', '0.5%', 'half', 'nan', '-50%', '%', ''])
 def test_what_is_no_part_of_the_planned_speed_is_refused(speed, capsys):
     with pytest.raises(SystemExit) as caught:
         parse([f'--speed={speed}'])
     assert caught.value.code == 2
-    assert f'{speed!r} is not from 1% to 100%, as in 50% or 0.5; to stop, pause\n' in (
+    assert f'{speed!r} is not from 1% to 100%, as in 50%; to stop, pause\n' in (
         capsys.readouterr().err)
+
+
+@pytest.mark.parametrize('speed, meant', [
+    ('1', '1% or 100%'), ('1.0', '1% or 100%'), ('0.5', '50%'), ('0.01', '1%')])
+def test_a_speed_that_may_mean_a_part_of_one_is_refused(speed, meant, capsys):
+    """Full speed for one person is a hundredth of it for another."""
+    with pytest.raises(SystemExit):
+        parse(['--speed', speed])
+    assert f'{speed!r} has no %: write {meant}\n' in capsys.readouterr().err
 
 
 def test_a_speed_and_a_parameter_that_differ_are_refused():
     words = '--speed 50% --ros-args -p speed_factor:=0.7'
-    with pytest.raises(UsageError, match=r'--speed 0.5 and -p speed_factor:=0.7 differ: give one'):
+    with pytest.raises(UsageError, match=r'--speed 50% and -p speed_factor:=0.7 differ: give one'):
         chosen_speed(parse(words.split()))

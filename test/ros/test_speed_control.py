@@ -360,4 +360,4 @@ def test_two_speeds_that_differ_are_refused(tmp_path):
     with program(command, tmp_path) as started:
         assert started.end() == 2
     (line,) = started.text.splitlines()
-    assert '--speed 0.5 and -p speed_factor:=0.7 differ: give one' in line
+    assert '--speed 50% and -p speed_factor:=0.7 differ: give one' in line
