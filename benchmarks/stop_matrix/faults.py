@@ -87,6 +87,13 @@ def kill_guardian(context: TrialContext) -> float:
     return now
 
 
+def freeze_guardian(context: TrialContext) -> float:
+    """Freeze the guardian of the program."""
+    now = time.time()
+    os.kill(context.program.guardian, signal.SIGSTOP)
+    return now
+
+
 def kill_both(context: TrialContext) -> float:
     """Kill the program and its guardian, so that neither can react to the end of the other."""
     guardian = context.program.guardian

@@ -29,6 +29,8 @@ COMMAND_TIMEOUT = 'the robot: its command timeout'
 #: lost odometry and a lost subscriber (docs/safety.md).
 SIGNAL, KILLED, FROZEN = 0.02, 0.05, 0.15
 ODOMETRY, GRAPH = 1.3, 23.0
+#: Time limit of a guardian that is frozen [s]: GUARDIAN_TIMEOUT and a few heartbeats.
+GUARDIAN_FROZEN = 0.6
 #: Time limits of what others send [s]: from a new publisher, and from one already discovered.
 NEW_PUBLISHER, KNOWN_PUBLISHER = 0.5, 0.05
 #: A program publishes its claim every 0.5 s.
@@ -143,7 +145,11 @@ IN_MOTION = (
         scripts.SUSPENDED),
     Row(Expectation('twelve busy processes, then SIGINT', NODE, (130, 1), Zero.ANY_TIME),
         faults.interrupt_later, background=faults.busy_processes(12)),
+    _runs_on('twelve busy processes, nothing else', faults.no_fault, full=50,
+             background=faults.busy_processes(12)),
     Row(Expectation('guardian killed', NODE, (1,)), faults.kill_guardian),
+    Row(Expectation('guardian frozen', NODE, (1,), limit=GUARDIAN_FROZEN),
+        faults.freeze_guardian),
     Row(Expectation('program and guardian killed', COMMAND_TIMEOUT, (137,), Zero.NONE),
         faults.kill_both),
     Row(Expectation('SIGKILL, `guardian:=false`', COMMAND_TIMEOUT, (137,), Zero.NONE),

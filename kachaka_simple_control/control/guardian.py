@@ -24,9 +24,13 @@ import tempfile
 import threading
 import time
 
-from kachaka_simple_control.control.latch import Latch, SharedFlag
-from kachaka_simple_control.control.timing import GUARDIAN_EXIT_TIMEOUT, HEARTBEAT_PERIOD
-from kachaka_simple_control.control.watchdog import GuardianMessage
+from kachaka_simple_control.control.latch import Latch, SharedCounter, SharedFlag
+from kachaka_simple_control.control.timing import (
+    GUARDIAN_EXIT_TIMEOUT,
+    GUARDIAN_TIMEOUT,
+    HEARTBEAT_PERIOD,
+)
+from kachaka_simple_control.control.watchdog import GuardianMessage, GuardianWatch
 from kachaka_simple_control.errors import RunFaultError
 
 
@@ -68,7 +72,8 @@ class Guardian:
     process.
 
     :param command: the program; it gets two descriptors as its last arguments: the pipe to read,
-        and a file of memory whose first two bytes are the latch and the flag ``sending``
+        and a file of memory whose first bytes are the latch, the flag ``sending`` and the count of
+        the heartbeats that it has served
     :param environment: the program's environment
     :param kept: descriptors that the program keeps open as long as it runs
     """
@@ -79,6 +84,7 @@ class Guardian:
             memory.truncate(mmap.PAGESIZE)
             shared = memoryview(mmap.mmap(memory.fileno(), mmap.PAGESIZE))
             self.latch, self.sending = Latch(shared[:1]), SharedFlag(shared[1:2])
+            self._served, self._watch = SharedCounter(shared[2:3]), GuardianWatch()
             messages, self._pipe = os.pipe()
             os.set_blocking(self._pipe, False)
             os.register_at_fork(after_in_child=self._close_in_child)
@@ -111,11 +117,15 @@ class Guardian:
         """
         Send a heartbeat: a run is on.
 
-        :raises RunFaultError: if it has ended
+        :raises RunFaultError: if it has ended, or is frozen
         """
         now = time.monotonic()
         if now - self._last_heartbeat >= HEARTBEAT_PERIOD:
             self._last_heartbeat = now
+            if self._watch.is_frozen(now, self._served.value):
+                raise RunFaultError(
+                    f'the guardian has not answered for {GUARDIAN_TIMEOUT:g} s: it was suspended, '
+                    'or had no time to run, so the motion was given up')
             self._send(GuardianMessage.HEARTBEAT)
 
     def report_stopping(self) -> None:
@@ -137,6 +147,7 @@ class Guardian:
 
     def _send_if_alive(self, message: GuardianMessage) -> None:
         self._last_heartbeat = float('-inf')
+        self._watch.reset()
         with contextlib.suppress(RunFaultError):
             self._send(message)
 

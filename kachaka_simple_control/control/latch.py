@@ -40,6 +40,19 @@ class Latch(SharedByte):
         self._memory[0] = 1
 
 
+class SharedCounter(SharedByte):
+    """Counts from 0 to 255, and again from 0."""
+
+    @property
+    def value(self) -> int:
+        """Return the count."""
+        return self._memory[0]
+
+    def increment(self) -> None:
+        """Count one more; by one process alone."""
+        self._memory[0] = (self._memory[0] + 1) % 256
+
+
 class SharedFlag(SharedByte):
     """A flag that can be set and cleared."""
 

@@ -72,6 +72,9 @@ STOPPING_TIMEOUT = 1.0
 #: How often the guardian compares the time since the last heartbeat.  Longer pauses are its own,
 #: as of a machine that stood still, and do not count.  Chosen.
 WATCHDOG_PERIOD = 0.02
+#: A guardian that served no heartbeat for this long, while the node was awake, is frozen: the run
+#: ends.  As PUBLISH_TIMEOUT: it may be in DDS as long as the node.
+GUARDIAN_TIMEOUT = 0.5
 #: How long the guardian may take to publish a zero on request, before a run.  Chosen.
 GUARDIAN_PRIME_TIMEOUT = 1.0
 #: How long the guardian may take to end by itself before it is killed.  Chosen.

@@ -11,14 +11,16 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""When the guardian has to stop the robot.  No clock: it is told the time."""
+"""When the guardian has to stop the robot, and when it is frozen itself; told the time."""
 
 from __future__ import annotations
 
 from enum import Enum
 
 from kachaka_simple_control.control.timing import (
+    GUARDIAN_TIMEOUT,
     HEARTBEAT_TIMEOUT,
+    POLL_PERIOD,
     PUBLISH_TIMEOUT,
     STOPPING_TIMEOUT,
     WATCHDOG_PERIOD,
@@ -118,3 +120,33 @@ class Watchdog:
         if self._counted is None:
             return None
         return min(WATCHDOG_PERIOD, self._allowed - self._silent)
+
+
+class GuardianWatch:
+    """
+    Detects for the node that its guardian is frozen: it serves no heartbeat any more.
+
+    Only time in which the node itself was awake counts: a machine that stood still held up both.
+    """
+
+    def __init__(self) -> None:
+        self._count: int | None = None
+        self._checked = self._silent = 0.0
+
+    def reset(self) -> None:
+        """Expect nothing until the next check: no heartbeats are sent meanwhile."""
+        self._count = None
+
+    def is_frozen(self, now: float, count: int) -> bool:
+        """
+        Return whether the guardian has served no heartbeat for GUARDIAN_TIMEOUT.
+
+        :param now: the time [s]
+        :param count: how many heartbeats it has served, in any numbers that change with each
+        """
+        if count == self._count:
+            self._silent += min(now - self._checked, 2.0 * POLL_PERIOD)
+        else:
+            self._count, self._silent = count, 0.0
+        self._checked = now
+        return self._silent > GUARDIAN_TIMEOUT

@@ -25,7 +25,7 @@ import select
 import signal
 import sys
 
-from kachaka_simple_control.control.latch import Latch, SharedFlag
+from kachaka_simple_control.control.latch import Latch, SharedCounter, SharedFlag
 from kachaka_simple_control.control.processes import boottime, is_stopped
 from kachaka_simple_control.control.signals import wakeup_pipe
 from kachaka_simple_control.control.stop import send_stop
@@ -105,8 +105,8 @@ class GuardianProgram:
     Reads the node's messages, and publishes zeros on request or when heartbeats fail.
 
     :param publisher: the publisher of zeros
-    :param shared: memory shared with the node: the latch, set before the first zero of a stop, and
-        the flag that is set while the node is in DDS
+    :param shared: memory shared with the node: the latch, set before the first zero of a stop, the
+        flag that is set while the node is in DDS, and the count of the heartbeats served
     :param command_timeout: how long the robot keeps a velocity [s]
     """
 
@@ -115,6 +115,7 @@ class GuardianProgram:
             command_timeout: float) -> None:
         self._publisher = publisher
         self._latch, self._publishing = Latch(shared[:1]), SharedFlag(shared[1:2])
+        self._served = SharedCounter(shared[2:3])
         self._command_timeout = command_timeout
         self._node_pid = os.getppid()
         self._watchdog = Watchdog()
@@ -154,6 +155,8 @@ class GuardianProgram:
         for value in data:
             message = bytes([value])
             self._watchdog.on_message(message, now)
+            if message == GuardianMessage.HEARTBEAT:
+                self._served.increment()
             if message == GuardianMessage.PRIME:
                 self._send_zero()
                 _report('primed')

@@ -16,12 +16,18 @@
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.control.timing import (
+    GUARDIAN_TIMEOUT,
     HEARTBEAT_TIMEOUT,
     PUBLISH_TIMEOUT,
     STOPPING_TIMEOUT,
     WATCHDOG_PERIOD,
 )
-from kachaka_simple_control.control.watchdog import GuardianMessage, ROUNDING_ERROR, Watchdog
+from kachaka_simple_control.control.watchdog import (
+    GuardianMessage,
+    GuardianWatch,
+    ROUNDING_ERROR,
+    Watchdog,
+)
 import pytest
 
 MESSAGES = st.lists(
@@ -205,3 +211,30 @@ def since_stop(messages):
     received = [message for _, message in messages]
     ends = [index for index, message in enumerate(received) if message is GuardianMessage.STOPPED]
     return received[ends[-1] + 1:] if ends else received
+
+
+def test_a_guardian_that_serves_nothing_for_half_a_second_is_frozen():
+    watch, now = GuardianWatch(), 0.0
+    for count in range(50):
+        now += 0.02
+        assert not watch.is_frozen(now, count)
+    frozen = now
+    while not watch.is_frozen(now, 49):
+        now += 0.02
+    assert now - frozen == pytest.approx(GUARDIAN_TIMEOUT, abs=0.03)
+
+
+def test_time_in_which_the_node_was_held_up_itself_does_not_count():
+    watch, now = GuardianWatch(), 0.0
+    for _ in range(13):
+        now += 60.0
+        assert not watch.is_frozen(now, 7)
+    assert watch.is_frozen(now + 0.04, 7)
+
+
+def test_between_runs_nothing_is_expected_of_the_guardian():
+    watch = GuardianWatch()
+    for run in range(5):
+        for step in range(20):
+            assert not watch.is_frozen(run + 0.02 * step, 7)
+        watch.reset()

@@ -223,6 +223,19 @@ def test_the_run_ends_when_the_guardian_is_killed(listener, tmp_path):
     assert zeros_after(listener, killed)[0] - killed < 0.5
 
 
+def test_the_run_ends_when_the_guardian_is_frozen(listener, tmp_path):
+    """A SIGKILL would stop nobody then."""
+    with program(COMMAND, tmp_path) as started:
+        listener.wait_for(lambda velocity: velocity.moves)
+        guardian = guardian_of(started)
+        os.kill(guardian, signal.SIGSTOP)
+        frozen = time.time()
+        assert started.end() == 1
+    assert 'the guardian has not answered for 0.5 s' in started.text
+    # The limit is 0.6 s on a quiet machine.
+    assert zeros_after(listener, frozen)[0] - frozen < 0.9
+
+
 def test_a_guardian_that_is_terminated_stops_the_robot_first(listener, tmp_path):
     with program(COMMAND, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
