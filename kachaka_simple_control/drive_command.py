@@ -238,6 +238,7 @@ class RunService:
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request
         try:
+            self._node.speed_control.stop_requests.require_none()
             self.start()
             response.success, response.message = True, 'started'
         except ControlError as error:

@@ -338,6 +338,7 @@ class KachakaSimpleControl(Node):
     async def _on_stop(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request
+        self.speed_control.stop_requests.on_stop()
         stopped = Future()
 
         def stop() -> None:

@@ -25,7 +25,9 @@ from kachaka_simple_control.errors import MotionRefusedError
 
 #: The factor of ``pause``: 0 while paused.
 PAUSE = 'pause'
-#: The least factor that a person may set.  Chosen; to stop, pause.
+#: The factor that keeps a hold which was released after the robot was moved.
+MOVED = 'moved'
+#: The least factor that a person may set, and below which a run is held.  Chosen; to stop, pause.
 MIN_SPEED_FACTOR = 0.01
 #: The factor that a person sets: the parameter ``speed_factor``.
 OVERRIDE = 'override'
@@ -73,6 +75,11 @@ class SpeedFactor:
             self.value = product(factors)
             self.on_change(self._clock(), self.factors)
         return True
+
+    @property
+    def is_hold(self) -> bool:
+        """Whether the product is too small to drive by."""
+        return self.value < MIN_SPEED_FACTOR
 
     def describe(self) -> str:
         """Return who asks for less speed, such as ``pause 0 %, override 50 %``."""

@@ -99,6 +99,11 @@ class PausePose:
         if since is not None and now - since >= REST_SETTLE_TIME:
             self._pose = pose
 
+    def accept(self) -> None:
+        """Take where the robot is now for the place where it was paused."""
+        if self._pose is not None:
+            self._pose = self._newest
+
     def moved(self) -> tuple[float, float]:
         """Return how far [m] and by what angle [rad] it was moved; 0 if that is unknown."""
         if self._pose is None or self._newest is None:

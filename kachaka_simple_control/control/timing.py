@@ -94,6 +94,15 @@ MAX_MOVED_DISTANCE = 0.02
 MAX_MOVED_ANGLE = 0.035
 #: After a refused resume, a second one within this time goes on all the same.  Chosen.
 RESUME_CONFIRM_TIMEOUT = 10.0
+#: Only if there was no request for this long before it.  Chosen: longer than the pauses of a key
+#: that repeats, and of clients that try again.
+RESUME_QUIET_TIME = 1.0
+
+# --- Services ------------------------------------------------------------------------------------
+
+#: A request to drive this soon after one to stop may have been sent before it.  Measured: requests
+#: of one client up to 3 ms apart are served in either order.
+STOP_REQUEST_WINDOW = 0.05
 
 # --- Faults during a run ------------------------------------------------------------------------
 

@@ -15,13 +15,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import math
 import time
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
-from kachaka_simple_control.control.speed_factor import SpeedFactor
+from kachaka_simple_control.control.speed_factor import MOVED, SpeedFactor
 from kachaka_simple_control.control.standstill import PausePose, StandstillDetector
 from kachaka_simple_control.control.tick_scheduler import Tick
 from kachaka_simple_control.control.timing import (
@@ -30,7 +31,7 @@ from kachaka_simple_control.control.timing import (
     GRAPH_COUNT_PERIOD,
     SUBSCRIBER_CHECK_PERIOD,
 )
-from kachaka_simple_control.errors import PauseTimeoutError, RunFaultError
+from kachaka_simple_control.errors import PauseTimeoutError, RobotMovedError, RunFaultError
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.node_parameters import NodeParameters
@@ -65,15 +66,24 @@ class RosRunMonitor:
         self._pause_timeout = parameters.pause_timeout
         self._speed_factor = speed_factor
         self._feedback: PoseFeedback | None = None
+        #: since when the robot stands, held by a speed factor of 0 [s]; None if it is not held
         self._held_since: float | None = None
+        #: whether the hold was released, and may be
+        self._is_released = False
+        #: called with why a hold that was released goes on, if it does
+        self.on_kept_hold: Callable[[str], object] = lambda _: None
         #: how far the robot was moved from outside while it was held
         self.pause_pose = PausePose()
         self._subscriber_checked = self._graph_counted = self._graph_checked = float('-inf')
 
     @property
     def speed_factor(self) -> float:
-        """Return the speed factor, from 0 to 1; 1: as planned."""
-        return self._speed_factor.value
+        """Return the speed factor, from 0 to 1; 1: as planned; 0 until a release is checked."""
+        if self._speed_factor.is_hold:
+            self._is_released = False
+            return 0.0
+        is_held = self._held_since is not None and not self._is_released
+        return 0.0 if is_held else self._speed_factor.value
 
     def correct(self, tick: Tick, now: float) -> Velocity:
         """
@@ -93,7 +103,7 @@ class RosRunMonitor:
         """
         is_held = rest == math.inf
         if not is_held:
-            self._held_since = None
+            self._held_since, self._is_released = None, False
         elif self._held_since is None:
             self._held_since = time.monotonic()
         self.pause_pose.on_sent(is_held)
@@ -107,7 +117,8 @@ class RosRunMonitor:
         :param feedback: corrects the velocities of the run that begins; None: sent as planned
         """
         self._feedback = feedback
-        self._held_since = None
+        self._held_since, self._is_released = None, False
+        self._speed_factor.set(MOVED, 1.0)
         self.pause_pose.on_sent(is_paused=False)
 
     def check_resume(self) -> None:
@@ -152,6 +163,27 @@ class RosRunMonitor:
         if now - self._graph_counted >= GRAPH_COUNT_PERIOD:
             self._graph_counted = now
             self._check_graph(now)
+        if self._held_since is not None and not (
+                self._is_released or self._speed_factor.is_hold):
+            self._release()
+
+    def _release(self) -> None:
+        """
+        Go on after a hold, whoever held the robot, unless it was moved meanwhile.
+
+        Called in the thread that drives, while no lock is held: who releases a hold waits for
+        nothing.
+
+        :raises RunFaultError: if there is a reason not to go on
+        """
+        self.check_resume()
+        try:
+            self.pause_pose.require_not_moved()
+        except RobotMovedError as error:
+            self._speed_factor.set(MOVED, 0.0)
+            self.on_kept_hold(f'{error}. Resume to go on all the same')
+        else:
+            self._is_released = True
 
     def has_lost_robot(self, now: float) -> bool:
         """Return whether odometry, received before, has been silent for too long."""

@@ -118,6 +118,7 @@ class Session:
         self._monitor = RosRunMonitor(
             self._guardian, self._lease if self._manual_control.is_needed else None,
             self._discovery, self._foreign, self.odometry, parameters, self.speed_factor)
+        self._monitor.on_kept_hold = node.get_logger().warning
         self._executor = BackgroundExecutor(node, self._on_callback_error)
         self._requests = DriveRequests(self.gate, 1.0 / parameters.rate)
         self._request: DriveRequest | None = None
@@ -268,7 +269,9 @@ class Session:
         if not self._requests.is_busy or not self._is_connected:
             return
         self._monitor.check_resume()
-        if not even_if_moved:
+        if even_if_moved:
+            self._monitor.pause_pose.accept()
+        else:
             self._monitor.pause_pose.require_not_moved()
 
     def close(self) -> None:
@@ -438,6 +441,11 @@ class Session:
     def _require_not_stopped(self) -> None:
         if self._stopped_by is not None:
             raise self._stopped_by
+        if self._guardian.stopped_because is not None:
+            # Its latch blocks all motion of this program.
+            raise RunFaultError(
+                f'the guardian stopped the robot: {self._guardian.stopped_because}; nothing moves '
+                'it any more until this program is started again')
 
     def _on_foreign_message(self, sender: str) -> None:
         self._end_run(RunFaultError(

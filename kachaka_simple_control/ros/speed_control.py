@@ -16,10 +16,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-import time
+from typing import Any
 
-from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR, OVERRIDE, PAUSE
-from kachaka_simple_control.control.timing import RESUME_CONFIRM_TIMEOUT
+from kachaka_simple_control.control.service_requests import ResumeConfirmation, StopRequests
+from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR, MOVED, OVERRIDE, PAUSE
+from kachaka_simple_control.control.timing import RESUME_CONFIRM_TIMEOUT, RESUME_QUIET_TIME
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, RobotMovedError
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.session import Session
@@ -45,10 +46,15 @@ class SpeedControl:
         self._node = node
         self._session = session
         self._factor = session.speed_factor
-        self._refused = float('-inf')
+        self._confirmation = ResumeConfirmation()
+        #: the requests to stop, beside which nothing goes on
+        self.stop_requests = StopRequests()
         self._factor.set(OVERRIDE, factor)
-        node.add_on_set_parameters_callback(self._on_parameters)
-        for name, function in (('~/pause', self.pause), ('~/resume', self.resume_when_confirmed)):
+        node.add_on_set_parameters_callback(self._check_parameters)
+        # Humble has nothing that is called when all has been accepted.
+        if hasattr(node, 'add_post_set_parameters_callback'):
+            node.add_post_set_parameters_callback(self._apply_parameters)
+        for name, function in (('~/pause', self.pause), ('~/resume', self._on_resume)):
             node.create_service(
                 Trigger, name, _service(function), qos_profile=SERVICE_QOS)
 
@@ -64,10 +70,9 @@ class SpeedControl:
         :param even_if_moved: whether to go on from where somebody moved the robot to
         :raises ControlError: if a motion could not start now either, or the robot was moved
         """
-        if PAUSE not in self._factor.factors:
-            return
         self._session.check_resume(even_if_moved)
-        if self._factor.set(PAUSE, 1.0):
+        was_held = [self._factor.set(name, 1.0) for name in (PAUSE, MOVED)]
+        if any(was_held):
             self._node.get_logger().info('Resumed')
 
     def resume_when_confirmed(self) -> None:
@@ -77,13 +82,16 @@ class SpeedControl:
         :raises ControlError: if a motion could not start now either, or the robot was moved
         """
         try:
-            self.resume(even_if_moved=time.monotonic() - self._refused < RESUME_CONFIRM_TIMEOUT)
-            self._refused = float('-inf')
+            self.resume(even_if_moved=self._confirmation.on_request())
         except RobotMovedError as error:
-            self._refused = time.monotonic()
+            self._confirmation.on_warning()
             raise RobotMovedError(
-                f'{error}. Resume once more within {RESUME_CONFIRM_TIMEOUT:g} s to go on all the '
-                'same') from None
+                f'{error}. To go on all the same, resume once more, {RESUME_QUIET_TIME:g} to '
+                f'{RESUME_CONFIRM_TIMEOUT:g} s from now') from None
+
+    def _on_resume(self) -> None:
+        self.stop_requests.require_none()
+        self.resume_when_confirmed()
 
     def set_override(self, factor: float) -> None:
         """
@@ -96,17 +104,25 @@ class SpeedControl:
         if not result.successful:
             raise MotionRefusedError(result.reason)
 
-    def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        for parameter in parameters:
-            if parameter.name == PARAMETER:
-                value = parameter.value
-                if isinstance(value, bool) or not (
-                        isinstance(value, (int, float)) and MIN_SPEED_FACTOR <= value <= 1.0):
-                    return SetParametersResult(successful=False, reason=(
-                        f'{PARAMETER} is {value!r}; it must be from {MIN_SPEED_FACTOR:g} to 1; '
-                        'to stop, pause'))
-                self._factor.set(OVERRIDE, value)
+    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        for value in _factors(parameters):
+            if isinstance(value, bool) or not (
+                    isinstance(value, (int, float)) and MIN_SPEED_FACTOR <= value <= 1.0):
+                return SetParametersResult(successful=False, reason=(
+                    f'{PARAMETER} is {value!r}; it must be from {MIN_SPEED_FACTOR:g} to 1; '
+                    'to stop, pause'))
+        if not hasattr(self._node, 'add_post_set_parameters_callback'):
+            self._apply_parameters(parameters)
         return SetParametersResult(successful=True)
+
+    def _apply_parameters(self, parameters: list[Parameter]) -> None:
+        if values := _factors(parameters):
+            self._factor.set(OVERRIDE, values[-1])
+
+
+def _factors(parameters: list[Parameter]) -> list[Any]:
+    """Return the values for the speed factor among parameters to set."""
+    return [parameter.value for parameter in parameters if parameter.name == PARAMETER]
 
 
 def _service(function: Callable[[], None]) -> Callable[

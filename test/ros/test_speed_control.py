@@ -237,11 +237,11 @@ def test_a_robot_that_was_moved_goes_on_only_when_asked_twice(listener, observer
             answer = listener.call('resume')
             assert not answer.success
             assert reason in answer.message
-            assert 'once more within 10 s' in answer.message
+            assert 'resume once more, 1 to 10 s from now' in answer.message
         else:
             with pytest.raises(MotionRefusedError, match=reason):
                 node.resume()
-        time.sleep(0.3)
+        time.sleep(1.2)
         assert not any(velocity.moves for velocity in listener.received[count:])
         assert node.speed_factor == 0.0
         if by == 'service':
@@ -250,6 +250,130 @@ def test_a_robot_that_was_moved_goes_on_only_when_asked_twice(listener, observer
             node.resume(even_if_moved=True)
         listener.wait_for(is_at_cruise, after=count)
         assert ended == []
+
+
+def test_many_requests_at_once_do_not_confirm_each_other(listener, observer, make):
+    """As of ten clients, or of a key that repeats."""
+    pose = observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
+    node = make()
+    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
+        pause_in_cruise(node, listener)
+        time.sleep(1.0)
+        pose.position.y += 0.5
+        time.sleep(0.3)
+        count = len(listener.received)
+        assert not any(listener.call('resume').success for _ in range(10))
+        for _ in range(20):
+            with pytest.raises(MotionRefusedError, match='was moved by 50'):
+                node.speed_control.resume_when_confirmed()
+            time.sleep(0.033)
+        time.sleep(0.3)
+        assert not any(velocity.moves for velocity in listener.received[count:])
+        assert ended == []
+
+
+def hold(node, listener):
+    """Hold a node in its cruise as an obstacle would, until its pose at rest is noted."""
+    listener.wait_for(is_at_cruise)
+    node.session.speed_factor.set('obstacle', 0.0)
+    count = len(listener.received)
+    listener.wait_for(is_zero, after=count)
+    time.sleep(1.0)
+    return len(listener.received)
+
+
+def test_a_hold_that_is_released_goes_on_by_itself(listener, observer, make):
+    observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
+    node = make()
+    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
+        for factor in (1.0, 0.5):
+            count = hold(node, listener)
+            assert not any(velocity.moves for velocity in listener.received[count - 5:count])
+            node.session.speed_factor.set('obstacle', factor)
+            listener.wait_for(
+                lambda velocity, top=CRUISE * factor: velocity.linear_x == top, after=count)
+            node.session.speed_factor.set('obstacle', 1.0)
+        assert ended == []
+
+
+def test_a_hold_is_kept_if_the_robot_was_moved_meanwhile(listener, observer, make, capfd):
+    pose = observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
+    node = make()
+    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
+        count = hold(node, listener)
+        pose.position.x += 0.3
+        time.sleep(0.3)
+        began = time.monotonic()
+        node.session.speed_factor.set('obstacle', 1.0)
+        assert time.monotonic() - began < 0.1, 'whoever releases a hold waits for nothing'
+        assert wait_until(lambda: 'moved' in node.session.speed_factor.factors)
+        time.sleep(0.5)
+        assert not any(velocity.moves for velocity in listener.received[count:])
+        assert not listener.call('resume').success
+        time.sleep(1.2)
+        assert listener.call('resume').success
+        listener.wait_for(is_at_cruise, after=count)
+        assert node.speed_factor == 1.0
+        assert ended == []
+    assert capfd.readouterr().err.count('the robot was moved by 30.0 cm') == 1
+
+
+def test_a_factor_below_one_percent_is_a_hold(listener, observer, make):
+    observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
+    node = make()
+    with driving(node.move_robot, CRUISE, 0.0, 30.0):
+        listener.wait_for(is_at_cruise)
+        node.speed_factor = 0.05
+        node.session.speed_factor.set('obstacle', 0.1)
+        count = len(listener.received)
+        listener.wait_for(is_zero, after=count)
+        time.sleep(0.5)
+        assert not any(velocity.moves for velocity in listener.received[-3:])
+
+
+def test_a_parameter_that_is_refused_with_another_changes_no_speed(listener, observer, make):
+    node = make()
+    with driving(node.move_robot, CRUISE, 0.0, 30.0):
+        node.speed_factor = 0.1
+        listener.wait_for(lambda velocity: velocity.linear_x == pytest.approx(0.03))
+        for second in (('speed_factor', ParameterValue(type=4, string_value='x')),
+                       ('use_sim_time', ParameterValue(type=4, string_value='x'))):
+            answer = observer.call(
+                SetParametersAtomically, f'{NODE}/set_parameters_atomically',
+                SetParametersAtomically.Request(parameters=[
+                    ParameterMessage(
+                        name='speed_factor', value=ParameterValue(type=3, double_value=1.0)),
+                    ParameterMessage(name=second[0], value=second[1])]))
+            assert not answer.result.successful
+            assert node.speed_factor == 0.1
+        count = len(listener.received)
+        time.sleep(0.5)
+        assert max(one.linear_x for one in listener.received[count:]) == pytest.approx(0.03)
+
+
+def test_after_the_guardian_s_stop_requests_are_refused_with_the_reason(listener, make):
+    node = make(guardian=True)
+    with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
+        listener.wait_for(is_at_cruise)
+        node.session._guardian._close()  # as if this program were gone
+        assert wait_until(lambda: ended)
+    answer = listener.call('resume')
+    assert not answer.success
+    assert 'the guardian stopped the robot: the node is gone' in answer.message
+    with pytest.raises(ControlError, match='until this program is started again'):
+        node.session.request(elsewhere=True)
+
+
+def test_nothing_goes_on_at_the_same_time_as_a_stop(listener, make):
+    node = make()
+    node.move_robot(0.1, 0.0, 0.2)
+    node.pause()
+    node.speed_control.stop_requests.on_stop()
+    answer = listener.call('resume')
+    if not answer.success:  # a busy machine may take longer than the window
+        assert answer.message == 'a stop came at the same time: call again'
+    time.sleep(0.1)
+    assert listener.call('resume').success
 
 
 def test_a_run_that_ended_while_paused_does_not_go_on(listener, make):
