@@ -22,6 +22,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.cli import Options, parse
+from kachaka_simple_control.confirmation import confirm
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.run_command import run_command
 
@@ -52,6 +53,10 @@ def _run(options: Options) -> None:
         from kachaka_simple_control.preview_command import preview
         preview(options)
         return
+    if options.address is not None and not options.yes:
+        from kachaka_simple_control.preview_command import plan_view
+        view = plan_view(options.motions[0] if options.motions else 'lesson', options)
+        confirm(view.floor_size)
     drive(options)
 
 

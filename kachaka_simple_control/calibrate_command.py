@@ -23,8 +23,8 @@ import sys
 
 from kachaka_simple_control.__main__ import drive
 from kachaka_simple_control.calibrate_options import (
+    ask,
     CalibrateOptions,
-    confirm,
     FIT_HEAD,
     FLOOR,
     NAME,
@@ -65,7 +65,7 @@ def calibrate(options: Options, more: CalibrateOptions) -> None:
     show([view])
     if more.is_dry:
         return
-    confirm(options, more, view)
+    ask(options, more, view)
     log = drive(replace(options, motions=(MOTION,)))
     fit = fit_calibration(log)
     # First of all: what was measured is not lost if a file cannot be written.

@@ -21,7 +21,6 @@ from datetime import datetime
 import os
 from pathlib import Path
 import shlex
-import sys
 
 from kachaka_simple_control.cli import (
     add_drive_options,
@@ -29,6 +28,7 @@ from kachaka_simple_control.cli import (
     split_ros_arguments,
     take_simulation,
 )
+from kachaka_simple_control.confirmation import confirm
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped, quoted
 from kachaka_simple_control.exit_codes import HELP, OneLineParser
@@ -119,7 +119,8 @@ def parse(arguments: Sequence[str]) -> tuple[Options, CalibrateOptions]:
         parser.error(f'--squares is {more.squares}; it must be from 1 to 20')
     simulation = take_simulation(parser, values)
     return Options(
-        ros_arguments=tuple(ros), simulation=simulation, calibrates=True,
+        # This command asks by itself.
+        ros_arguments=tuple(ros), simulation=simulation, calibrates=True, yes=True,
         command=shlex.join([NAME, *arguments]), **values), more
 
 
@@ -137,7 +138,6 @@ def _parser() -> OneLineParser:
     add('--floor', default='', metavar='TEXT', help='on which floor it drives, for people')
     add('--plot', metavar='FILE',
         help='draw what was sent, what odometry reported and the fit, as .png, .svg or .pdf')
-    add('--yes', action='store_true', help='drive without asking; needed without a terminal')
     add('--dry-run', action='store_true', help='show what would be driven, and drive nothing')
     tape = parser.add_argument_group('with a tape measure').add_argument
     tape('--measured', action='append', default=[], metavar='WHAT',
@@ -185,22 +185,16 @@ def show(views: Sequence[PlanView]) -> None:
     print(plan_table(views, terminal_columns()), flush=True)
 
 
-def confirm(options: Options, more: CalibrateOptions, view: PlanView, before: str = '') -> None:
+def ask(options: Options, more: CalibrateOptions, view: PlanView, before: str = '') -> None:
     """
     Ask whether the robot may drive, unless it is simulated or ``--yes`` was said.
 
     :param view: what it will drive
     :param before: what to do before
-    :raises UsageError: if nobody can be asked, or nobody answers
+    :raises UsageError: if nobody can be asked, or the answer is no
     """
-    if options.sim or more.is_confirmed:
-        return
-    if not sys.stdin.isatty():
-        raise UsageError('a robot will move: pass --yes, for there is no terminal to ask at')
-    print(f'\nThe robot needs {view.floor_size} of free floor.  {before}Enter drives, Ctrl+C '
-          'ends.', flush=True)
-    if not sys.stdin.readline():
-        raise UsageError('not confirmed: nothing was driven')
+    if not (options.sim or more.is_confirmed):
+        confirm(view.floor_size, before)
 
 
 def today() -> str:

@@ -79,6 +79,7 @@ class Options:
     :param quiet: whether to print only the node's log lines while the robot drives
     :param address: the real robot to start a bridge for; None for no bridge
     :param simulation: options of the simulated robot, as they are written
+    :param yes: whether to drive a real robot without asking
     :param calibrates: whether the drive is one to calibrate by: its log is kept, not printed
     :param command: the whole command line, for reports
     """
@@ -98,6 +99,7 @@ class Options:
     report: str | None = None
     quiet: bool = False
     simulation: tuple[str, ...] = ()
+    yes: bool = False
     calibrates: bool = False
     command: str = field(default=NAME, compare=False)
 
@@ -140,7 +142,7 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     if len(options.motions) > 1 and not options.is_preview:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
     if options.is_preview:
-        for name in ('report', 'sim', 'address', 'wait', 'quiet', 'speed'):
+        for name in ('report', 'sim', 'address', 'wait', 'quiet', 'speed', 'yes'):
             if getattr(options, name):
                 parser.error(f'--{name} is about a drive; --list, --plan and --plot drive nothing')
     return options
@@ -206,7 +208,11 @@ def add_drive_options(parser: OneLineParser) -> None:
         help='start a simulated Kachaka, drive it, and print what was requested, sent and driven')
     robot.add_argument(
         '--address', type=lambda text: str(address_argument(text)), metavar='HOST',
-        help='do the same with the real Kachaka at this address, HOST or HOST:PORT')
+        help='do the same with the real Kachaka at this address, HOST or HOST:PORT; it moves when '
+             'somebody has confirmed')
+    parser.add_argument(
+        '--yes', action='store_true',
+        help='drive a real robot without asking; needed without a terminal')
     parser.add_argument(
         '--robot', metavar='NAME',
         help='kachaka, turtlebot3, generic, or the path of a profile (default: what the motion '

@@ -25,8 +25,8 @@ import tempfile
 
 from kachaka_simple_control.__main__ import drive
 from kachaka_simple_control.calibrate_options import (
+    ask,
     CalibrateOptions,
-    confirm,
     FIT_HEAD,
     require_ready,
     show,
@@ -121,11 +121,11 @@ def measure_floor(options: Options, more: CalibrateOptions) -> None:
     show(views)
     if answers is None:
         return
-    confirm(options, more, views[0], MARK)
+    ask(options, more, views[0], MARK)
     line = reported_displacement(_drive(options, motions[0], motions[0]))[0]
     distance, = answers.ask(
         'How far does it stand from where it began?  Such as 0.985 m', [LENGTH])
-    confirm(options, more, views[1], 'Mark which way it looks.  ')
+    ask(options, more, views[1], 'Mark which way it looks.  ')
     turn = reported_displacement(_drive(options, motions[1], motions[1]))[1]
     angle, = answers.ask('How far has it turned, in all?  Such as 358 deg', [ANGLE])
     fit = fit_floor(line, distance, turn, angle)
@@ -171,7 +171,7 @@ def measure_squares(options: Options, more: CalibrateOptions) -> None:
         squares = []
         for index in range(2 * count):
             motion, view = motions[index % 2], views[index % 2]
-            confirm(options, more, view, MARK)
+            ask(options, more, view, MARK)
             path = _drive(options, motion, f'{view.name}_{index // 2 + 1}')
             squares.append(Square(path, Pose(*answers.ask(
                 f'Square {index + 1} of {2 * count}: where does it stand, as seen from where it '

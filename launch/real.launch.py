@@ -44,7 +44,7 @@ def generate_launch_description():
         IncludeLaunchDescription(
             PythonLaunchDescriptionSource(str(LESSON)),
             launch_arguments={
-                'options': ['--address=', LaunchConfiguration('address'), ' ',
+                'options': ['--yes --address=', LaunchConfiguration('address'), ' ',
                             LaunchConfiguration('options')],
             }.items()),
     ])

@@ -101,7 +101,8 @@ def test_a_real_robot_is_driven_only_after_somebody_has_confirmed(run, monkeypat
         def isatty(self):
             return True
 
-    for typed, code, count in (('', 2, 1), ('\n', 0, 2)):
+    for typed, code, count in (
+            ('', 2, 1), ('n\n', 2, 1), ('no\n', 2, 1), ('q\n', 2, 1), ('\n', 0, 2)):
         monkeypatch.setattr(sys, 'stdin', Terminal(typed))
         ended, output, _, driven = run('--address', 'robot', '--output', 'other.yaml')
         assert (ended, len(driven)) == (code, count)

@@ -76,6 +76,8 @@ class Keyboard:
     def _run(self) -> None:
         # Blocked, these refuse a read in the background instead of suspending the program.
         signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+        # What was typed before was not meant for keys that start something.
+        ignored = '\n'
         with contextlib.suppress(OSError, termios.error):  # the terminal is gone
             while not self._end.is_set():
                 if not _is_foreground():
@@ -85,18 +87,20 @@ class Keyboard:
                     # Each time: a shell sets its own modes while it has the foreground.
                     if not self._end.is_set():
                         set_line_modes(STDIN, is_on=False)
-                if select.select([STDIN], [], [], FOREGROUND_PERIOD)[0] and not self._read():
+                timeout = 0.0 if ignored else FOREGROUND_PERIOD
+                if select.select([STDIN], [], [], timeout)[0] and not self._read(ignored):
                     return
+                ignored = ''
 
-    def _read(self) -> bool:
-        """Read and serve keys; return False at the end of input."""
+    def _read(self, ignored: str) -> bool:
+        """Read keys, and serve those that are not ignored; return False at the end of input."""
         try:
             keys = os.read(STDIN, KEY_COUNT)
         except OSError:  # in the background since just now
             time.sleep(FOREGROUND_PERIOD)
             return True
         for key in keys.decode(errors='replace'):
-            if key in self._functions:
+            if key in self._functions and key not in ignored:
                 self._functions[key]()
         return bool(keys)
 

@@ -139,3 +139,15 @@ def test_a_pause_before_the_start_is_shown_and_holds_the_motion(motion):
         shown.wait_for_text('DRIVING   step 1 of 40')
         shown.press(b'q')
         assert shown.end() == 130
+
+
+def test_an_enter_that_was_typed_before_starts_no_motion(motion):
+    with at_terminal([*COMMAND, motion, '--sim', '--wait'], 130, 30) as shown:
+        shown.press(b'\n\n')
+        shown.wait_for_text('Standing by: Enter starts the motion')
+        shown.read_for(2.0)
+        assert 'DRIVING' not in str(shown)
+        shown.press(b'\n')
+        shown.wait_for_text('DRIVING   step 1 of 40')
+        shown.press(b'q')
+        assert shown.end() == 130

@@ -32,7 +32,7 @@ pytestmark = [
 def test_lesson_ends_at_its_planned_pose(tmp_path):
     """As with --sim, but over gRPC."""
     with SimulatedRobot() as robot, \
-            program([*COMMAND, '--address', robot.address], tmp_path) as started:
+            program([*COMMAND, '--yes', '--address', robot.address], tmp_path) as started:
         assert started.end(40.0) == 0, started.text
     pose = re.search(r'x (\S+) m, y (\S+) m, heading (\S+) degrees', started.text)
     x, y, heading = (float(number) for number in pose.groups())
@@ -63,7 +63,7 @@ def test_zeros_reach_the_robot_however_the_node_ends(tmp_path, signum, code, wit
 def test_emergency_stop_ends_the_run_with_the_robots_error_text(tmp_path):
     with FaultyRobot() as robot:
         robot.ask('json [{"code": 21051, "title_en": "Emergency stop"}]')
-        with program([*COMMAND, '--address', robot.address], tmp_path) as started:
+        with program([*COMMAND, '--yes', '--address', robot.address], tmp_path) as started:
             assert wait_until(lambda: len(robot.moves()) > 3, 30.0)
             robot.ask('refuse 21051')
             assert started.end(10.0) == 1
@@ -75,7 +75,7 @@ def test_emergency_stop_ends_the_run_with_the_robots_error_text(tmp_path):
 
 def test_lost_robot_ends_the_run(tmp_path):
     with FaultyRobot() as robot, \
-            program([*COMMAND, '--address', robot.address], tmp_path) as started:
+            program([*COMMAND, '--yes', '--address', robot.address], tmp_path) as started:
         assert wait_until(lambda: len(robot.moves()) > 3, 30.0)
         robot.ask('cut')
         assert started.end(10.0) == 1
@@ -85,13 +85,13 @@ def test_lost_robot_ends_the_run(tmp_path):
 def test_refused_manual_control_is_reported(tmp_path):
     with FaultyRobot() as robot:
         robot.ask('refuse 7')
-        with program([*COMMAND, '--address', robot.address], tmp_path) as started:
+        with program([*COMMAND, '--yes', '--address', robot.address], tmp_path) as started:
             assert started.end(20.0) == 3
         assert 'kachaka_simple_control: the robot refused manual control: error 7' in started.text
 
 
 @pytest.mark.parametrize(('options', 'code', 'text'), [
-    (('--address', '127.0.0.1:1'), 3, '127.0.0.1:1 is there, but refuses connections'),
+    (('--yes', '--address', '127.0.0.1:1'), 3, '127.0.0.1:1 is there, but refuses connections'),
     (('--address', 'robot:x'), 2, "the port in 'robot:x' must be a number from 1 to 65535"),
     (('--address', 'robot', '--sim'), 2, 'not allowed with argument')])
 def test_invalid_options_are_one_line(tmp_path, options, code, text):
