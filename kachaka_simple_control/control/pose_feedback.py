@@ -152,6 +152,8 @@ class PoseFeedback:
         self._start = ORIGIN
         self._last = ZERO
         self._last_tick: Tick | None = None
+        #: the angle by which the settle under way has turned the robot so far [rad]
+        self._settled = 0.0
 
     def correct(self, tick: Tick, now: float) -> Velocity:
         """
@@ -162,6 +164,7 @@ class PoseFeedback:
         :raises RunFaultError: if the robot is too far from where it should be
         """
         planned = tick.velocity
+        self._check_settle(tick)
         if not self._sent:
             self._start = _mean([sample.pose for sample in self._samples])
             self._sent.append(_Sent(now, ORIGIN, planned))
@@ -215,6 +218,25 @@ class PoseFeedback:
         return Velocity(
             _clip(gain * error.x, top.linear_x * pace),
             _clip(gain * error.theta + sideways, top.angular_z * pace))
+
+    def _check_settle(self, tick: Tick) -> None:
+        """
+        Add up what a settle has turned the robot by.
+
+        Odometry that drifts shows a robot that stands as turning, and one that turns as standing.
+
+        :raises RunFaultError: if it is more than a robot may be off
+        """
+        before = self._last_tick
+        if before is None or not self._settle_time(tick):
+            self._settled = 0.0
+            return
+        self._settled += self._last.angular_z * (tick.start - before.start)
+        if abs(self._settled) > MAX_HEADING_ERROR:
+            raise RunFaultError(
+                f'a settle has turned the robot by {math.degrees(abs(self._settled)):.0f} deg, '
+                f'more than {math.degrees(MAX_HEADING_ERROR):.0f} deg: odometry drifts, or '
+                'something turns the robot')
 
     def _settle_time(self, tick: Tick) -> float:
         """Return how long the heading may still be corrected at rest [s]."""

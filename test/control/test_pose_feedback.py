@@ -13,6 +13,7 @@
 # limitations under the License.
 """A closed loop: where robots end, and what no odometry may bring about."""
 
+import contextlib
 from dataclasses import replace
 from itertools import pairwise
 import math
@@ -379,3 +380,21 @@ def test_the_plan_of_a_closed_loop_leaves_room_and_settles():
     own = Motion('own', (Forward(1.0), Settle(0.5)))
     assert own.settled() is own
     assert Motion('moves', (Move(0.1, 0.0, 1.0),)).settled().steps[-1] == Settle(1.5)
+
+
+@pytest.mark.parametrize('drift', [-0.1, 0.1])
+def test_a_settle_does_not_follow_odometry_that_drifts(drift):
+    """The heading by odometry stays where it should be, while the robot turns and turns."""
+    limits = KACHAKA.limits
+    planned = plan(Motion('stand', (Settle(60.0),)), limits.scaled(CLOSED_LOOP_SHARE), 20.0)
+    feedback, scheduler, heading, now = PoseFeedback(0.1), TickScheduler(planned), 0.0, 0.0
+    feedback.on_odometry(0.0, ORIGIN, is_moving=False)
+    feedback.begin(planned, limits)
+    with contextlib.suppress(RunFaultError):
+        while (tick := scheduler.due(now)) is not None:
+            heading += 0.05 * feedback.correct(tick, now).angular_z
+            now += 0.05
+            feedback.on_odometry(now, Pose(0.0, 0.0, heading + drift * now), is_moving=False)
+    with pytest.raises(RunFaultError, match='a settle has turned the robot by 4. deg, more than'):
+        feedback.correct(scheduler.due(now), now)
+    assert abs(heading) < math.radians(47.0)
