@@ -126,12 +126,12 @@ def drive(options: Options) -> DriveLog:
                 subscribers.stop_confirmed_after = robot_control.stop_confirmed_after
                 robot_control.destroy_node()
                 rclpy.try_shutdown()
-    if options.starts_bridge and not options.calibrates and robot_control.drive_log.steps:
-        print(drive_table(
-            robot_control.drive_log, subscribers.stop_confirmed_after, terminal_columns()))
-    if reporter is not None and reporter.exit_code:
+    log = robot_control.drive_log
+    if options.starts_bridge and not options.calibrates and log.steps:
+        print(drive_table(log, subscribers.stop_confirmed_after, terminal_columns()))
+    if reporter is not None and (reporter.exit_code or reporter.failure is not None):
         raise RunFaultError(f'the report in {options.report} is incomplete')
-    return robot_control.drive_log
+    return log
 
 
 def _start_subscribers(

@@ -54,6 +54,7 @@ from kachaka_simple_control.ros.speed_control import SpeedControl
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.run_command import run_command
+from kachaka_simple_control.telemetry.event_file import EventFile
 from kachaka_simple_control.telemetry.events import (
     EventBus,
     MotionEnded,
@@ -91,7 +92,6 @@ class KachakaSimpleControl(Node):
     :ivar profile: the kind of robot
     :ivar node_parameters: the values of the node's parameters
     :ivar event_bus: publishes the events of each drive
-    :ivar drive_log: keeps the events, if the parameter ``summary`` is true
     :ivar session: the connection with the robot, for the command; a user needs the methods only
     :ivar speed_control: what services and keys call, for the command
     :ivar publisher: the publisher of velocities, to inspect; its ``publish()`` raises
@@ -151,9 +151,9 @@ class KachakaSimpleControl(Node):
                 self.profile, self.node_parameters.robot_namespace)
             self.session.require_robot(self._simulation.require_participant)
         self.event_bus = EventBus()
-        self.drive_log = DriveLog()
-        if self.node_parameters.summary:
-            self.event_bus.subscribe(self.drive_log.on_event)
+        self._event_file = EventFile() if self.node_parameters.summary else None
+        if self._event_file is not None:
+            self.event_bus.subscribe(self._event_file.send)
         self._introspection.attach(self.event_bus, self.session.status_reader)
         #: whether stop_robot() has logged its line since the newest movement began
         self._is_stop_logged = False
@@ -262,6 +262,15 @@ class KachakaSimpleControl(Node):
     @speed_factor.setter
     def speed_factor(self, factor: float) -> None:
         self.speed_control.set_override(factor)
+
+    @property
+    def drive_log(self) -> DriveLog:
+        """Return the log of all drives so far; it is empty without the parameter ``summary``."""
+        log = DriveLog()
+        if self._event_file is not None:
+            for event in self._event_file.events():
+                log.on_event(event)
+        return log
 
     @property
     def is_heard(self) -> bool:
@@ -380,6 +389,8 @@ class KachakaSimpleControl(Node):
     def _close(self) -> None:
         """Stop the robot and release it; end the simulated one."""
         self.session.close()
+        if self._event_file is not None:
+            self._event_file.close()
         if self._simulation is not None:
             self._simulation.end(self.drive_log, self.stop_confirmed_after)
 

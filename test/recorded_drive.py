@@ -40,7 +40,7 @@ class RecordedDrive:
         self.folder, self.opened = Path(folder), opened
         self.file = self.folder / 'run.mcap'
         self.drive_log = DriveLog()
-        self.recorder = McapRecorder(self.folder, self.drive_log)
+        self.recorder = McapRecorder(self.folder)
         self.publish(opened, PLANNED)
 
     def publish(self, *events):

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any, cast, NamedTuple, TYPE_CHECKING
 
 from kachaka_simple_control.motion.geometry import ORIGIN
+from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.cdr import (
     float64,
     NANO,
@@ -32,7 +33,6 @@ from kachaka_simple_control.report.cdr import (
     twist,
     twist_stamped,
 )
-from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.paths import sample_path
 from kachaka_simple_control.report.report_directory import NEEDS_MCAP
 from kachaka_simple_control.report.rosbag2_metadata import (
@@ -49,6 +49,7 @@ from kachaka_simple_control.report.rosbag2_metadata import (
 )
 from kachaka_simple_control.telemetry.events import (
     Event,
+    MotionPlanned,
     MotionStarted,
     OdometryReceived,
     SessionStarted,
@@ -168,12 +169,13 @@ class McapRecorder:
     kept as ``failure``.
 
     :param directory: where the file goes, and ``metadata.yaml`` beside it
-    :param log: the drive so far; it must receive each event before this recorder does
     """
 
-    def __init__(self, directory: Path, log: DriveLog) -> None:
+    def __init__(self, directory: Path) -> None:
         self._path = directory / FILE_NAME
-        self._log = log
+        #: what is to be driven, and where the robot is, as far as that is known
+        self._motion: MotionPlanned | None = None
+        self._pose = ORIGIN
         self._paths = PathSerializer(ODOM)
         self._topics: dict[str, Topic] = {}
         self._pending: list[_Message] = []
@@ -276,6 +278,11 @@ class McapRecorder:
                 self._has_factor = True
                 self._add('factor', self._stamp(event.time), float64(1.0))
         match event:
+            case MotionPlanned():
+                self._motion = event
+            case OdometryReceived():
+                self._pose = event.pose
+        match event:
             case VelocitySent():
                 time = self._stamp(event.time)
                 self._add('velocity', time, twist(event.velocity)
@@ -292,9 +299,10 @@ class McapRecorder:
         self._pending.append(_Message(time, self._topics[kind], data))
 
     def _planned_path(self, time: int) -> bytes:
-        log = self._log
-        start = log.odometry[-1].pose if log.odometry else ORIGIN
-        poses = sample_path(log.motions[-1].plan, start)
+        motion = self._motion
+        assert motion is not None
+        planned = plan(motion.motion, motion.limits, motion.rate)
+        poses = sample_path(planned, self._pose)
         return self._paths.path([self._paths.pose(pose) for pose in poses], time)
 
     def _store(self, until: int) -> None:

@@ -19,12 +19,14 @@ from collections.abc import Iterator
 import contextlib
 import gc
 from pathlib import Path
+import pickle
 from queue import Empty, SimpleQueue
 import signal
 import sys
+import tempfile
 import threading
 import time
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 from kachaka_simple_control.control.output import make_nonblocking, STDERR
 from kachaka_simple_control.control.processes import lower_priority
@@ -173,6 +175,15 @@ def print_line(text: str) -> None:
         print(f'report: {escaped(text, MAX_LINE_LENGTH)}', file=sys.stderr, flush=True)
 
 
+def _log_of(events: BinaryIO) -> DriveLog:
+    """Return the log of pickled events, from the beginning of a file."""
+    log = DriveLog()
+    events.seek(0)
+    for event in decode(events):
+        log.on_event(event)
+    return log
+
+
 def main() -> int:
     """
     Record events from standard input until its end, and write the report.
@@ -184,15 +195,16 @@ def main() -> int:
     lower_priority()
     ignore_signals()
     directory = Path(sys.argv[1])
-    log, event_bus = DriveLog(), EventBus()
-    recorder = McapRecorder(directory, log)
-    event_bus.subscribe(log.on_event)
+    event_bus, recorder = EventBus(), McapRecorder(directory)
     event_bus.subscribe(recorder.on_event)
-    record_events(sys.stdin.buffer, event_bus, recorder)
-    recording = recorder.finish()
-    for text in filter(None, (recording, *map(repr, event_bus.failures))):
-        print_line(text)
-    failure = try_write_report(log, directory, recording)
+    # What the report needs waits there for the end of the drive: a log in memory would grow.
+    with tempfile.TemporaryFile() as events:
+        event_bus.subscribe(lambda event: pickle.dump(event, events, pickle.HIGHEST_PROTOCOL))
+        record_events(sys.stdin.buffer, event_bus, recorder)
+        recording = recorder.finish()
+        for text in filter(None, (recording, *map(repr, event_bus.failures))):
+            print_line(text)
+        failure = try_write_report(_log_of(cast('BinaryIO', events)), directory, recording)
     print_line(failure or str(directory / PAGE))
     texts = [text for text in (recording, failure)
              if text is not None and not text.endswith((NEEDS_JINJA2, NEEDS_MCAP))]

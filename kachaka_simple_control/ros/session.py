@@ -22,6 +22,7 @@ import time
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.drive_requests import DriveRequest, DriveRequests
+from kachaka_simple_control.control.garbage_collection import old_objects_frozen
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.plan_runner import run_plan
@@ -192,8 +193,9 @@ class Session:
             elif self.speed_factor.value < 1.0:
                 self._node.get_logger().info(
                     f'Slower than planned: {self.speed_factor.describe()}')
-            run = run_plan(
-                plan, self.gate, self._command_timeout, self._monitor, prepared=request.run)
+            with old_objects_frozen():
+                run = run_plan(
+                    plan, self.gate, self._command_timeout, self._monitor, prepared=request.run)
             self._guardian.report_stopping()
             self._stopper.stop_after_idle(run, within=plan.period)
         except BaseException as error:

@@ -25,7 +25,7 @@ import subprocess
 import sys
 import threading
 import time
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, IO
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.output import has_room
@@ -106,9 +106,10 @@ class SubscriberProcess:
     not read, or is gone, nothing more is sent.
 
     :param command: what to run; it reads events from its standard input
+    :param stdout: the file that it prints to; None for that of this process
     """
 
-    def __init__(self, command: Sequence[str]) -> None:
+    def __init__(self, command: Sequence[str], stdout: IO[bytes] | None = None) -> None:
         reader, self._pipe = os.pipe()
         os.set_blocking(self._pipe, False)
         # Linux alone can enlarge a pipe, and may refuse to; a smaller one does as well.
@@ -116,9 +117,12 @@ class SubscriberProcess:
             fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         os.register_at_fork(after_in_child=self._close)
         self._process = subprocess.Popen(
-            command, env=processes.child_environment(), stdin=reader, start_new_session=True)
+            command, env=processes.child_environment(), stdin=reader, stdout=stdout,
+            start_new_session=True)
         os.close(reader)
-        self._plan_lock = threading.Lock()
+        self._plan_lock, self._counting = threading.Lock(), threading.Lock()
+        #: how much it was sent [bytes]
+        self.sent_bytes = 0
         #: why nothing more is sent; None as long as all is
         self.failure: str | None = None
         #: how it ended; None while it runs
@@ -133,7 +137,7 @@ class SubscriberProcess:
                 self._send_with_timeout(event)
             else:
                 for packet in encode(event):
-                    os.write(self._pipe, packet)
+                    self._write(packet)
         except BlockingIOError:
             self.failure = 'it did not keep up'
         except OSError as error:
@@ -158,11 +162,16 @@ class SubscriberProcess:
             for packet in encode(event):
                 while True:
                     try:
-                        os.write(self._pipe, packet)
+                        self._write(packet)
                         break
                     except BlockingIOError:
                         if not has_room(self._pipe, max(0.0, end - time.monotonic())):
                             raise
+
+    def _write(self, packet: bytes) -> None:
+        size = os.write(self._pipe, packet)
+        with self._counting:
+            self.sent_bytes += size
 
     def _close(self) -> None:
         pipe, self._pipe = self._pipe, -1

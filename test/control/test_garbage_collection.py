@@ -1,0 +1,108 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The garbage collector: old objects are left out of it during a run, and it is restored."""
+
+import gc
+import threading
+import time
+
+from kachaka_simple_control.control.garbage_collection import old_objects_frozen
+import pytest
+
+#: How long a collection may take [s of the thread's CPU time].
+MAX_COLLECTION = 0.002
+
+
+@pytest.fixture
+def many():
+    """Return many objects that the collector has to search."""
+    return [[number] for number in range(1_000_000)]
+
+
+@pytest.fixture
+def collections():
+    """Return the CPU times [s] that collections of this thread take."""
+    took, began = [], []
+
+    def on_collection(phase, info):
+        if phase == 'start':
+            began.append(time.thread_time())
+        else:
+            took.append(time.thread_time() - began.pop())
+
+    gc.callbacks.append(on_collection)
+    yield took
+    gc.callbacks.remove(on_collection)
+
+
+def collect_as_a_drive_does():
+    """Make garbage in cycles until Python has collected it many times."""
+    for _ in range(200_000):
+        cycle = []
+        cycle.append(cycle)
+
+
+@pytest.mark.parametrize('is_frozen', [False, True])
+def test_a_million_objects_are_not_searched(many, collections, is_frozen):
+    gc.collect()
+    if is_frozen:
+        gc.freeze()
+    kept = [[] for _ in range(100)]
+    collections.clear()
+    try:
+        with old_objects_frozen():
+            collect_as_a_drive_does()
+        assert len(collections) > 20
+        # The machine may be busy; without the block it is fifty times as long.
+        assert sorted(collections)[-3] < MAX_COLLECTION
+    finally:
+        gc.unfreeze()
+    assert kept
+
+
+def state():
+    """Return the state of the collector."""
+    return gc.isenabled(), gc.get_threshold(), gc.get_freeze_count()
+
+
+@pytest.mark.parametrize('prepare', [
+    lambda: None, gc.disable, lambda: gc.set_threshold(100, 5, 7), gc.freeze])
+def test_afterwards_the_collector_is_as_it_was_found(prepare):
+    enabled, thresholds = gc.isenabled(), gc.get_threshold()
+    try:
+        prepare()
+        before = state()
+        with pytest.raises(KeyError), old_objects_frozen():
+            raise KeyError
+        assert state() == before
+    finally:
+        gc.unfreeze()
+        gc.set_threshold(*thresholds)
+        (gc.enable if enabled else gc.disable)()
+
+
+def test_runs_of_two_threads_overlap():
+    before, ended = state(), threading.Event()
+
+    def run():
+        with old_objects_frozen():
+            ended.wait(10.0)
+
+    thread = threading.Thread(target=run)
+    with old_objects_frozen():
+        thread.start()
+    assert state() != before
+    ended.set()
+    thread.join()
+    assert state() == before
