@@ -34,7 +34,9 @@ from kachaka_simple_control.control.timing import (
     FEEDBACK_MAX_AGE,
     FEEDBACK_START_TIMEOUT,
     GUARDIAN_PRIME_TIMEOUT,
+    ODOMETRY_WAIT_TIME,
     RELEASE_TIMEOUT,
+    REST_TIMEOUT,
     STOP_REPEAT_PERIOD,
 )
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
@@ -43,6 +45,7 @@ from kachaka_simple_control.errors import (
     ControlError,
     MotionRefusedError,
     PauseTimeoutError,
+    RobotTakenError,
     RunFaultError,
 )
 from kachaka_simple_control.escaping import escaped
@@ -337,6 +340,8 @@ class Session:
         self._claim.take(self._require_wanted)
         try:
             self._foreign.require_none(self._require_wanted)
+            if not self._parameters.allow_other_publishers:
+                self._require_at_rest()
         except BaseException:
             self._claim.withdraw()
             raise
@@ -352,6 +357,32 @@ class Session:
             self._node.get_logger().warning(
                 f'No odometry has come on {self._odometry_topic} yet: until some does, a robot '
                 'that is lost is noticed only when its subscription goes, which may take 20 s')
+
+    def _require_at_rest(self) -> None:
+        """
+        Check that odometry, as far as it is received, sees no motion: nothing of ours moves yet.
+
+        Discovery may find another program's publisher seconds later than its robot.
+
+        :raises RobotTakenError: if it sees motion for REST_TIMEOUT
+        """
+        topic, began = self._odometry_topic, time.monotonic()
+        if topic is None:
+            return
+
+        def is_at_rest_or_unknown() -> bool:
+            now = time.monotonic()
+            if self.odometry.age(now) is None:
+                # Its odometry is discovered a moment later than its subscription.
+                return not self._node.count_publishers(topic) and now - began > ODOMETRY_WAIT_TIME
+            return not self.odometry.is_moving(now)
+
+        wait_until(is_at_rest_or_unknown, REST_TIMEOUT, self._require_wanted)
+        if self.odometry.is_moving(time.monotonic()):
+            raise RobotTakenError(
+                f'{topic} sees the robot move already: another program drives it, '
+                'or somebody pushes it; nothing was sent. Stop that, or set the parameter '
+                'allow_other_publishers to true')
 
     def _enable_manual_control(self) -> None:
         requested = time.monotonic()

@@ -255,6 +255,28 @@ def test_no_run_begins_while_another_publisher_sends(listener, tmp_path):
     other.leave()
 
 
+@pytest.mark.parametrize('velocity, code', [(0.05, 3), (-0.05, 3), (0.005, 0)])
+def test_a_robot_that_moves_already_is_not_taken(listener, tmp_path, velocity, code):
+    """Whoever drives it may be found by discovery seconds later than the robot itself."""
+    odometer = Odometer(listener)
+    odometer.velocity = velocity
+    with script(BEGIN + 'node.move_robot(0.1, 0.0, 0.3)\n', tmp_path) as started:
+        assert started.end() == code
+    assert ('sees the robot move already' in started.text) == bool(code)
+    if code:
+        assert listener.received == []
+        assert listener.answered == []
+
+
+def test_a_robot_that_comes_to_rest_is_taken(listener, tmp_path):
+    odometer = Odometer(listener)
+    odometer.velocity = 0.2
+    with script(BEGIN + 'node.move_robot(0.1, 0.0, 0.3)\n', tmp_path) as started:
+        odometer.wait_until_received()
+        odometer.velocity = 0.0
+        assert started.end() == 0
+
+
 def test_zeros_go_on_beside_a_publisher_that_is_silent(listener, tmp_path):
     odometer, other = Odometer(listener), OtherPublisher(listener)
     with script(DRIVE, tmp_path) as started:
