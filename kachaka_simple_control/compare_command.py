@@ -16,9 +16,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import os
 from pathlib import Path
 import sys
 
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.exit_codes import OneLineParser
 from kachaka_simple_control.report.comparison import (
     comparison_table,
@@ -42,6 +45,10 @@ def compare(directories: Sequence[Path], plot: str | None) -> None:
     :raises UsageError: if they cannot be compared, or the plot cannot be written
     """
     file = None if plot is None else check_plot_file(plot)
+    places = [os.path.realpath(directory) for directory in directories]
+    if twice := [one for one, place in zip(directories, places) if places.count(place) > 1]:
+        raise UsageError(
+            f'{escaped(str(twice[0]), 60)} is named twice: a drive is always like itself')
     drives = [read_drive(directory) for directory in directories]
     require_same(drives)
     print(comparison_table(drives, min(terminal_columns() or WIDEST, WIDEST)), flush=True)

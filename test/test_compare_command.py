@@ -15,12 +15,13 @@
 
 import json
 import math
+import os
 import re
 
 from kachaka_simple_control import compare_command
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Turn
-from kachaka_simple_control.report.comparison import read_drive, spread
+from kachaka_simple_control.report.comparison import MAX_BYTES, read_drive, spread
 from kachaka_simple_control.report.json_export import run_json
 from kachaka_simple_control.report.summary import Summary
 import pytest
@@ -111,3 +112,43 @@ def test_what_cannot_be_compared_is_refused_in_one_line(reports, run, tmp_path):
             (['a', 'a', '--plot', 'all.txt'],
              'all.txt: a plot is .png, .svg or .pdf; take one of these as its ending')):
         assert run(*words) == (2, '', f'kachaka_compare: {line}\n'), words
+
+
+@pytest.mark.parametrize('change', [
+    {'path': 7}, {'path': {'planned': [[1]]}}, {'path': {'planned': [[None, 'x']]}}, {'end': None},
+    {'end': {'planned': {'x_m': 'x'}, 'odometry': {}}}, {'timing': {}}, {'verdict': []},
+    {'motions': [None]}, {'timing': {'late': 'a', 'lost': 1}},
+    {'path': {'planned': [[float('nan'), 0.0]]}}])
+def test_a_report_that_was_edited_is_refused_in_one_line(reports, run, tmp_path, change):
+    reports('a')
+    data = json.loads((tmp_path / 'a' / 'run.json').read_text())
+    (tmp_path / 'edited').mkdir()
+    (tmp_path / 'edited' / 'run.json').write_text(json.dumps({**data, **change}))
+    code, output, errors = run('a', 'edited')
+    assert (code, output) == (2, '')
+    assert errors.startswith('kachaka_compare: edited: ')
+    assert errors.count('\n') == 1
+
+
+def test_what_is_no_file_is_refused_at_once(reports, run, tmp_path):
+    reports('a')
+    for name in ('pipe', 'device', 'deep', 'large'):
+        (tmp_path / name).mkdir()
+    os.mkfifo(tmp_path / 'pipe' / 'run.json')
+    (tmp_path / 'device' / 'run.json').symlink_to('/dev/zero')
+    (tmp_path / 'deep' / 'run.json').write_text('[' * 200_000)
+    with (tmp_path / 'large' / 'run.json').open('wb') as file:
+        file.truncate(MAX_BYTES + 1)
+    for name in ('pipe', 'device', 'deep', 'large'):
+        code, output, errors = run('a', name)
+        assert (code, output) == (2, '')
+        assert errors.startswith(f'kachaka_compare: {name}: ')
+        assert errors.count('\n') == 1
+
+
+@pytest.mark.parametrize('again', ['a', './a', 'link'])
+def test_a_drive_is_not_compared_with_itself(reports, run, tmp_path, again):
+    reports('a')
+    (tmp_path / 'link').symlink_to('a')
+    assert run('a', again) == (
+        2, '', 'kachaka_compare: a is named twice: a drive is always like itself\n')

@@ -157,6 +157,8 @@ KACHAKA_TRACK = 0.2
 
 SCHEMA = 'robots/robot.schema.json'
 #: What a file must say, unless it extends what is known of another robot.
+#: A robot must keep a velocity longer than this [s]: MAX_LATENESS in control/timing.py.
+MIN_COMMAND_TIMEOUT = 0.1
 REQUIRED = ('velocity_topic', 'command_timeout', 'limits')
 #: The keys whose text is a field of the profile.
 TEXTS = ('name', 'namespace', 'velocity_topic', 'odometry_topic', 'message_type', 'frame')
@@ -256,6 +258,10 @@ def _read(document: Document, source: str) -> RobotProfile:
     data = document.root.data if isinstance(document.root.data, dict) else {}
     base = _base(document, data)
     numbers = document.read_quantities([], {'command_timeout': COMMAND_TIMEOUT})
+    if (hold := numbers.get('command_timeout', math.inf)) <= MIN_COMMAND_TIMEOUT:
+        document.add_problem(['command_timeout'], (
+            f'{hold:g} s is too short: a velocity may be late by {MIN_COMMAND_TIMEOUT:g} s before '
+            'the run is given up; it must be longer than that'))
     timeout = document.read_quantities(['manual_control'], {'timeout': COMMAND_TIMEOUT})
     values: dict[str, Any] = {
         key: _part(document, key, quantities, make) for key, quantities, make in PARTS

@@ -17,9 +17,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import errno
 import json
 import math
+import os
 from pathlib import Path
+import stat
 from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.errors import UsageError
@@ -55,6 +58,8 @@ from kachaka_simple_control.report.table_layout import columns
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: The largest file that is read [bytes]: hours of paths take much less.
+MAX_BYTES = 100_000_000
 #: By how much the planned ends of drives of the same motion may differ [m, rad].
 MAX_END_DIFFERENCE = 1e-6
 #: So many drives have a colour and a name each in the plot; of more all look alike.
@@ -112,32 +117,80 @@ def read_drive(directory: Path) -> DriveEnd:
     """
     name = escaped(str(directory), 60)
     try:
-        data = json.loads((directory / 'run.json').read_text('utf-8'))
+        data = json.loads(_read(directory / 'run.json'))
     except OSError as error:
         raise UsageError(f'{name}: no report is here: run.json: {error.strerror}') from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise UsageError(f'{name}: run.json is not that of a report') from None
     if not isinstance(data, dict) or data.get('format') != FORMAT or 'path' not in data:
         raise UsageError(
             f'{name}: run.json is not that of a report of this version; drive once more')
+    try:
+        return _drive_end(name, data)
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError):
+        raise UsageError(f'{name}: run.json is not that of a report; it was edited') from None
+
+
+def _read(path: Path) -> bytes:
+    """
+    Return the content of a file.
+
+    :raises OSError: if it cannot be read, or is too large
+    """
+    # A pipe would wait for its other end, and a device may have no end.
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(descriptor, 'rb') as file:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(errno.EINVAL, 'it is a device or a pipe, not a file')
+        if status.st_size > MAX_BYTES:
+            raise OSError(errno.EFBIG, f'it has more than {MAX_BYTES} bytes')
+        return file.read(MAX_BYTES)
+
+
+def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
+    """
+    Return where a drive ended.
+
+    :param name: the directory of its report
+    :param data: its ``run.json``
+    :raises UsageError: if the drive was not completed
+    """
     if data['verdict']['ending'] != 'done':
-        raise UsageError(f"{name}: the drive was not completed: {data['verdict']['headline']}")
+        raise UsageError(
+            f"{name}: the drive was not completed: {escaped(str(data['verdict']['headline']))}")
     planned, seen = (_pose(data['end'][which]) for which in ('planned', 'odometry'))
     if planned is None or seen is None:
         raise UsageError(f'{name}: odometry does not show where the drive ended')
     x, y, heading = (there - wanted for there, wanted in zip(seen, planned))
     timing = data['timing']
+    paths = {str(line): [(_finite(x), _finite(y)) for x, y in points]
+             for line, points in data['path'].items()}
     return DriveEnd(
-        name, tuple(motion['name'] for motion in data['motions']), planned,
-        (x, y, math.remainder(heading, math.tau)), timing['late'] + timing['lost'],
-        {line: [(float(x), float(y)) for x, y in points]
-         for line, points in data['path'].items()})
+        name, tuple(str(motion['name']) for motion in data['motions']), planned,
+        (x, y, math.remainder(heading, math.tau)), int(timing['late']) + int(timing['lost']),
+        paths)
+
+
+def _finite(value: object) -> float:
+    """
+    Return a number of a file.
+
+    :raises TypeError: if it is none
+    :raises ValueError: if it is not finite
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise TypeError(value)
+    if not math.isfinite(value):
+        raise ValueError(value)
+    return float(value)
 
 
 def _pose(values: dict[str, Any] | None) -> tuple[float, float, float] | None:
     if values is None or None in values.values():
         return None
-    return values['x_m'], values['y_m'], values['heading_rad']
+    x, y, heading = (_finite(values[key]) for key in ('x_m', 'y_m', 'heading_rad'))
+    return x, y, heading
 
 
 def require_same(drives: Sequence[DriveEnd]) -> None:

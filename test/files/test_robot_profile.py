@@ -20,11 +20,13 @@ from importlib.resources import files
 import math
 import re
 
+from kachaka_simple_control.control.timing import MAX_LATENESS
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import (
     calibrated_text,
     find_robot,
     KACHAKA,
+    MIN_COMMAND_TIMEOUT,
     RobotFileError,
     RobotProfile,
     robots,
@@ -292,3 +294,14 @@ def test_an_unknown_robot_is_refused(name, words, tmp_path, monkeypatch):
     with pytest.raises(RobotFileError) as caught:
         find_robot(name)
     assert str(caught.value).startswith(words)
+
+
+@pytest.mark.parametrize('timeout', ['0.1 s', '50 ms', '0.001'])
+def test_a_robot_that_keeps_a_velocity_too_briefly_is_refused(tmp_path, timeout):
+    """No rate would do."""
+    assert MIN_COMMAND_TIMEOUT == MAX_LATENESS
+    file = tmp_path / 'hasty.yaml'
+    file.write_text(f'extends: kachaka\ncommand_timeout: {timeout}\n')
+    with pytest.raises(RobotFileError, match=(
+            r'hasty.yaml:2: command_timeout: 0\.\d+ s is too short: .*longer than that')):
+        find_robot(file)
