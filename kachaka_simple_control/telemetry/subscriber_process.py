@@ -49,6 +49,8 @@ PIPE_SIZE = 1 << 20
 PLAN_WRITE_TIMEOUT = 2.0
 #: How long a subscriber may take to end, mostly for its report [s].
 FINISH_TIMEOUT = 60.0
+#: One that is suspended for so long meanwhile is killed [s]; how often that is checked [s].
+FROZEN_TIMEOUT, CLOSE_PERIOD = 3.0, 0.1
 #: How long it may delay a program that a signal ended [s]; it goes on by itself.
 FINISH_TIMEOUT_WHEN_STOPPED = 1.0
 
@@ -147,12 +149,20 @@ class SubscriberProcess:
         """
         Close the pipe and wait for the process to exit.
 
-        :param timeout: how long to wait [s]; a process that takes longer is left running
+        :param timeout: how long to wait [s]; a process that takes longer is left running, one that
+            is suspended is killed
         :returns: its exit code; None if it still runs
         """
         self._close()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self.exit_code = self._process.wait(timeout)
+        end, frozen = time.monotonic() + timeout, 0.0
+        while self.exit_code is None and time.monotonic() < end:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self.exit_code = self._process.wait(CLOSE_PERIOD)
+            frozen = frozen + CLOSE_PERIOD if processes.is_stopped(self._process.pid) else 0.0
+            if self.exit_code is None and frozen >= FROZEN_TIMEOUT:
+                self._process.kill()
+                self.failure = self.failure or 'its process is suspended, and was killed'
+                self.exit_code = self._process.wait()
         return self.exit_code
 
     def _send_with_timeout(self, event: Event) -> None:

@@ -20,8 +20,9 @@ from pathlib import Path
 import signal
 import time
 
+from kachaka_simple_control.control.processes import is_running
 from kachaka_simple_control.report.rosbag2_metadata import FIELDS
-from program import COMMAND, program
+from program import children_of, COMMAND, find_process, program
 import pytest
 from recordings import read_with_mcap, read_with_rosbags, READERS
 from waiting import wait_until
@@ -241,3 +242,17 @@ def spelled(field_type: str) -> str:
     if base == 'sequence':
         return f'{rest[:-1]}[]'
     return {'double': 'float64', 'double[36]': 'float64[36]'}.get(field_type, field_type)
+
+
+def test_a_reporter_that_is_suspended_is_ended_with_one_line(listener, tmp_path):
+    with program(command(tmp_path, 0.5), tmp_path) as started:
+        listener.wait_for(lambda velocity: velocity.moves)
+        reporter = find_process(children_of(started.process.pid), 'report_program')
+        os.kill(reporter, signal.SIGSTOP)
+        listener.wait_for(lambda velocity: not velocity.moves, after=len(listener.received))
+        stopped = time.monotonic()
+        assert started.end() == 1
+        assert time.monotonic() - stopped < 8.0
+    assert not is_running(reporter)
+    assert started.text.count('its process is suspended, and was killed') == 1
+    assert f"the report in {tmp_path / 'report'} is incomplete" in started.text
