@@ -17,13 +17,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-from pathlib import Path
 import select
 import signal
 import sys
 import threading
 import time
-from traceback import extract_tb
+from traceback import extract_tb, walk_tb
 from types import FrameType, TracebackType
 from typing import Any, Protocol
 
@@ -32,7 +31,7 @@ from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
 from kachaka_simple_control.exit_codes import code_of, SIGNALLED
 
-PACKAGE_DIRECTORY = Path(__file__).parent.parent
+PACKAGE = __name__.partition('.')[0]
 #: Set to anything, it lets an uncaught error of this package print its traceback.
 TRACEBACK_VARIABLE = 'KACHAKA_SIMPLE_CONTROL_TRACEBACK'
 #: The signals that ask a program to end.
@@ -194,8 +193,10 @@ class SignalDispatcher:
 
 def _place(traceback: TracebackType | None) -> str:
     """Return file and line, outside of this package, where an error was raised."""
-    frames = [frame for frame in extract_tb(traceback)
-              if not frame.filename.startswith(f'{PACKAGE_DIRECTORY}{os.sep}')]
+    # By its module: code that dataclasses make for a class of ours has no file.
+    frames = [summary for summary, (frame, _) in zip(
+                  extract_tb(traceback), walk_tb(traceback), strict=True)
+              if frame.f_globals.get('__name__', '').partition('.')[0] != PACKAGE]
     if not frames:
         return ''
     return f'{escaped(frames[-1].filename, MAX_LINE_LENGTH)}:{frames[-1].lineno}: '

@@ -57,6 +57,16 @@ def test_the_line_is_that_of_the_program_and_a_file_has_its_own(tmp_path):
         'script.py:7:', 'a.yaml:3:']
 
 
+@pytest.mark.parametrize('duration', ['-1.0', '"0.1"', 'None'])
+def test_the_line_is_not_that_of_code_that_python_made_for_us(duration, tmp_path):
+    """The constructor of a dataclass has no file: it was in '<string>'."""
+    code, text = run(
+        f'from kachaka_simple_control import Move\nMove(0.1, 0.0, {duration})', tmp_path)
+    assert code == 2
+    assert text.startswith('script.py:6: ')
+    assert text.count('\n') == 1
+
+
 def test_the_place_in_a_script_is_printed_escaped():
     try:
         exec(compile('1 / 0', 'a\x1b[31m\n\u202e\udcff.py', 'exec'))
