@@ -145,7 +145,8 @@ def test_what_the_user_says_wins_over_the_file(source, rate, listener, tmp_path)
     with program([*COMMAND, str(file), *words], tmp_path) as started:
         assert started.end() == 0, started.text
     (move,) = listener.moves()
-    assert move.count == rate
+    # On a busy machine a message may be late by more than its period, and the next is due instead.
+    assert move.count == pytest.approx(rate, abs=3)
     said = 'rate is 40 Hz by ' + ('--rate' if source == '--rate' else 'parameter rate')
     assert (f'{said}, not 20 Hz as in {file}' in started.text) == (rate == 40)
 

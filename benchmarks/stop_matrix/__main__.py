@@ -22,6 +22,7 @@ import json
 from pathlib import Path
 import resource
 import sys
+import tempfile
 import time
 from typing import Any
 
@@ -34,6 +35,7 @@ from benchmarks.stop_matrix.trial import Trial
 from benchmarks.stop_matrix.trial_setup import Row
 from benchmarks.tables import Table
 from program import restore_signals
+from stall_observer import StallObservers
 
 #: The results that the page shows.
 REFERENCE = RESULTS / 'stop_matrix.json'
@@ -69,7 +71,7 @@ def measure(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[st
 def second_try(
         rows: Sequence[Row], data: dict[str, Any], over_grpc: bool = False) -> dict[str, Any]:
     """
-    Repeat the rows with violations: the machine may have been loaded.
+    Repeat the rows with violations, where the machine itself stood still during them.
 
     :param rows: the rows that were tried
     :param data: their results
@@ -130,9 +132,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.of:
         data = json.loads(options.of.read_text())
     else:
-        data = measure(
-            [(row, row.quick if options.quick else row.full) for row in rows], over_grpc)
-        if options.quick:
+        with tempfile.TemporaryDirectory() as seen:
+            observers, begin = StallObservers(Path(seen)), time.monotonic()
+            observers.start()
+            data = measure(
+                [(row, row.quick if options.quick else row.full) for row in rows], over_grpc)
+            stalls = observers.between(begin, time.monotonic())
+            observers.end()
+        if options.quick and stalls:
+            print('The machine stood still:', *stalls, sep='\n')
             data = merged(data, second_try(rows, data, over_grpc))
         if options.merge and REFERENCE.exists() and not over_grpc:
             data = merged(json.loads(REFERENCE.read_text()), data)
