@@ -310,6 +310,18 @@ def test_a_robot_that_is_back_does_not_move_by_itself(tmp_path):
             assert not [velocity for velocity in back.received if velocity.moves]
 
 
+def test_a_robot_that_is_replaced_in_mid_motion_ends_the_run(tmp_path):
+    """Somebody subscribes all the time, but in the end not the robot that was taken."""
+    with Listener() as listener, script(DRIVE, tmp_path) as started:
+        listener.wait_for(lambda velocity: velocity.moves)
+        with Listener() as second:
+            second.wait_for(lambda velocity: velocity.moves)
+            listener.leave()
+            assert started.end() == 1
+            assert not second.received[-1].moves
+    assert 'who subscribes to /kachaka/manual_control/cmd_vel now came later' in started.text
+
+
 def test_after_a_fault_the_robot_is_connected_again(tmp_path):
     """A program that catches the fault and goes on has to find and take the robot again."""
     text = BEGIN + """
