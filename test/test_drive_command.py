@@ -239,7 +239,9 @@ def test_a_stop_that_is_not_confirmed_is_not_answered_with_success(listener, tmp
     moving = Odometry()
     moving.twist.twist.linear.x = 0.1
     listener._node.create_timer(0.05, lambda: odometry.publish(moving))
-    with program([*COMMAND, 'straight', '--wait'], tmp_path) as started:
+    # A robot that moves already is left alone otherwise.
+    allowed = ['--ros-args', '-p', 'allow_other_publishers:=true']
+    with program([*COMMAND, 'straight', '--wait', *allowed], tmp_path) as started:
         started.wait_for_text('Standing by')
         assert listener.call('run').success
         listener.wait_for(lambda velocity: velocity.moves)
