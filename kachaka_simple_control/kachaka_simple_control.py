@@ -103,9 +103,11 @@ class KachakaSimpleControl(Node):
         """
         Make the node; nothing is sent before the first movement.
 
+        Calls ``rclpy.init()`` if that is not done.
+
         :param parameter_defaults: values of parameters, for those that nothing else sets
         :param sim: whether to start a simulated robot, on this machine alone; at the end a table
-            is printed.  Calls ``rclpy.init()`` if that is not done
+            is printed
         :param node_options: options of ``rclpy.node.Node``, such as ``namespace``
         :raises UsageError: if the value of a parameter, or a name, cannot work
         """
@@ -114,6 +116,8 @@ class KachakaSimpleControl(Node):
             parameter_defaults = {'summary': True, **(parameter_defaults or {})}
         self._simulation: OwnSimulation | None = None
         use_udp_transport()
+        if not rclpy.ok(context=node_options.get('context')):
+            rclpy.init(context=node_options.get('context'))
         make_log_nonblocking()
         with one_line_errors(NAME):
             super().__init__(NAME, **node_options)
@@ -208,10 +212,16 @@ class KachakaSimpleControl(Node):
         :param motion: the motion
         :param limits: what to plan it with; None for the robot's limits
         :param request: a request that ``session.request`` accepted before, in another thread
+        :raises UsageError: if it is no motion; nothing has moved
         :raises InvalidMotionError: if the robot cannot do it; nothing has moved
         :raises RobotNotFoundError: if no robot listens; nothing has moved
         :raises ControlError: if the run could not go on; the robot was stopped
         """
+        if not isinstance(motion, Motion):
+            raise UsageError(
+                f'run() drives a Motion, not {escaped(repr(motion), 60)}: make one by '
+                "Motion('name', steps), or take one of a file by find('square').motion, from "
+                'kachaka_simple_control.files.library')
         driven = self._drive(motion, limits, request or self.session.request(),
                              is_closed_loop=self.node_parameters.closed_loop)
         self.get_logger().info(

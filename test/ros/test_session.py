@@ -19,9 +19,14 @@ from types import SimpleNamespace
 
 from kachaka_simple_control.control import manual_control_lease
 from kachaka_simple_control.control.processes import is_running
-from kachaka_simple_control.errors import InvalidMotionError, MotionRefusedError, RunFaultError
+from kachaka_simple_control.errors import (
+    InvalidMotionError,
+    MotionRefusedError,
+    RunFaultError,
+    UsageError,
+)
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.motion.steps import Forward, Motion, Move
 from kachaka_simple_control.report.drive_log import DriveLog
 from optional_libraries import optional_imports
 import pytest
@@ -30,6 +35,12 @@ with optional_imports():
     from rclpy.executors import SingleThreadedExecutor
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
+
+
+@pytest.mark.parametrize('motion', ['square', [Forward(0.1)], None])
+def test_what_is_no_motion_is_refused_with_what_to_do(make, motion):
+    with pytest.raises(UsageError, match=r"drives a Motion, not .*find\('square'\).motion"):
+        make().run(motion)
 
 
 @pytest.mark.parametrize('arguments, text', [

@@ -110,6 +110,16 @@ def test_a_script_with_a_plain_init_stops_too(listener, tmp_path, name):
     assert 'Traceback' not in started.text
 
 
+def test_a_script_need_not_initialise_ros(listener, tmp_path):
+    text = BEGIN.replace('rclpy.init()\n', '') + 'node.move_robot(0.1, 0.0, 20.0)\n'
+    with script(text, tmp_path) as started:
+        listener.wait_for(lambda velocity: velocity.moves)
+        sent = started.send(signal.SIGINT)
+        assert started.end(3.5) == 130
+    assert_stopped(listener, sent)
+    assert_released(listener)
+
+
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
 def test_a_script_that_spins_ends_at_once(listener, tmp_path, name):
     """The main thread waits in C++; Python's handlers run only when something wakes it."""
