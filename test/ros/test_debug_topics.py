@@ -189,7 +189,7 @@ def test_slow_dds_of_debug_topics_delays_no_velocity(
     assert sent
     (move,) = listener.moves()
     assert move.count == 40
-    assert move.duration == pytest.approx(2.0, abs=0.05)
+    assert move.duration == pytest.approx(2.0, abs=0.2)  # half of one call
     began = time.monotonic()
     node.stop_robot()
     node.destroy_node()

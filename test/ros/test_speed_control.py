@@ -466,7 +466,7 @@ def test_the_command_drives_at_half_the_speed_for_twice_the_time(listener, tmp_p
     assert ' seconds planned, driven in ' in started.text
     cruise = max(listener.moves(), key=lambda move: move.count)
     assert cruise.linear_x == pytest.approx(0.1)
-    assert cruise.duration == pytest.approx(1.4, abs=0.05)
+    assert cruise.duration == pytest.approx(1.4, abs=0.2)
 
 
 @pytest.mark.parametrize('speed', ['0', '0%', '150%', 'x', '-50%', 'nan', '50%%', ''])

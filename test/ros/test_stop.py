@@ -181,7 +181,7 @@ def test_a_script_may_end_as_it_likes(listener, tmp_path, ending):
     with script(f'{BEGIN}node.move_robot(0.1, 0.0, 0.3)\n{ending}\n', tmp_path) as started:
         assert started.end() == ('raise' in ending)
     (move,) = listener.moves()
-    assert move.duration == pytest.approx(0.3, abs=0.05)
+    assert move.duration == pytest.approx(0.3, abs=0.15)
     end = max(velocity.time for velocity in listener.received if velocity.moves)
     assert_stopped(listener, end + 0.05)
     assert_released(listener)
@@ -199,7 +199,7 @@ threading.Thread(target=play).start()
 """
     with script(text, tmp_path) as started:
         assert started.end() == 0
-    assert [move.duration for move in listener.moves()] == pytest.approx([0.5, 0.5], abs=0.05)
+    assert [move.duration for move in listener.moves()] == pytest.approx([0.5, 0.5], abs=0.2)
     assert_released(listener)
     assert 'Traceback' not in started.text
 
