@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import contextlib
 import os
 import select
@@ -78,6 +79,10 @@ class SignalDispatcher:
         self._handlers: list[SignalHandler] = []
         self._previous: dict[int, Any] = {}
         self._first: float | None = None
+        #: whether the main thread is in a block that no signal interrupts
+        self._is_deferring = False
+        #: the signal that came meanwhile, and where
+        self._deferred: tuple[int, FrameType | None] | None = None
         self._excepthook = sys.excepthook
         #: the first signal that came; None before
         self.signum: int | None = None
@@ -98,6 +103,26 @@ class SignalDispatcher:
         """Call a handler no more."""
         with contextlib.suppress(ValueError):
             self._handlers.remove(handler)
+
+    @contextlib.contextmanager
+    def deferred(self) -> Iterator[None]:
+        """
+        Let no signal interrupt a block in the main thread; it is raised at the end of the block.
+
+        Handlers are told at once all the same.  In other threads this has no effect, for signals
+        interrupt the main thread only.
+        """
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        self._is_deferring = True
+        try:
+            yield
+        finally:
+            self._is_deferring = False
+            if (deferred := self._deferred) is not None:
+                self._deferred = None
+                self._handle(*deferred)
 
     def handle_uncaught(self) -> None:
         """
@@ -150,6 +175,9 @@ class SignalDispatcher:
 
     def _handle(self, signum: int, frame: FrameType | None) -> None:
         self._note(signum)
+        if self._is_deferring:
+            self._deferred = signum, frame
+            return
         now = time.monotonic()
         if self._first is not None and now - self._first < SIGNAL_DEBOUNCE:
             return

@@ -23,6 +23,7 @@ import time
 
 from kachaka_simple_control.control.latch import Latch, SharedFlag
 from kachaka_simple_control.control.processes import boottime
+from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import PUBLISH_TIMEOUT
 from kachaka_simple_control.errors import (
     ControlError,
@@ -175,7 +176,8 @@ class VelocityGate:
             velocity is beyond the limits; nothing was published
         """
         command = self._command(velocity)
-        with self._lock:
+        # A Ctrl+C between the message and its event would lose the event.
+        with self._lock, signal_dispatcher.deferred():
             self._require_limits(command)
             self._check(run)
             self._require_no_gap(run)
@@ -234,7 +236,7 @@ class VelocityGate:
         :param after: the run that this zero follows; None before the first
         :returns: whether it was published
         """
-        with self._lock:
+        with self._lock, signal_dispatcher.deferred():
             if self._state is not GateState.OPEN or self._run is not after:
                 return False
             self._publish(ZERO)

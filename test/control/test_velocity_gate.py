@@ -14,9 +14,11 @@
 """The velocity gate: what it sends, and what it refuses."""
 
 import contextlib
+import signal
 import threading
 
 from fake_time import FakePublisher, FakeTime
+from kachaka_simple_control.control import signals
 from kachaka_simple_control.control.latch import Latch, SharedFlag
 from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
@@ -305,3 +307,29 @@ def test_a_program_that_was_stopped_while_a_message_was_sent_is_told_at_once(lat
     run = gate.begin(0.2)
     with pytest.raises(MotionRefusedError, match='stopped permanently'):
         gate.send(run, FORWARD)
+
+
+def test_ctrl_c_while_a_velocity_leaves_loses_no_event(gate, wire, monkeypatch):
+    """As Python's handler runs in the main thread, between the message and its event."""
+    monkeypatch.setattr(signals.signal_dispatcher, '_previous', {
+        signal.SIGINT: signal.default_int_handler})
+    monkeypatch.setattr(signals.signal_dispatcher, '_first', None)
+    monkeypatch.setattr(signals.signal_dispatcher, 'signum', None)
+    logged = []
+    gate.on_sent = lambda _, velocity, plan_time: logged.append(velocity)
+    gate.open()
+    run = gate.begin(0.2)
+    transmit = wire.transmit
+
+    def interrupted(velocity):
+        transmit(velocity)
+        signals.signal_dispatcher._handle(signal.SIGINT, None)
+
+    monkeypatch.setattr(gate, '_transmit', interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        gate.send(run, FORWARD)
+    monkeypatch.setattr(signals.signal_dispatcher, '_first', None)
+    with pytest.raises(KeyboardInterrupt):
+        gate.send_zero(after=run)
+    assert logged == [FORWARD, ZERO]
+    assert not gate._lock.locked()
