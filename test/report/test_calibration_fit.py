@@ -124,7 +124,7 @@ def unknown(seed):
 def test_robots_that_the_fit_knows_nothing_of_are_found_or_refused():
     """Of second order, with a deadband, slip and a jitter of the delay."""
     refused = []
-    for seed in range(100, 120):
+    for seed in range(100, 110):
         log, true, delay = unknown(seed)
         try:
             fit = fit_calibration(log)
@@ -134,7 +134,7 @@ def test_robots_that_the_fit_knows_nothing_of_are_found_or_refused():
         assert fit.gains['forward'].value == pytest.approx(true.linear_gain, rel=0.01), seed
         assert fit.gains['left'].value == pytest.approx(true.angular_gain, rel=0.01), seed
         assert fit.delay.value == pytest.approx(delay, abs=0.04), seed
-    assert len(refused) <= 5, refused
+    assert len(refused) <= 2, refused
 
 
 IDEAL = SimulationParameters(dead_time=0.1, lag=0.05)

@@ -304,6 +304,8 @@ def test_a_robot_that_is_back_does_not_move_by_itself(tmp_path):
     with Listener() as listener, script(DRIVE, tmp_path) as started:
         listener.wait_for(lambda velocity: velocity.moves)
         listener.leave()
+        # A robot that comes back at once may be taken for the one that left, for a second.
+        started.wait_for_text('the robot left')
         with Listener() as back:
             assert started.end() == 1
             time.sleep(1.0)
