@@ -24,7 +24,7 @@ import tempfile
 import threading
 import time
 
-from kachaka_simple_control.control.latch import Latch, SharedCounter, SharedFlag
+from kachaka_simple_control.control.latch import Latch, shared_state, SharedFlag
 from kachaka_simple_control.control.timing import (
     GUARDIAN_EXIT_TIMEOUT,
     GUARDIAN_TIMEOUT,
@@ -72,8 +72,7 @@ class Guardian:
     process.
 
     :param command: the program; it gets two descriptors as its last arguments: the pipe to read,
-        and a file of memory whose first bytes are the latch, the flag ``sending`` and the count of
-        the heartbeats that it has served
+        and a file of memory that holds the ``shared_state``
     :param environment: the program's environment
     :param kept: descriptors that the program keeps open as long as it runs
     """
@@ -83,8 +82,8 @@ class Guardian:
         with tempfile.TemporaryFile() as memory:
             memory.truncate(mmap.PAGESIZE)
             shared = memoryview(mmap.mmap(memory.fileno(), mmap.PAGESIZE))
-            self.latch, self.sending = Latch(shared[:1]), SharedFlag(shared[1:2])
-            self._served, self._watch = SharedCounter(shared[2:3]), GuardianWatch()
+            self.latch, self.sending, self._served = shared_state(shared)
+            self._watch = GuardianWatch()
             messages, self._pipe = os.pipe()
             os.set_blocking(self._pipe, False)
             os.register_at_fork(after_in_child=self._close_in_child)

@@ -15,6 +15,8 @@
 
 from __future__ import annotations
 
+import struct
+
 
 class SharedByte:
     """
@@ -33,11 +35,37 @@ class SharedByte:
 
 
 class Latch(SharedByte):
-    """Blocks all motion once it is set; nothing resets it."""
+    """
+    Blocks all motion once it is set; nothing resets it.
 
-    def trip(self) -> None:
-        """Set the latch."""
+    :param memory: ``Latch.SIZE`` writable bytes, 0 at the start; None for memory of this process
+    """
+
+    #: its length in memory: a byte that is 1 if it is set, and the time of the guardian's stop
+    SIZE = 9
+
+    def __init__(self, memory: bytearray | memoryview | None = None) -> None:
+        super().__init__(bytearray(self.SIZE) if memory is None else memory)
+
+    def trip(self, stop_time: float = 0.0) -> None:
+        """
+        Set the latch.
+
+        :param stop_time: when the guardian's stop begins [s on the steady clock, above 0]; 0 for
+            a stop of the node itself
+        """
+        if stop_time:
+            # Before the byte: whoever sees that set reads a whole number here.
+            struct.pack_into('d', self._memory, 1, stop_time)
         self._memory[0] = 1
+
+    @property
+    def guardian_stop_time(self) -> float | None:
+        """Return when the guardian's stop began [s on the steady clock]; None without one."""
+        if not self.is_set:
+            return None
+        stop_time, = struct.unpack_from('d', self._memory, 1)
+        return stop_time or None
 
 
 class SharedCounter(SharedByte):
@@ -63,3 +91,16 @@ class SharedFlag(SharedByte):
     def clear(self) -> None:
         """Clear the flag."""
         self._memory[0] = 0
+
+
+def shared_state(memory: memoryview) -> tuple[Latch, SharedFlag, SharedCounter]:
+    """
+    Return what the node and its guardian share.
+
+    :param memory: the shared page
+    :returns: the latch, set before the first zero of the guardian's stop; the flag that is set
+        while the node is in DDS; the count of the heartbeats that the guardian has served
+    """
+    end = Latch.SIZE
+    return (Latch(memory[:end]), SharedFlag(memory[end:end + 1]),
+            SharedCounter(memory[end + 1:end + 2]))

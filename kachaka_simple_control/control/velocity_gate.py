@@ -107,6 +107,7 @@ class VelocityGate:
         self._command = command
         self._lock = threading.Lock()
         self._state = GateState.NOT_OPENED
+        self._has_logged_guardian = False
         self._run: Run | None = None
         #: a run that was prepared and has not begun: it waits for the robot, for example
         self._pending: Run | None = None
@@ -250,8 +251,16 @@ class VelocityGate:
             self._transmit(velocity)
         finally:
             self._sending.clear()
+        self._log_guardian_stop(now)
         self.on_sent(now, velocity, plan_time)
         return now
+
+    def _log_guardian_stop(self, now: float) -> None:
+        """Take the guardian's first zero for one of ours that was sent, in its order."""
+        stopped = self._latch.guardian_stop_time
+        if stopped is not None and not self._has_logged_guardian and stopped < now:
+            self._has_logged_guardian = True
+            self.on_sent(stopped, ZERO, None)
 
     def _check(self, run: Run) -> None:
         if run.ended_by is not None:

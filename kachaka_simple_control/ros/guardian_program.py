@@ -24,8 +24,9 @@ import os
 import select
 import signal
 import sys
+import time
 
-from kachaka_simple_control.control.latch import Latch, SharedCounter, SharedFlag
+from kachaka_simple_control.control.latch import shared_state
 from kachaka_simple_control.control.processes import boottime, is_stopped
 from kachaka_simple_control.control.signals import wakeup_pipe
 from kachaka_simple_control.control.stop import send_stop
@@ -105,8 +106,7 @@ class GuardianProgram:
     Reads the node's messages, and publishes zeros on request or when heartbeats fail.
 
     :param publisher: the publisher of zeros
-    :param shared: memory shared with the node: the latch, set before the first zero of a stop, the
-        flag that is set while the node is in DDS, and the count of the heartbeats served
+    :param shared: memory shared with the node, which holds the ``shared_state``
     :param command_timeout: how long the robot keeps a velocity [s]
     """
 
@@ -114,8 +114,7 @@ class GuardianProgram:
             self, publisher: VelocityPublisher, shared: memoryview,
             command_timeout: float) -> None:
         self._publisher = publisher
-        self._latch, self._publishing = Latch(shared[:1]), SharedFlag(shared[1:2])
-        self._served = SharedCounter(shared[2:3])
+        self._latch, self._publishing, self._served = shared_state(shared)
         self._command_timeout = command_timeout
         self._node_pid = os.getppid()
         self._watchdog = Watchdog()
@@ -166,7 +165,7 @@ class GuardianProgram:
             self._stop(reason)
 
     def _stop(self, reason: str) -> None:
-        self._latch.trip()
+        self._latch.trip(time.monotonic())
         _report(f'stopped {reason}')
         send_stop(self._send_zero, self._command_timeout)
 

@@ -333,3 +333,25 @@ def test_ctrl_c_while_a_velocity_leaves_loses_no_event(gate, wire, monkeypatch):
         gate.send_zero(after=run)
     assert logged == [FORWARD, ZERO]
     assert not gate._lock.locked()
+
+
+def test_a_stop_of_the_guardian_is_logged_before_the_zeros_after_it(time, gate, latch):
+    logged = []
+    gate.on_sent = lambda when, velocity, plan_time: logged.append((when, velocity))
+    gate.open()
+    run = gate.begin(1.0)
+    time.now = 5.0
+    gate.send(run, FORWARD)
+    latch.trip(5.1)
+    time.now = 7.0
+    with pytest.raises(MotionRefusedError):
+        gate.send(run, FORWARD)
+    gate.send_zero(after=run)
+    gate.send_zero(after=run)
+    assert logged == [(5.0, FORWARD), (5.1, ZERO), (7.0, ZERO), (7.0, ZERO)]
+
+
+def test_a_stop_of_the_node_itself_is_no_stop_of_the_guardian(latch):
+    assert latch.guardian_stop_time is None
+    latch.trip()
+    assert latch.guardian_stop_time is None
