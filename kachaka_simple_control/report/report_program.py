@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import contextlib
 import gc
+import os
 from pathlib import Path
 import pickle
 from queue import Empty, SimpleQueue
@@ -194,7 +195,9 @@ def main() -> int:
     make_nonblocking(STDERR)
     lower_priority()
     ignore_signals()
-    directory = Path(sys.argv[1])
+    # Files are written relative to the folder that was checked, whatever takes its name meanwhile.
+    name, directory = sys.argv[1], Path()
+    os.chdir(name)
     event_bus, recorder = EventBus(), McapRecorder(directory)
     event_bus.subscribe(recorder.on_event)
     # What the report needs waits there for the end of the drive: a log in memory would grow.
@@ -205,7 +208,7 @@ def main() -> int:
         for text in filter(None, (recording, *map(repr, event_bus.failures))):
             print_line(text)
         failure = try_write_report(_log_of(cast('BinaryIO', events)), directory, recording)
-    print_line(failure or str(directory / PAGE))
+    print_line(failure or str(Path(name) / PAGE))
     texts = [text for text in (recording, failure)
              if text is not None and not text.endswith((NEEDS_JINJA2, NEEDS_MCAP))]
     return int(bool(texts or event_bus.failures))

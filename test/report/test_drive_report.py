@@ -146,6 +146,32 @@ def test_a_program_that_is_killed_leaves_all_that_it_sent(listener, tmp_path, na
         listener.wait_for(lambda heard: not heard.moves, after=last)
 
 
+def test_the_guardians_stop_is_part_of_what_was_sent(listener, tmp_path):
+    """From its first zero on the robot stands; the node's own come when it wakes up."""
+    with program(command(tmp_path, 8.0), tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        started.send(signal.SIGSTOP)
+        time.sleep(1.5)
+        started.send(signal.SIGCONT)
+        assert started.end(5.0) == 1
+    sent = recorded(tmp_path)
+    last = max(place for place, velocity in enumerate(sent) if is_motion(velocity))
+    assert sent[last + 1][0] - sent[last][0] < 1e9
+    assert sent[last + 2][0] - sent[last + 1][0] > 0.3e9
+
+
+def test_a_folder_that_is_replaced_by_a_link_gets_the_report(listener, tmp_path):
+    with program(command(tmp_path, 1.0), tmp_path) as started:
+        listener.wait_for(lambda heard: heard.moves)
+        (tmp_path / 'report').rename(tmp_path / 'first')
+        (tmp_path / 'other').mkdir()
+        (tmp_path / 'report').symlink_to('other')
+        assert started.end() == 0
+    assert not [*(tmp_path / 'other').iterdir()]
+    assert {'report.html', 'run.json', 'run.mcap', 'metadata.yaml'} <= {
+        file.name for file in (tmp_path / 'first').iterdir()}
+
+
 def test_a_simulated_drive_is_recorded_with_its_odometry(tmp_path):
     pytest.importorskip('nav_msgs', reason='needs odometry')
     with program(command(tmp_path, 0.5, '--sim'), tmp_path) as started:
