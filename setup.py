@@ -40,13 +40,16 @@ setup(
     # Motions and robots are files, those of the package as well.
     install_requires=['setuptools', 'PyYAML>=5.4', 'jsonschema>=3.2'],
     extras_require={
-        # ROS 2 from PyPI where none is installed: on Linux with glibc on x86-64.
+        # ROS 2 from PyPI where none is installed, on Linux with glibc on x86-64, and all that the
+        # commands draw and show with.
         'jazzy': [
             'ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-diagnostic-msgs', 'ros-jazzy-geometry-msgs',
-            'ros-jazzy-nav-msgs', 'ros-jazzy-std-srvs'],
+            'ros-jazzy-nav-msgs', 'ros-jazzy-std-srvs',
+            'kachaka_simple_control[plot,report,live,recording,completion]'],
         'kilted': [
             'ros-kilted-rclpy[fastrtps]', 'ros-kilted-diagnostic-msgs',
-            'ros-kilted-geometry-msgs', 'ros-kilted-nav-msgs', 'ros-kilted-std-srvs'],
+            'ros-kilted-geometry-msgs', 'ros-kilted-nav-msgs', 'ros-kilted-std-srvs',
+            'kachaka_simple_control[plot,report,live,recording,completion]'],
         'plot': ['matplotlib>=3.5'],
         # The page of a report, with its pictures; without it, the figures and the recording.
         'report': ['Jinja2>=3.0', 'matplotlib>=3.5'],
