@@ -36,6 +36,10 @@ class MotionRefusedError(ControlError):
     """No motion is allowed now: a stop, another motion, or a call in a callback forbids it."""
 
 
+class MotionRunningError(MotionRefusedError):
+    """Another thread of this program drives the robot; that motion goes on."""
+
+
 class RobotMovedError(MotionRefusedError):
     """A pause is not ended: somebody moved the robot meanwhile."""
 

@@ -33,7 +33,12 @@ from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import MAX_LATENESS
-from kachaka_simple_control.errors import InvalidMotionError, MotionRefusedError, UsageError
+from kachaka_simple_control.errors import (
+    InvalidMotionError,
+    MotionRefusedError,
+    MotionRunningError,
+    UsageError,
+)
 from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
@@ -424,6 +429,8 @@ class _SignalHandler:
 
     def uncaught(self, error: BaseException) -> None:
         """Stop: an exception ends the main thread, and other threads may still drive."""
+        if isinstance(error, MotionRunningError):
+            return
         if isinstance(error, KeyboardInterrupt):
             self._node.get_logger().info('Program was interrupted')
         self._node.session.stop_permanently(

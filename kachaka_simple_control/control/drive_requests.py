@@ -21,7 +21,7 @@ import threading
 import time
 
 from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
-from kachaka_simple_control.errors import ControlError, MotionRefusedError
+from kachaka_simple_control.errors import ControlError, MotionRunningError
 
 
 @dataclass
@@ -75,7 +75,7 @@ class DriveRequests:
             movement and this one
         """
         if not self._busy.acquire(blocking=False):
-            raise MotionRefusedError('a motion is running already; wait for its end, or stop it')
+            raise MotionRunningError('a motion is running already; wait for its end, or stop it')
         request = DriveRequest(self._gate.prepare())
         previous, self._newest = self._newest, request
         # In this order: a stop that comes now finds either the run that was just prepared, or the

@@ -129,8 +129,11 @@ class SignalDispatcher:
         End a program that an error of this package ends by one line, and with its exit code.
 
         The line names the line of the program, not of this package.  With the environment
-        variable ``KACHAKA_SIMPLE_CONTROL_TRACEBACK`` the traceback is printed as well.
+        variable ``KACHAKA_SIMPLE_CONTROL_TRACEBACK`` the traceback is printed as well.  An error
+        that ends another thread is one line, too, and ends nothing else.
         """
+        if threading.excepthook is threading.__excepthook__:
+            threading.excepthook = _except_in_thread
         if sys.excepthook != self._except:
             self._excepthook, sys.excepthook = sys.excepthook, self._except
 
@@ -213,10 +216,22 @@ class SignalDispatcher:
             if os.environ.get(TRACEBACK_VARIABLE):
                 hook(kind, error, traceback)
             else:
-                print(f'{_place(traceback)}{escaped_lines(error)}', file=sys.stderr)
+                _print(error, traceback)
             raise SystemExit(code_of(error))
         finally:
             self._excepthook = hook
+
+
+def _print(error: BaseException, traceback: TracebackType | None) -> None:
+    print(f'{_place(traceback)}{escaped_lines(error)}', file=sys.stderr)
+
+
+def _except_in_thread(arguments: threading.ExceptHookArgs) -> None:
+    error = arguments.exc_value
+    if isinstance(error, ControlError) and not os.environ.get(TRACEBACK_VARIABLE):
+        _print(error, arguments.exc_traceback)
+    else:
+        threading.__excepthook__(arguments)
 
 
 def _place(traceback: TracebackType | None) -> str:

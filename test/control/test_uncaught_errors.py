@@ -82,6 +82,20 @@ def test_a_variable_shows_the_traceback(tmp_path):
     assert text.endswith('UsageError: no\n')
 
 
+def test_an_error_that_ends_a_thread_is_one_line_too(tmp_path):
+    thread = """
+import threading
+def refused():
+    raise errors.MotionRunningError('no')
+threading.Thread(target=refused).start()
+"""
+    assert run(thread, tmp_path) == (0, 'script.py:8: no\n')
+    code, text = run(thread, tmp_path, **{TRACEBACK_VARIABLE: '1'})
+    assert (code, text.count('Traceback')) == (0, 1)
+    assert run(thread.replace('errors.MotionRunningError', 'ValueError'), tmp_path)[1].count(
+        'Traceback') == 1
+
+
 def test_other_errors_and_other_hooks_are_left_alone(tmp_path):
     code, text = run('raise ValueError("no")', tmp_path)
     assert (code, text.startswith('Traceback')) == (1, True)

@@ -187,6 +187,30 @@ def test_a_script_may_end_as_it_likes(listener, tmp_path, ending):
     assert_released(listener)
 
 
+def test_a_movement_that_is_refused_does_not_end_the_one_that_runs(listener, tmp_path):
+    """In another thread, and in the main thread, which ends by it."""
+    text = BEGIN + """
+import threading, time
+def play():
+    node.move_robot(0.1, 0.0, 1.0)
+def refused():
+    node.move_robot(0.2, 0.0, 0.2)
+threading.Thread(target=play).start()
+while node.session.gate.run is None:
+    time.sleep(0.05)
+other = threading.Thread(target=refused)
+other.start()
+other.join()
+refused()
+"""
+    with script(text, tmp_path) as started:
+        assert started.end() == 1
+    (move,) = listener.moves()
+    assert (move.linear_x, move.duration) == (0.1, pytest.approx(1.0, abs=0.2))
+    assert started.text.count('a motion is running already') == 2
+    assert 'Traceback' not in started.text
+
+
 def test_a_thread_drives_on_when_the_main_thread_has_ended(listener, tmp_path):
     """Python waits for it, and from 3.12 on starts no other thread meanwhile."""
     text = BEGIN + """
