@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import gc
+from typing import ClassVar
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import RobotProfile
@@ -62,12 +63,22 @@ class OwnSimulation:
 
     :param profile: the robot that the node drives
     :param namespace: the ROS namespace of the robot
-    :raises UsageError: if the node does not drive a Kachaka
+    :raises UsageError: if the node does not drive a Kachaka, or an earlier node of this program
+        has such a robot still
     """
+
+    #: the namespaces of the robots that run
+    _running: ClassVar[set[str]] = set()
 
     def __init__(self, profile: RobotProfile, namespace: str) -> None:
         if not profile.is_kachaka:
             raise UsageError(f'sim=True starts a simulated kachaka, not a {profile.name}')
+        if namespace in self._running:
+            raise UsageError(
+                f'an earlier node of this program has the simulated robot /{namespace}: call its '
+                'destroy_node() first, or choose another robot_namespace')
+        self._running.add(namespace)
+        self._namespace = namespace
         self._bridge: BridgeProcess | None = BridgeProcess(['--sim', '--namespace', namespace])
         #: returns its DDS participant, for ``Session.require_robot``
         self.require_participant = self._bridge.require_participant
@@ -84,5 +95,6 @@ class OwnSimulation:
         if bridge is None:
             return
         bridge.end()
+        self._running.discard(self._namespace)
         if drive_log.steps:
             print(drive_table(drive_log, stop_confirmed_after, terminal_columns()), flush=True)

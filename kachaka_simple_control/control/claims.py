@@ -49,7 +49,16 @@ RELEASED, WANTED, HELD = 'nothing', 'wanted', 'held'
 
 
 class ClaimedError(Exception):
-    """Another program holds the claim; the message says which, and since when."""
+    """
+    The claim is held; the message says by which program, and since when.
+
+    :param holder: the message
+    :param is_own: whether something in this process holds it
+    """
+
+    def __init__(self, holder: str, is_own: bool) -> None:
+        super().__init__(holder)
+        self.is_own = is_own
 
 
 class MachineClaim:
@@ -86,9 +95,9 @@ class MachineClaim:
         end = time.monotonic() + GUARDIAN_LEAVE_TIMEOUT
         address = _address(name)
         while not self._bind(address):
-            holder, is_running = _holder(address)
-            if is_running or time.monotonic() > end:
-                raise ClaimedError(holder)
+            holder, process, is_answering = _holder(address)
+            if is_answering or process == 0 or is_running(process) or time.monotonic() > end:
+                raise ClaimedError(holder, process == os.getpid())
             time.sleep(CLAIM_RETRY_PERIOD)
         self._is_held = True
         threading.Thread(
@@ -118,22 +127,26 @@ def _address(name: str) -> bytes:
     return f'\0kachaka_simple_control/claim/{digest[:32]}'.encode()
 
 
-def _holder(address: bytes) -> tuple[str, bool]:
-    """Return a description of who holds a claim, and whether that program is still running."""
+def _holder(address: bytes) -> tuple[str, int, bool]:
+    """
+    Return a description of who holds a claim, its process, and whether it answers.
+
+    The process is 0 if it is in a container with its own process numbers, and -1 if it does not
+    listen yet, or has just left.
+    """
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(CLAIM_ANSWER_TIMEOUT)
         try:
             client.connect(address)
         except OSError:
-            # It does not listen yet, or has just left.
-            return 'a program that does not answer', False
+            return 'a program that does not answer', -1, False
         process, _, _ = CREDENTIALS.unpack(
             client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size))
         with contextlib.suppress(OSError):
             if description := client.recv(MAX_DESCRIPTION_BYTES):
-                return description.decode(errors='replace'), True
-    # Frozen; or ended, and its guardian is not; or in a container with its own process numbers.
-    return f'process {process}, which does not answer', process == 0 or is_running(process)
+                return description.decode(errors='replace'), process, True
+    # Frozen; or ended, and its guardian is not.
+    return f'process {process}, which does not answer', process, False
 
 
 def _serve(server: socket.socket, who: str) -> None:

@@ -102,8 +102,10 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
         node = make_node()
     except ImportError as error:
         raise ExitError(FAULTED, f'ROS 2 is missing here ({error})') from None
-    except (UnreachableError, RobotTakenError) as error:
+    except UnreachableError as error:
         raise ExitError(NO_ROBOT, error) from None
+    except RobotTakenError as error:
+        raise ExitError(NO_ROBOT, f'{error}; {_advice(options)}') from None
     except (RuntimeError, UnicodeError) as error:
         raise ExitError(BAD_USAGE, error) from None
     try:
@@ -114,6 +116,14 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
         rclpy.try_shutdown()
     if fault.text:
         raise ExitError(FAULTED, fault.text)
+
+
+def _advice(options: argparse.Namespace) -> str:
+    """Return what to do if another bridge shows a robot."""
+    if not options.with_parent:
+        return 'stop it, or choose another --namespace'
+    mine = '--address' if options.address else '--sim (in a script, sim=True)'
+    return f'to drive that one, leave out {mine}; or stop it'
 
 
 def _simulated_bridge(

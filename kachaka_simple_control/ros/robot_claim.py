@@ -51,7 +51,7 @@ from std_msgs.msg import String
 TAKEN = {
     'driver': '{who} drives the robot on {topic}, so nothing was sent; wait until it ends, or '
               'stop it',
-    'bridge': '{who} shows a robot on {topic}; stop it, or choose another --namespace',
+    'bridge': '{who} shows a robot on {topic}',
 }
 
 
@@ -76,6 +76,8 @@ class RobotClaim:
         self._name = f'{role} {node.context.get_domain_id()} {topic}'
         self._node_name = node.get_fully_qualified_name()
         self._taken_text = TAKEN[role].format(topic=topic, who='{who}')
+        self._own_text = (f'an earlier node of this program has the robot on {topic}: call its '
+                          'destroy_node() first')
         self._network = None if is_localhost_only() else _NetworkClaim(
             node, _claim_topic(topic, role), on_conflict)
 
@@ -97,6 +99,8 @@ class RobotClaim:
         try:
             self._machine.take(self._name, f'{who}, {since}')
         except ClaimedError as error:
+            if error.is_own:
+                raise RobotTakenError(self._own_text) from None
             raise self._taken(str(error)) from None
         if self._network is not None:
             blocker = self._network.take(f'{who} on {socket.gethostname()}, {since}', check)

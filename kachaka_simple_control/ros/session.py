@@ -148,6 +148,9 @@ class Session:
         :raises ControlError: if another drive is under way, nothing may move any more, or this is
             a thread that must not drive
         """
+        if self._stopped_by is not None:
+            raise type(self._stopped_by)(
+                f'{self._stopped_by}: only a new node moves the robot again') from None
         self._require_not_stopped()
         if not elsewhere and self._executor.is_executor_thread():
             raise MotionRefusedError(

@@ -181,3 +181,16 @@ def test_other_names_are_other_claims(name):
     claim.take(name, 'one')
     take_and_release(name + '/other')
     claim.release()
+
+
+def test_who_holds_the_claim_may_be_in_this_process():
+    first, second = MachineClaim(), MachineClaim()
+    name = f'own {os.getpid()}'
+    first.take(name, 'first')
+    try:
+        with pytest.raises(ClaimedError, match='first') as caught:
+            second.take(name, 'second')
+        assert caught.value.is_own
+    finally:
+        first.release()
+        second.release()
