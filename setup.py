@@ -68,10 +68,10 @@ setup(
     entry_points={
         'console_scripts': [
             'kachaka_simple_control = kachaka_simple_control.__main__:main',
-            'kachaka_calibrate = kachaka_simple_control.calibrate_command:main',
-            'kachaka_compare = kachaka_simple_control.compare_command:main',
-            'kachaka_bridge = kachaka_simple_control.kachaka.bridge_command:main',
-            'kachaka_sim = kachaka_simple_control.kachaka.sim_command:main',
+            'kachaka_calibrate = kachaka_simple_control.entry_points:calibrate',
+            'kachaka_compare = kachaka_simple_control.entry_points:compare',
+            'kachaka_bridge = kachaka_simple_control.entry_points:bridge',
+            'kachaka_sim = kachaka_simple_control.entry_points:simulate',
         ],
     },
 )

@@ -11,64 +11,18 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The ``kachaka_simple_control`` command."""
+"""The entry point of ``kachaka_simple_control``, the one command that a shell can complete."""
 
 # PYTHON_ARGCOMPLETE_OK: a shell that completes all commands may ask this one.
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 import sys
-from typing import TYPE_CHECKING
 
-from kachaka_simple_control.cli import Options, parse
-from kachaka_simple_control.confirmation import confirm
-from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.run_command import run_command
-
-if TYPE_CHECKING:
-    from kachaka_simple_control.report.drive_log import DriveLog
+from kachaka_simple_control.entry_points import run
 
 
-def drive(options: Options) -> DriveLog:
-    """
-    Drive, and return the log of the drive; it is empty unless the options ask for one.
-
-    :raises UsageError: if there is no ROS
-    :raises ControlError: if the drive could not be completed; the robot was stopped
-    """
-    try:
-        # Imported here: previews need no ROS, and by now Ctrl+C is handled.
-        from kachaka_simple_control.drive_command import drive as drive_by_ros
-    except ModuleNotFoundError as error:
-        raise UsageError(
-            f'to drive a robot needs ROS 2, and its {error.name} is not here: source it first, '
-            'as in `source /opt/ros/jazzy/setup.bash`, or use the environment that `make setup` '
-            'makes') from None
-    return drive_by_ros(options)
-
-
-def _run(options: Options) -> None:
-    if options.is_preview:
-        from kachaka_simple_control.preview_command import preview
-        preview(options)
-        return
-    if options.address is not None and not options.yes:
-        from kachaka_simple_control.preview_command import plan_view
-        view = plan_view(options.motions[0] if options.motions else 'lesson', options)
-        confirm(view.floor_size)
-    drive(options)
-
-
-def main(args: Sequence[str] | None = None) -> int:
-    """
-    Run the command.
-
-    :param args: arguments without the program's name; None for those of the process
-    :returns: the exit code
-    """
-    options = parse(args)
-    return run_command(lambda: _run(options))
+def main() -> int:
+    """Run the command; return its exit code."""
+    return run('motion_command')
 
 
 if __name__ == '__main__':

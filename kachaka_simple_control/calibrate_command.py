@@ -21,7 +21,6 @@ from functools import partial
 import math
 import sys
 
-from kachaka_simple_control.__main__ import drive
 from kachaka_simple_control.calibrate_options import (
     ask,
     CalibrateOptions,
@@ -38,6 +37,7 @@ from kachaka_simple_control.calibrate_options import (
 from kachaka_simple_control.cli import Options
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.motion_command import drive
 from kachaka_simple_control.preview_command import plan_view
 from kachaka_simple_control.report.calibration_fit import CalibrationFit, fit_calibration, MOTION
 from kachaka_simple_control.report.calibration_plot import save_calibration_plot

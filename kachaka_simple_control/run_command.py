@@ -16,9 +16,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import contextlib
 import sys
 import traceback
 
+from kachaka_simple_control.control.interrupts import raise_on_interrupt
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
@@ -38,6 +40,7 @@ def run_command(body: Callable[[], None], name: str = NAME) -> int:
     """
     code = DONE
     try:
+        raise_on_interrupt()
         body()
     except KeyboardInterrupt:
         code = SIGNALLED + 2
@@ -47,9 +50,10 @@ def run_command(body: Callable[[], None], name: str = NAME) -> int:
         if signal_dispatcher.signum is None or not _is_expected(error):
             first = error.__context__
             # What is wrong with the stop must not hide why there was one.
-            if isinstance(first, ControlError) and not error.__suppress_context__:
-                print(_message(first, name), file=sys.stderr)
-            print(_message(error, name), file=sys.stderr)
+            with contextlib.suppress(OSError):  # a full disk
+                if isinstance(first, ControlError) and not error.__suppress_context__:
+                    print(_message(first, name), file=sys.stderr)
+                print(_message(error, name), file=sys.stderr)
     return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
 
 

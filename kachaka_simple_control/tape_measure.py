@@ -23,7 +23,6 @@ from pathlib import Path
 import sys
 import tempfile
 
-from kachaka_simple_control.__main__ import drive
 from kachaka_simple_control.calibrate_options import (
     ask,
     CalibrateOptions,
@@ -41,6 +40,7 @@ from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK, RobotProfi
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.units import ANGLE, LENGTH, Quantity, SIZE, UnitError
+from kachaka_simple_control.motion_command import drive
 from kachaka_simple_control.preview_command import plan_view
 from kachaka_simple_control.report.odometry_fit import (
     fit_floor,

@@ -262,7 +262,7 @@ def noted(self, *args, **kwargs):
         print('served by', threading.current_thread().name, flush=True)
     return wait(self, *args, **kwargs)
 Executor.wait_for_ready_callbacks = noted
-from kachaka_simple_control.__main__ import main
+from kachaka_simple_control.motion_command import main
 exit(main(['straight', '--wait']))
 """
     with script(text, tmp_path) as started:

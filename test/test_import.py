@@ -58,7 +58,7 @@ def test_every_public_name_is_there():
 
 def test_without_ros_the_command_says_what_is_missing():
     text = BLOCK.format(blocked=ROS) + """
-from kachaka_simple_control.__main__ import main
+from kachaka_simple_control.motion_command import main
 sys.exit(main([]))
 """
     ended = subprocess.run(

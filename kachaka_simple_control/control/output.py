@@ -39,6 +39,18 @@ STREAMS = {STDOUT: 'stdout', STDERR: 'stderr'}
 FLUSH_TIMEOUT = 1.0
 
 
+def open_closed_streams() -> None:
+    """
+    Open ``/dev/null`` where a standard stream is closed.
+
+    A file or a socket that is opened later would get its number, and be written to.
+    """
+    for name, mode in ('stdin', 'r'), ('stdout', 'w'), ('stderr', 'w'):
+        if getattr(sys, name) is None:
+            # It gets the lowest number that is free: that of the stream.
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
+
+
 def make_nonblocking(*descriptors: int) -> None:
     """
     Make outputs non-blocking for this process, and Python's streams drop what finds no room.
@@ -49,6 +61,7 @@ def make_nonblocking(*descriptors: int) -> None:
 
     :param descriptors: 1, 2 or both
     """
+    open_closed_streams()
     for descriptor in filter(_may_block, descriptors):
         _set_nonblocking(descriptor)
     # Standard error may share the flag with standard output, and either may have been inherited.
@@ -237,7 +250,8 @@ def print_only_on_success() -> Iterator[None]:
         try:
             yield
             printed.seek(0)
-            os.write(terminal, printed.read())
+            with contextlib.suppress(OSError):  # a full disk
+                os.write(terminal, printed.read())
         finally:
             os.dup2(terminal, STDERR)
             os.close(terminal)

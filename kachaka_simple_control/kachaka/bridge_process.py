@@ -203,5 +203,6 @@ class BridgeProcess:
             if READY in line:
                 self._ready.set()
             if not line.startswith(ERROR_PREFIX):  # the text of ``failure``
-                sys.stderr.write(line)
-                sys.stderr.flush()
+                with contextlib.suppress(OSError):  # a full disk
+                    sys.stderr.write(line)
+                    sys.stderr.flush()

@@ -1,0 +1,45 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Ctrl+C before anything has begun: it ends the process at once, and nothing is printed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from types import FrameType
+
+from kachaka_simple_control.exit_codes import SIGNALLED
+
+
+def _exit(signum: int, _frame: FrameType | None) -> None:
+    os._exit(SIGNALLED + signum)
+
+
+def exit_on_interrupt() -> None:
+    """
+    Let Ctrl+C end the process from now on, until ``raise_on_interrupt``.
+
+    For the time in which modules are imported: an interrupted import prints a traceback, or raises
+    another error.  Without effect if SIGINT is ignored or handled already, or in another thread.
+    """
+    if (threading.current_thread() is threading.main_thread()
+            and signal.getsignal(signal.SIGINT) is signal.default_int_handler):
+        signal.signal(signal.SIGINT, _exit)
+
+
+def raise_on_interrupt() -> None:
+    """Let Ctrl+C raise KeyboardInterrupt again, if ``exit_on_interrupt`` has changed that."""
+    if signal.getsignal(signal.SIGINT) is _exit:
+        signal.signal(signal.SIGINT, signal.default_int_handler)

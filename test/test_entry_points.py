@@ -1,0 +1,69 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""How a command begins: silent at Ctrl+C, and with streams that may be closed."""
+
+import subprocess
+import sys
+
+from program import COMMAND, environment, quick_drive
+import pytest
+
+#: Presses Ctrl+C when a module is imported.
+INTERRUPTED = """
+import os, signal, sys
+from kachaka_simple_control.entry_points import run
+class Finder:
+    def find_spec(self, name, *_):
+        if name == 'kachaka_simple_control.IMPORTED':
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Finder())
+sys.exit(run('COMMAND'))
+"""
+
+
+def run(command, **options):
+    """Run a command to its end."""
+    return subprocess.run(
+        command, env=environment(), stdin=subprocess.DEVNULL, text=True, check=False, timeout=60,
+        **options)
+
+
+@pytest.mark.parametrize('command, imported, arguments', [
+    ('motion_command', 'cli', []),
+    ('motion_command', 'drive_command', ['square']),
+    ('calibrate_command', 'tape_measure', []),
+    ('compare_command', 'report.comparison', []),
+    ('kachaka.sim_command', 'kachaka.program', []),
+])
+def test_ctrl_c_while_modules_are_imported_is_silent(command, imported, arguments):
+    text = INTERRUPTED.replace('COMMAND', command).replace('IMPORTED', imported)
+    ended = run([sys.executable, '-c', text, *arguments], capture_output=True)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, '', '')
+
+
+@pytest.mark.parametrize('redirection', ['<&-', '2>&-', '2>/dev/full', '<&- >&- 2>&-'])
+def test_a_stream_that_is_closed_or_full_is_no_error(redirection):
+    ended = run(['sh', '-c', f'exec "$@" {redirection}', 'sh', *COMMAND, 'square', '--plan'],
+                stdout=subprocess.DEVNULL)
+    assert ended.returncode == 0
+
+
+@pytest.mark.ros
+@pytest.mark.needs('rclpy', 'yaml', 'jsonschema')
+@pytest.mark.parametrize('redirection', ['2>&-', '2>/dev/full', '<&- >&- 2>&-'])
+def test_a_drive_needs_no_standard_stream(redirection, listener, tmp_path):
+    ended = run(['sh', '-c', f'exec "$@" {redirection}', 'sh', *quick_drive(tmp_path)],
+                stdout=subprocess.DEVNULL)
+    assert ended.returncode == 0
+    assert any(velocity.moves for velocity in listener.received)
