@@ -136,7 +136,7 @@ node.move_robot(0.1, 0.0, 20.0)
 
 
 SLOW_GRAPH = """
-import ctypes, threading
+import ctypes, threading, time
 wait = ctypes.PyDLL(None).usleep  # as rclpy asks the graph: no other thread of Python runs
 def slow(ask, seconds):
     def asked(*args):
@@ -164,9 +164,12 @@ def test_a_graph_query_that_never_returns_is_detected(listener, tmp_path):
     text = BEGIN + SLOW_GRAPH + """
 ask = node.session._discovery.check_exclusive
 def hang():
+    while node.session.gate.run is None:
+        time.sleep(0.05)
+    time.sleep(0.5)
     node.session._discovery.check_exclusive = slow(ask, 3.0)
     print('hangs', flush=True)
-threading.Timer(2.5, hang).start()
+threading.Thread(target=hang, daemon=True).start()
 node.move_robot(0.1, 0.0, 20.0)
 """
     with script(text, tmp_path) as started:
