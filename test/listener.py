@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 import inspect
-import threading
 import time
 from typing import Any
 
@@ -28,6 +27,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
+from spinning import SpinThread
 from std_srvs.srv import SetBool, Trigger
 from waiting import poll
 
@@ -111,19 +111,18 @@ class Listener:
             Twist, 'manual_control/cmd_vel', self._on_velocity, quality)
         if serves:
             self._node.create_service(SetBool, 'manual_control/set_enabled', self._answer)
-        self._executor = InfoExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin, daemon=True)
+        executor = InfoExecutor(context=self._context)
+        executor.add_node(self._node)
+        self._spinning = SpinThread(executor)
 
     def __enter__(self) -> Listener:
         """Spin."""
-        self._thread.start()
+        self._spinning.start()
         return self
 
     def __exit__(self, *error: object) -> None:
         """Destroy the node."""
-        self._executor.shutdown(timeout_sec=0.0)
-        self._thread.join(5.0)
+        self._spinning.close()
         self._node.destroy_node()
         self._context.try_shutdown()
 
@@ -198,9 +197,6 @@ class Listener:
         response.success, response.message = self._grants, '' if self._grants else self._reason
         self.answered.append((time.time(), request.data))
         return response
-
-    def _spin(self) -> None:
-        self._executor.spin()
 
 
 def same(one: SentVelocity, two: SentVelocity) -> bool:

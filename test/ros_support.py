@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 import sys
-import threading
 import time
 
 from program import Program
@@ -51,27 +50,21 @@ class Probe:
         from geometry_msgs.msg import Twist
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
+        from spinning import SpinThread
         from std_srvs.srv import SetBool
         self._twist, self._set_bool = Twist, SetBool
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         self.node = rclpy.create_node('probe', context=self.context)
-        self._executor = SingleThreadedExecutor(context=self.context)
-        self._executor.add_node(self.node)
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._spin)
-        self._thread.start()
-
-    def _spin(self):
-        while not self._over.is_set():
-            self._executor.spin_once(timeout_sec=0.05)
+        executor = SingleThreadedExecutor(context=self.context)
+        executor.add_node(self.node)
+        self._spinning = SpinThread(executor)
+        self._spinning.start()
 
     def close(self):
         """Destroy the node."""
         import rclpy
-        self._over.set()
-        self._thread.join()
-        self._executor.shutdown()
+        self._spinning.close()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 

@@ -15,8 +15,6 @@
 
 from __future__ import annotations
 
-import threading
-
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry, Path
@@ -24,6 +22,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from spinning import SpinThread
 from waiting import poll, TIMEOUT, wait_until
 
 NODE = '/kachaka_simple_control'
@@ -40,19 +39,18 @@ class TopicObserver:
         self._context = Context()
         self._context.init(args=[])
         self.node = Node('observer', context=self._context, start_parameter_services=False)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
+        executor = SingleThreadedExecutor(context=self._context)
+        executor.add_node(self.node)
+        self._spinning = SpinThread(executor)
 
     def __enter__(self):
         """Spin."""
-        self._thread.start()
+        self._spinning.start()
         return self
 
     def __exit__(self, *error):
         """Destroy the node."""
-        self._executor.shutdown(timeout_sec=0.0)
-        self._thread.join(5.0)
+        self._spinning.close()
         self.node.destroy_node()
         self._context.try_shutdown()
 
