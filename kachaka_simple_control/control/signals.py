@@ -271,7 +271,13 @@ class ShutdownEvent:
             kind: type[BaseException] | None,
             error: BaseException | None,
             traceback: TracebackType | None) -> None:
-        """Keep the handlers, so that a second signal does not cut the shutdown short."""
+        """
+        Ignore further signals, so that none of them cuts the shutdown short.
+
+        Python takes its handlers back while it ends; what it ignores stays ignored.
+        """
+        for signum in ENDING_SIGNALS:
+            signal.signal(signum, signal.SIG_IGN)
 
     def end(self) -> None:
         """Make ``wait`` return; from any thread."""
