@@ -40,12 +40,22 @@ class MotionRunningError(MotionRefusedError):
     """Another thread of this program drives the robot; that motion goes on."""
 
 
+class MotionStoppedError(MotionRefusedError):
+    """A motion was ended by a call that stops the robot: as somebody wanted."""
+
+
 class RobotMovedError(MotionRefusedError):
     """A pause is not ended: somebody moved the robot meanwhile."""
 
 
 class RunFaultError(ControlError):
     """A run could not go on as planned; the robot was stopped."""
+
+
+#: Why a program is held up, and what to do; every message that says so ends with it.
+HELD_UP_ADVICE = (
+    'its machine was busy or suspended, or it was stopped by Ctrl+Z. End what keeps the machine '
+    'busy, and drive again')
 
 
 class PauseTimeoutError(RunFaultError):

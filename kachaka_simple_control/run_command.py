@@ -70,4 +70,4 @@ def _message(error: Exception, name: str) -> str:
     frame = traceback.extract_tb(error.__traceback__)[-1]
     text = escaped(error, MAX_LINE_LENGTH)
     return (f'{name}: unexpected {type(error).__name__}: {text} '
-            f'({frame.filename}:{frame.lineno}); the robot was stopped')
+            f'({frame.filename}:{frame.lineno}); a robot that moved was stopped')

@@ -27,6 +27,7 @@ from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import PUBLISH_TIMEOUT
 from kachaka_simple_control.errors import (
     ControlError,
+    HELD_UP_ADVICE,
     InvalidMotionError,
     MotionRefusedError,
     RunFaultError,
@@ -296,4 +297,4 @@ class VelocityGate:
         if gap > allowed:
             raise RunFaultError(
                 f'nothing was sent for {gap * 1e3:.0f} ms, more than the {allowed * 1e3:.0f} '
-                'ms allowed: the program was held up, so the motion was given up')
+                f'ms allowed: the program was held up, {HELD_UP_ADVICE}')

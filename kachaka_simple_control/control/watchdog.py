@@ -58,7 +58,9 @@ class Watchdog:
     """
 
     def __init__(self, heartbeat_timeout: float = HEARTBEAT_TIMEOUT) -> None:
-        self._heartbeat_timeout = self._allowed = heartbeat_timeout
+        self._heartbeat_timeout = heartbeat_timeout
+        #: how long the node may be silent, from its newest message on [s]
+        self.allowed = heartbeat_timeout
         self._silent = 0.0
         self._publishing = 0.0
         #: when the time without a message was last added up [s]; None if no message is due
@@ -78,7 +80,7 @@ class Watchdog:
                 message == GuardianMessage.STOPPING and self._must_stop):
             self._counted, self._silent, self._publishing = now, 0.0, 0.0
             is_heartbeat = message == GuardianMessage.HEARTBEAT
-            self._allowed = self._heartbeat_timeout if is_heartbeat else STOPPING_TIMEOUT
+            self.allowed = self._heartbeat_timeout if is_heartbeat else STOPPING_TIMEOUT
             self._must_stop = True
         elif message == GuardianMessage.STOPPED:
             self._must_stop, self._counted = False, None
@@ -109,7 +111,7 @@ class Watchdog:
             self._publishing += awake
         else:
             self._silent += awake
-        if (self._silent < self._allowed - ROUNDING_ERROR
+        if (self._silent < self.allowed - ROUNDING_ERROR
                 and self._publishing < PUBLISH_TIMEOUT - ROUNDING_ERROR):
             return False
         self._must_stop, self._counted = False, None
@@ -119,7 +121,7 @@ class Watchdog:
         """Return how long to wait for the next message [s]; None if none is due."""
         if self._counted is None:
             return None
-        return min(WATCHDOG_PERIOD, self._allowed - self._silent)
+        return min(WATCHDOG_PERIOD, self.allowed - self._silent)
 
 
 class GuardianWatch:

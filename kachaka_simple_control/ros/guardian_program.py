@@ -33,6 +33,7 @@ from kachaka_simple_control.control.stop import send_stop
 from kachaka_simple_control.control.timing import DISCOVERY_RETRY_TIMEOUTS, POLL_PERIOD
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.control.watchdog import GuardianMessage, Watchdog
+from kachaka_simple_control.errors import HELD_UP_ADVICE
 from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.ros.endpoints import own_participant
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
@@ -135,7 +136,9 @@ class GuardianProgram:
             elif messages in readable:
                 self._on_messages(os.read(messages, READ_SIZE), now)
             elif self._watchdog.has_timed_out(now, self._node_is_publishing()):
-                self._stop('the node sent no heartbeat')
+                self._stop(
+                    f'the node sent no heartbeat for {self._watchdog.allowed:g} s: the program '
+                    f'was held up, {HELD_UP_ADVICE}')
             self._report_match()
 
     def _node_is_publishing(self) -> bool:

@@ -29,9 +29,15 @@ from kachaka_simple_control.control.timing import (
     FEEDBACK_TIMEOUT,
     GRAPH_CHECK_PERIOD,
     GRAPH_COUNT_PERIOD,
+    HEARTBEAT_TIMEOUT,
     SUBSCRIBER_CHECK_PERIOD,
 )
-from kachaka_simple_control.errors import PauseTimeoutError, RobotMovedError, RunFaultError
+from kachaka_simple_control.errors import (
+    HELD_UP_ADVICE,
+    PauseTimeoutError,
+    RobotMovedError,
+    RunFaultError,
+)
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.node_parameters import NodeParameters
@@ -74,6 +80,7 @@ class RosRunMonitor:
         self.on_kept_hold: Callable[[str], object] = lambda _: None
         #: how far the robot was moved from outside while it was held
         self.pause_pose = PausePose()
+        self._checked = float('-inf')
         self._subscriber_checked = self._graph_counted = self._graph_checked = float('-inf')
 
     @property
@@ -117,6 +124,7 @@ class RosRunMonitor:
         :param feedback: corrects the velocities of the run that begins; None: sent as planned
         """
         self._feedback = feedback
+        self._checked = time.monotonic()
         self._held_since, self._is_released = None, False
         self._speed_factor.set(MOVED, 1.0)
         self.pause_pose.on_sent(is_paused=False)
@@ -141,15 +149,21 @@ class RosRunMonitor:
         """
         now = time.monotonic()
         self._guardian.heartbeat()
+        held_up, self._checked = now - self._checked, now
         if self._lease is not None:
             self._lease.poll(now)
         if now - self._subscriber_checked >= SUBSCRIBER_CHECK_PERIOD:
             self._subscriber_checked = now
             self._discovery.check_subscribed()
         if self.has_lost_robot(now):
+            age = self._odometry.age(now) or 0.0
+            if held_up > HEARTBEAT_TIMEOUT and age - held_up <= self._odometry_timeout:
+                # Odometry came as long as this program could receive it.
+                raise RunFaultError(
+                    f'odometry has been silent for {age:.1f} s: the program was held up, '
+                    f'{HELD_UP_ADVICE}')
             raise RunFaultError(
-                f'odometry has been silent for {self._odometry.age(now):.1f} s: the robot or the '
-                'link to it is lost')
+                f'odometry has been silent for {age:.1f} s: the robot or the link to it is lost')
         if self._feedback is not None:
             age = self._feedback.age(now)
             # Messages may still arrive, with an old stamp.

@@ -1,0 +1,91 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What ends a run while it drives: told the time, without a robot."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from kachaka_simple_control.control.guardian import NullGuardian
+from kachaka_simple_control.control.speed_factor import SpeedFactor
+from kachaka_simple_control.control.standstill import StandstillDetector
+from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError
+from kachaka_simple_control.motion.geometry import ZERO
+from optional_libraries import MISSING, optional_imports
+import pytest
+
+RosRunMonitor = run_monitor = MISSING
+with optional_imports():
+    from kachaka_simple_control.ros import run_monitor
+    from kachaka_simple_control.ros.run_monitor import RosRunMonitor
+
+pytestmark = pytest.mark.needs('rclpy')
+
+
+class Clock:
+    """A clock that is set."""
+
+    now = 100.0
+
+    def monotonic(self):
+        """Return the time [s]."""
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Return the clock of the monitor."""
+    clock = Clock()
+    monkeypatch.setattr(run_monitor, 'time', clock)
+    return clock
+
+
+@pytest.fixture
+def begun(clock):
+    """Return a monitor whose run has begun, and its odometry."""
+    odometry = StandstillDetector()
+    anything = SimpleNamespace(
+        check_subscribed=lambda: None, check_identity=lambda: None, check_exclusive=lambda: None,
+        has_changed=lambda: False, update=lambda: None)
+    parameters = SimpleNamespace(odometry_timeout=0.5, pause_timeout=600.0)
+    monitor = RosRunMonitor(
+        NullGuardian(), None, anything, anything, odometry, parameters, SpeedFactor())
+    monitor.begin(None)
+    odometry.on_odometry(clock.now, ZERO)
+    return monitor, odometry
+
+
+def test_a_program_that_was_held_up_does_not_blame_the_robot(begun, clock):
+    """No odometry can come while the program does not run."""
+    monitor, _ = begun
+    monitor.check()
+    clock.now += 3.0
+    with pytest.raises(RunFaultError) as error:
+        monitor.check()
+    assert str(error.value) == (
+        f'odometry has been silent for 3.0 s: the program was held up, {HELD_UP_ADVICE}')
+
+
+def test_odometry_that_is_silent_while_the_program_runs_is_lost(begun, clock):
+    monitor, odometry = begun
+    for _ in range(25):
+        monitor.check()
+        clock.now += 0.02
+        odometry.on_odometry(clock.now, ZERO)
+    for _ in range(25):
+        monitor.check()
+        clock.now += 0.02
+    clock.now += 0.02
+    with pytest.raises(RunFaultError, match=r'silent for 0\.5 s: the robot or the link'):
+        monitor.check()
