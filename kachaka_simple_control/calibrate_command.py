@@ -24,6 +24,7 @@ import sys
 from kachaka_simple_control.calibrate_options import (
     ask,
     CalibrateOptions,
+    drive_until_good,
     FIT_HEAD,
     FLOOR,
     NAME,
@@ -41,6 +42,7 @@ from kachaka_simple_control.motion_command import drive
 from kachaka_simple_control.preview_command import plan_view
 from kachaka_simple_control.report.calibration_fit import CalibrationFit, fit_calibration, MOTION
 from kachaka_simple_control.report.calibration_plot import save_calibration_plot
+from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.table_layout import columns
 from kachaka_simple_control.run_command import run_command
@@ -65,9 +67,13 @@ def calibrate(options: Options, more: CalibrateOptions) -> None:
     show([view])
     if more.is_dry:
         return
-    ask(options, more, view)
-    log = drive(replace(options, motions=(MOTION,)))
-    fit = fit_calibration(log)
+
+    def measure(options: Options) -> tuple[DriveLog, CalibrationFit]:
+        ask(options, more, view)
+        log = drive(replace(options, motions=(MOTION,)))
+        return log, fit_calibration(log)
+
+    log, fit = drive_until_good(options, measure)
     # First of all: what was measured is not lost if a file cannot be written.
     print('\n'.join(['', *_table(fit), '']), flush=True)
     write_robot(settings.robot, fit.calibration(today(), more.floor), more.file)

@@ -15,12 +15,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
 import os
 from pathlib import Path
 import shlex
+import sys
+from typing import TypeVar
 
 from kachaka_simple_control.cli import (
     add_drive_options,
@@ -29,8 +31,9 @@ from kachaka_simple_control.cli import (
     take_simulation,
 )
 from kachaka_simple_control.confirmation import confirm
-from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.escaping import escaped, quoted
+from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.errors import RunFaultError, UsageError
+from kachaka_simple_control.escaping import escaped, escaped_lines, quoted
 from kachaka_simple_control.exit_codes import HELP, OneLineParser
 from kachaka_simple_control.files.robot_profile import calibrated_text
 from kachaka_simple_control.motion.calibration import Calibration
@@ -41,10 +44,14 @@ from kachaka_simple_control.report.table_layout import terminal_columns
 from kachaka_simple_control.report.text_tables import plan_table
 from kachaka_simple_control.settings import choose_settings, Settings
 
+T = TypeVar('T')
+
 NAME = 'kachaka_calibrate'
 OUTPUT = Path('my_kachaka.yaml')
 #: The head of the table of a fit.
 FIT_HEAD = (('', ''), ('value', ''), ('standard error', ''))
+#: How often a drive that does not count is made at most.
+MAX_ATTEMPTS = 3
 #: The parts that need a tape measure.
 FLOOR, UMBMARK = 'floor', 'umbmark'
 EPILOG = """\
@@ -195,6 +202,31 @@ def ask(options: Options, more: CalibrateOptions, view: PlanView, before: str = 
     """
     if not (options.sim or more.is_confirmed):
         confirm(view.floor_size, before)
+
+
+def drive_until_good(options: Options, measure: Callable[[Options], T]) -> T:
+    """
+    Drive, and return what that measured; a drive that was spoilt is driven again.
+
+    Only where somebody sits at a terminal, who puts the robot back.
+
+    :param measure: asks whether the robot may drive, drives, and returns what it measured; called
+        with the options of this drive: another one has a report of its own
+    :raises RunFaultError: why the last drive does not count
+    """
+    for attempt in range(1, MAX_ATTEMPTS + 1):
+        report = options.report
+        if report is not None and attempt > 1:
+            report = f'{report}-{attempt}'
+        try:
+            return measure(replace(options, report=report))
+        except RunFaultError as error:
+            if (attempt == MAX_ATTEMPTS or signal_dispatcher.signum is not None
+                    or not sys.stdin.isatty()):
+                raise
+            print(f'\n{escaped_lines(error)}.\nThis drive does not count: put the robot back '
+                  'where it began; it is driven again.', flush=True)
+    raise AssertionError('the last attempt returns or raises')
 
 
 def today() -> str:

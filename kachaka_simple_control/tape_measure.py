@@ -26,6 +26,7 @@ import tempfile
 from kachaka_simple_control.calibrate_options import (
     ask,
     CalibrateOptions,
+    drive_until_good,
     FIT_HEAD,
     require_ready,
     show,
@@ -47,6 +48,7 @@ from kachaka_simple_control.report.odometry_fit import (
     reported_displacement,
     reported_path,
 )
+from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.table_layout import columns
 from kachaka_simple_control.report.umbmark_fit import fit_umbmark, Square, UmbmarkFit
 
@@ -121,12 +123,12 @@ def measure_floor(options: Options, more: CalibrateOptions) -> None:
     show(views)
     if answers is None:
         return
-    ask(options, more, views[0], MARK)
-    line = reported_displacement(_drive(options, motions[0], motions[0]))[0]
+    line = reported_displacement(
+        _drive(options, more, views[0], motions[0], motions[0], MARK))[0]
     distance, = answers.ask(
         'How far does it stand from where it began?  Such as 0.985 m', [LENGTH])
-    ask(options, more, views[1], 'Mark which way it looks.  ')
-    turn = reported_displacement(_drive(options, motions[1], motions[1]))[1]
+    turn = reported_displacement(_drive(
+        options, more, views[1], motions[1], motions[1], 'Mark which way it looks.  '))[1]
     angle, = answers.ask('How far has it turned, in all?  Such as 358 deg', [ANGLE])
     fit = fit_floor(line, distance, turn, angle)
     # First of all: what was measured is not lost if a file cannot be written.
@@ -171,8 +173,8 @@ def measure_squares(options: Options, more: CalibrateOptions) -> None:
         squares = []
         for index in range(2 * count):
             motion, view = motions[index % 2], views[index % 2]
-            ask(options, more, view, MARK)
-            path = _drive(options, motion, f'{view.name}_{index // 2 + 1}')
+            path = _drive(
+                options, more, view, motion, f'{view.name}_{index // 2 + 1}', MARK)
             squares.append(Square(path, Pose(*answers.ask(
                 f'Square {index + 1} of {2 * count}: where does it stand, as seen from where it '
                 'began?  Ahead, to the left, turned to the left, such as -0.12 m, 0.05 m, 3 deg',
@@ -185,16 +187,24 @@ def measure_squares(options: Options, more: CalibrateOptions) -> None:
         floor=more.floor or known.floor), more.file)
 
 
-def _drive(options: Options, motion: str, report: str) -> list[Pose]:
+def _drive(
+        options: Options, more: CalibrateOptions, view: PlanView, motion: str, report: str,
+        before: str) -> list[Pose]:
     """
-    Drive a motion; return the path that odometry reported.
+    Ask, and drive a motion; return the path that odometry reported.
 
+    :param view: what it will drive
     :param motion: of the library, or a file
     :param report: the folder in that of ``--report``
+    :param before: what somebody has to do before
     """
-    return reported_path(drive(replace(
+    def measure(options: Options) -> list[Pose]:
+        ask(options, more, view, before)
+        return reported_path(drive(options))
+
+    return drive_until_good(replace(
         options, motions=(motion,),
-        report=None if options.report is None else str(Path(options.report) / report))))
+        report=None if options.report is None else str(Path(options.report) / report)), measure)
 
 
 @contextlib.contextmanager

@@ -20,12 +20,14 @@ import signal
 import sys
 
 from kachaka_simple_control import calibrate_command, tape_measure
+from kachaka_simple_control.calibrate_options import MAX_ATTEMPTS
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import find_robot
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.report.calibration_fit import CalibrationError
 from program import program
 import pytest
 from terminals import at_terminal
@@ -173,6 +175,36 @@ def test_somebody_confirms_measures_and_may_mistype(run, tmp_path):
     assert "'98 cm, 2 cm': 1 needed, as in 0.5 m\n" in output
     assert 'How far has it turned, in all?  Such as 358 deg: ' in output
     assert find_robot(tmp_path / 'my_kachaka.yaml').odometry_calibration.scale == 0.98
+
+
+def test_a_drive_that_was_spoilt_is_driven_again(run, tmp_path, monkeypatch):
+    """With a report of its own; what was measured before stays."""
+    path, calls = tape_measure.reported_path, []
+
+    def spoil_the_second(motion):
+        calls.append(motion)
+        if len(calls) == 2:
+            raise CalibrationError('the drive was paused or slowed down: begin again')
+        return path(motion)
+
+    monkeypatch.setattr(tape_measure, 'reported_path', spoil_the_second)
+    typed = '\n0.98 m\n\n\n345.9 deg\n'
+    code, output, _, driven = run(
+        'floor', '--address', 'robot', '--report', 'all', typed=typed)
+    assert code == 0
+    assert [options.report for options in driven] == [
+        'all/floor_straight', 'all/floor_turn', 'all/floor_turn-2']
+    assert 'the drive was paused or slowed down: begin again.\nThis drive does not count' in output
+    assert find_robot(tmp_path / 'my_kachaka.yaml').odometry_calibration.scale == 0.98
+
+
+def test_a_drive_is_not_repeated_without_end(run, monkeypatch):
+    def spoil(_):
+        raise CalibrationError('spoilt')
+
+    monkeypatch.setattr(tape_measure, 'reported_path', spoil)
+    code, _, errors, driven = run('floor', '--address', 'robot', typed=9 * '\n')
+    assert (code, errors, len(driven)) == (1, 'kachaka_calibrate: spoilt\n', MAX_ATTEMPTS)
 
 
 @pytest.mark.parametrize('typed, count', [('', 0), ('\n', 1), ('\n\n', 1), ('\n1 m\n', 1)])
