@@ -40,6 +40,7 @@ class NullGuardian:
     participants: frozenset[bytes] = frozenset()
     is_matched = True
     stopped_because: str | None = None
+    shared_file: int | None = None
 
     def __init__(self) -> None:
         self.latch, self.sending = Latch(), SharedFlag()
@@ -83,6 +84,8 @@ class Guardian:
             memory.truncate(mmap.PAGESIZE)
             shared = memoryview(mmap.mmap(memory.fileno(), mmap.PAGESIZE))
             self.latch, self.sending, self._served = shared_state(shared)
+            #: its descriptor, for a process that asks when the guardian stopped; None once closed
+            self.shared_file: int | None = os.dup(memory.fileno())
             self._watch = GuardianWatch()
             messages, self._pipe = os.pipe()
             os.set_blocking(self._pipe, False)
@@ -138,6 +141,9 @@ class Guardian:
     def shutdown(self) -> None:
         """Close the pipe, and return when its publisher is gone; it stops a robot that moves."""
         self._close()
+        if self.shared_file is not None:
+            os.close(self.shared_file)
+            self.shared_file = None
         try:
             self._process.wait(GUARDIAN_EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:

@@ -174,6 +174,8 @@ def embed_svg(svg: str, name: str) -> str:
     svg = re.sub(r' id="([^"]*)"', lambda found: (
         f' id="{name}-{found[1]}"' if found[1] in referred else ''), svg)
     svg = re.sub(r'(href="#|url\(#)', rf'\g<1>{name}-', svg)
+    # The style sheet may give each colour another one, on a dark ground.
+    svg = re.sub(r'(: )#([0-9a-f]{6})\b', r'\1var(--plot-\2, #\2)', svg)
     return re.sub(r'\n+\s*', '\n', svg)
 
 

@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
 import math
+import re
 from typing import Any, TypeVar
 
 from kachaka_simple_control.errors import UsageError
@@ -40,6 +41,10 @@ from kachaka_simple_control.report.table_layout import fold, Gap, repeat_labels
 
 T = TypeVar('T')
 
+#: What is not text, or text as somebody wrote it.
+_FIXED = re.compile('(<style>.*?</style>|<svg.*?</svg>|<pre>.*?</pre>|<[^>]*>)', re.DOTALL)
+_UNIT = re.compile(r'([0-9]) (mm|ms|m|s|deg|rad|Hz|%)(?=[^a-zA-Z0-9]|$)')
+
 #: The number of a step, its figures, and which repeat it is; None, None and the steps left out.
 StepRow = tuple[int | None, StepResult | None, str]
 
@@ -57,6 +62,8 @@ SIGNS = {
     OutcomeKind.KILLED: 'M6 6l12 12M18 6L6 18',
     OutcomeKind.NEVER_BEGAN: 'M5 12h14',
 }
+#: Of a drive that is done, but not as it was planned.
+LOST_SIGN = 'M12 4v10M12 18v2'
 
 
 def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None,
@@ -83,10 +90,16 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
         number=_number, degrees=_degrees, short=format_number)
     template = environment.from_string(_resource('templates/report.html.j2'))
     steps, all_steps = _step_tables(summary)
-    return template.render(
+    outcome, lost = summary.outcome, summary.timing.lost
+    kind, sign = outcome.kind.value.replace(' ', '-'), SIGNS[outcome.kind]
+    headline = outcome.headline
+    if outcome.kind is OutcomeKind.DONE and lost:
+        kind, sign = 'lost', LOST_SIGN
+        headline = f'{headline}, with {pluralize(lost, "message")} lost'
+    return _keep_units(template.render(
         style=_resource('report.css'), summary=summary, log=summary.log,
         session=summary.log.session_started, aligned=summary.aligned, timing=summary.timing,
-        sleep_loop=summary.sleep_loop, outcome=summary.outcome, sign=SIGNS[summary.outcome.kind],
+        sleep_loop=summary.sleep_loop, outcome=outcome, kind=kind, sign=sign, headline=headline,
         plots=plots, no_plots=no_plots, recording=recording, began=_began(summary),
         ended=_ended(summary), poses=list(_poses(summary)), silence=_silence(summary),
         band=_band(summary), is_dense=is_dense(summary.aligned), steps=steps,
@@ -95,7 +108,14 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
         has_motions=len({step.motion for step in summary.steps}) > 1,
         robot=_robot(summary), description=_description(summary),
         extra=1e3 * LOOP_OVERHEAD, pluralize=pluralize, unknown=UNKNOWN,
-        speed=_ends(list(speed_rows(summary))))
+        speed=_ends(list(speed_rows(summary)))))
+
+
+def _keep_units(page: str) -> str:
+    """Put no-break spaces between numbers and units, in text that may be broken into lines."""
+    return ''.join(
+        part if index % 2 else _UNIT.sub('\\1\N{NO-BREAK SPACE}\\2', part)
+        for index, part in enumerate(_FIXED.split(page)))
 
 
 def _resource(name: str) -> str:

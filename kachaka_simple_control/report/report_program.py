@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 import contextlib
 import gc
+import mmap
 import os
 from pathlib import Path
 import pickle
@@ -29,10 +30,13 @@ import threading
 import time
 from typing import BinaryIO, cast
 
+from kachaka_simple_control.control.latch import shared_state
 from kachaka_simple_control.control.output import make_nonblocking, STDERR
 from kachaka_simple_control.control.processes import lower_priority
+from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped, MAX_LINE_LENGTH
+from kachaka_simple_control.motion.geometry import ZERO
 from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.drive_plots import draw_drive_plots, DrivePlots
 from kachaka_simple_control.report.html_page import render_page
@@ -41,7 +45,7 @@ from kachaka_simple_control.report.mcap_recorder import McapRecorder
 from kachaka_simple_control.report.output_file import write_atomically
 from kachaka_simple_control.report.report_directory import NEEDS_JINJA2, NEEDS_MCAP
 from kachaka_simple_control.report.summary import Summary
-from kachaka_simple_control.telemetry.events import Event, EventBus
+from kachaka_simple_control.telemetry.events import Event, EventBus, SessionEnded, VelocitySent
 from kachaka_simple_control.telemetry.subscriber_process import decode
 
 PAGE, PLOT, FIGURES = 'report.html', 'path.png', 'run.json'
@@ -49,6 +53,8 @@ PAGE, PLOT, FIGURES = 'report.html', 'path.png', 'run.json'
 FLUSH_PERIOD = 0.5
 #: Longest delay of an event [s].
 MAX_EVENT_DELAY = 0.1
+#: How long after its program's end a guardian may take to stop the robot [s].
+GUARDIAN_STOP_TIMEOUT = 1.0
 
 
 def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
@@ -170,6 +176,19 @@ def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> s
     return None
 
 
+def guardian_stop(file: int) -> VelocitySent | None:
+    """
+    Return the first zero with which the guardian stopped the robot of a program that was killed.
+
+    :param file: the memory that the program shared with its guardian
+    :returns: None if it stopped nothing within GUARDIAN_STOP_TIMEOUT
+    """
+    latch, _, _ = shared_state(memoryview(mmap.mmap(file, mmap.PAGESIZE)))
+    wait_until(lambda: latch.is_set, GUARDIAN_STOP_TIMEOUT)
+    time_ = latch.guardian_stop_time
+    return None if time_ is None else VelocitySent(time_, ZERO)
+
+
 def print_line(text: str) -> None:
     """Print a line to standard error, unless that is closed."""
     with contextlib.suppress(OSError):
@@ -203,7 +222,14 @@ def main() -> int:
     # What the report needs waits there for the end of the drive: a log in memory would grow.
     with tempfile.TemporaryFile() as events:
         event_bus.subscribe(lambda event: pickle.dump(event, events, pickle.HIGHEST_PROTOCOL))
+        ended = threading.Event()
+        event_bus.subscribe(
+            lambda event: ended.set() if isinstance(event, SessionEnded) else None)
         record_events(sys.stdin.buffer, event_bus, recorder)
+        if sys.argv[2:] and not ended.is_set():
+            stop = guardian_stop(int(sys.argv[2]))
+            if stop is not None:
+                event_bus.publish(stop)
         recording = recorder.finish()
         for text in filter(None, (recording, *map(repr, event_bus.failures))):
             print_line(text)

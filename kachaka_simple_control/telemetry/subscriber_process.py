@@ -109,9 +109,12 @@ class SubscriberProcess:
 
     :param command: what to run; it reads events from its standard input
     :param stdout: the file that it prints to; None for that of this process
+    :param pass_fds: descriptors of this process that it keeps
     """
 
-    def __init__(self, command: Sequence[str], stdout: IO[bytes] | None = None) -> None:
+    def __init__(
+            self, command: Sequence[str], stdout: IO[bytes] | None = None,
+            pass_fds: Sequence[int] = ()) -> None:
         reader, self._pipe = os.pipe()
         os.set_blocking(self._pipe, False)
         # Linux alone can enlarge a pipe, and may refuse to; a smaller one does as well.
@@ -120,7 +123,7 @@ class SubscriberProcess:
         os.register_at_fork(after_in_child=self._close)
         self._process = subprocess.Popen(
             command, env=processes.child_environment(), stdin=reader, stdout=stdout,
-            start_new_session=True)
+            start_new_session=True, pass_fds=pass_fds)
         os.close(reader)
         self._plan_lock, self._counting = threading.Lock(), threading.Lock()
         #: how much it was sent [bytes]
@@ -202,9 +205,11 @@ class SubscriberProcesses:
         #: how long after the stop began odometry showed standstill [s]; None if it did not
         self.stop_confirmed_after: float | None = None
 
-    def start(self, module: str, *arguments: str) -> SubscriberProcess:
+    def start(
+            self, module: str, *arguments: str, pass_fds: Sequence[int] = ()) -> SubscriberProcess:
         """Start a module's ``main`` in a process of its own and subscribe it."""
-        subscriber = SubscriberProcess([*processes.python_command(module), *arguments])
+        subscriber = SubscriberProcess(
+            [*processes.python_command(module), *arguments], pass_fds=pass_fds)
         self.add(subscriber)
         return subscriber
 

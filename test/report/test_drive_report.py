@@ -62,7 +62,7 @@ def recorded(folder):
 def headline(folder):
     """Return the headline of the report, the same on its page and in ``run.json``."""
     told = json.loads((folder / 'report' / 'run.json').read_text())['verdict']['headline']
-    assert f'{told}<' in (folder / 'report' / 'report.html').read_text()
+    assert f'<span>{told}' in (folder / 'report' / 'report.html').read_text()
     return told
 
 
@@ -129,7 +129,7 @@ def test_a_signal_in_mid_motion_is_recorded_to_the_last_zero(listener, tmp_path,
 
 @pytest.mark.parametrize('name', ['SIGKILL', 'SIGQUIT'])
 def test_a_program_that_is_killed_leaves_all_that_it_sent(listener, tmp_path, name):
-    """The zeros after it are its guardian's: received by the robot, but not recorded."""
+    """And the first zero of its guardian, with which the robot stops."""
     with program(command(tmp_path, 8.0), tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
         time.sleep(0.5)
@@ -139,7 +139,9 @@ def test_a_program_that_is_killed_leaves_all_that_it_sent(listener, tmp_path, na
         assert headline(tmp_path) == 'Killed'
         sent = recorded(tmp_path)
         last = max(place for place, velocity in enumerate(listener.received) if velocity.moves)
-        assert sent[-1][1:] == (0.1, 0.0)
+        assert [velocity[1:] for velocity in sent[-2:]] == [(0.1, 0.0), (0.0, 0.0)]
+        # When the zero was sent, not when the report was written.
+        assert sent[-1][0] - sent[-2][0] < 0.25e9
         # Killed between sending and recording, it loses one velocity.
         heard = sum(heard.moves for heard in listener.received)
         assert 0 <= heard - sum(map(is_motion, sent)) <= 1

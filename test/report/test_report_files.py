@@ -41,7 +41,7 @@ from kachaka_simple_control.telemetry.events import (
     VelocitySent,
 )
 from outcome_logs import done, faulted, hour, killed, lesson, never_began, stopped
-from plans import EMPTY, LESSON
+from plans import EMPTY, LESSON, SQUARE
 import pytest
 from simulated_drive import EPOCH, SimulatedDrive
 
@@ -116,6 +116,30 @@ def test_the_limits_that_the_motion_was_planned_with_are_shown(tmp_path):
     assert '0.3 m/s' not in velocities
 
 
+def test_units_stay_with_their_numbers_and_plots_can_change_colours(tmp_path):
+    drawn()
+    write_report(done(), tmp_path, None)
+    text = (tmp_path / 'report.html').read_text()
+    assert re.search('[0-9]\N{NO-BREAK SPACE}mm', text)
+    prose = re.sub('<style>.*?</style>|<svg.*?</svg>|<pre>.*?</pre>|<[^>]*>', '', text,
+                   flags=re.DOTALL)
+    assert not re.search(r'[0-9] (mm|ms|s)\b', prose)
+    assert not re.search('style="[^"]*: #[0-9a-f]{6}', text)
+    # What a plot has in black is there in the page's own colour on a dark ground.
+    used = set(re.findall(r'var\(--plot-([0-9a-f]{6}), #\1\)', text))
+    assert {'000000', 'ffffff', '003f63'} <= used <= {
+        *re.findall(r'--plot-([0-9a-f]{6}): ', text), '56b4e9', '9a8f7a', 'cc79a7'}
+
+
+def test_a_drive_that_lost_messages_is_not_plainly_done(tmp_path):
+    simulated = SimulatedDrive(20.0, title='square')
+    simulated.drive(SQUARE, lost=(5.0, 5.2))
+    write_report(simulated.close(), tmp_path, None)
+    text = (tmp_path / 'report.html').read_text()
+    assert re.search('<section class="outcome lost".*<span>Done, with [34] messages lost</span>',
+                     text, re.DOTALL)
+
+
 def test_a_report_says_how_to_drive_it_again(tmp_path):
     log = done()
     text = 'name: <again>\nsteps:\n  - forward: 0.5 m\n'
@@ -175,7 +199,7 @@ def test_without_matplotlib_the_page_says_so(tmp_path, monkeypatch):
     text = (tmp_path / 'report.html').read_text()
     assert 'There are no plots: a plot needs matplotlib: pip install matplotlib' in text
     assert '<figure' not in text
-    assert 'forward 0.5 m' in text
+    assert 'forward 0.5\N{NO-BREAK SPACE}m' in text
     assert sorted(path.name for path in tmp_path.iterdir()) == ['report.html', 'run.json']
 
 
