@@ -53,6 +53,7 @@ examples:
 """
 #: A time typed after ``--wait``, which takes none.
 TIME = re.compile(r'\d+(\.\d*)?(s|min)?|inf|forever')
+MAX_REPEATS = 1000
 PRECEDENCE = """
 what wins: an option or -p (they must not differ), then the motion's file, then the
 default of the parameter
@@ -76,6 +77,7 @@ class Options:
     :param wait: whether to drive only when the service ``~/run`` is called
     :param ros_arguments: the arguments of ROS, with their marks
     :param report: the directory for a report; None for no report
+    :param repeat: how many times to drive
     :param quiet: whether to print only the node's log lines while the robot drives
     :param address: the real robot to start a bridge for; None for no bridge
     :param simulation: options of the simulated robot, as they are written
@@ -97,6 +99,7 @@ class Options:
     ros_arguments: tuple[str, ...] = ()
     address: str | None = None
     report: str | None = None
+    repeat: int = 1
     quiet: bool = False
     simulation: tuple[str, ...] = ()
     yes: bool = False
@@ -139,11 +142,13 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     if options.wait and any(map(TIME.fullmatch, options.motions)):
         parser.error('--wait takes no time; -p robot_timeout:=30, after --ros-args, sets how '
                      'long to wait for a robot')
+    if options.wait and options.repeat > 1:
+        parser.error('--wait drives as often as it is asked to: leave out --repeat')
     if len(options.motions) > 1 and not options.is_preview:
         parser.error('one motion can be driven at a time; --plan and --plot take several')
     if options.is_preview:
-        for name in ('report', 'sim', 'address', 'wait', 'quiet', 'speed', 'yes'):
-            if getattr(options, name):
+        for name in ('report', 'repeat', 'sim', 'address', 'wait', 'quiet', 'speed', 'yes'):
+            if getattr(options, name) != getattr(Options, name):
                 parser.error(f'--{name} is about a drive; --list, --plan and --plot drive nothing')
     return options
 
@@ -191,6 +196,9 @@ def _parser() -> OneLineParser:
         '--speed', type=_speed, metavar='PERCENT',
         help='drive slower than planned, as in --speed 50%%, on the same path; for a careful '
              'first drive')
+    parser.add_argument(
+        '--repeat', type=_count, default=1, metavar='N',
+        help='drive so many times, with --report DIR into DIR/1, DIR/2, ..., for kachaka_compare')
     add_drive_options(parser)
     parser.add_argument(
         '--closed-loop', action=argparse.BooleanOptionalAction,
@@ -244,6 +252,14 @@ def _speed(text: str) -> float:
             raise argparse.ArgumentTypeError(f'{escaped(text, 60)!r} has no %: write {meant}')
     raise argparse.ArgumentTypeError(
         f'{escaped(text, 60)!r} is not from 1% to 100%, as in 50%; to stop, pause')
+
+
+def _count(text: str) -> int:
+    with contextlib.suppress(ValueError):
+        if 1 <= (count := int(text)) <= MAX_REPEATS:
+            return count
+    raise argparse.ArgumentTypeError(
+        f'{escaped(text, 60)!r} is not a whole number from 1 to {MAX_REPEATS}')
 
 
 def _complete(parser: OneLineParser) -> NoReturn:

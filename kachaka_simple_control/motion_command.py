@@ -16,11 +16,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import contextlib
+import dataclasses
+from pathlib import Path
+import shlex
+import sys
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.cli import Options, parse
 from kachaka_simple_control.confirmation import confirm
 from kachaka_simple_control.control.interrupts import exit_on_interrupt, raise_on_interrupt
+from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.run_command import run_command
 
@@ -53,6 +59,24 @@ def _run(options: Options) -> None:
         from kachaka_simple_control.preview_command import preview
         preview(options)
         return
+    if options.repeat == 1:
+        _drive_confirmed(options)
+        return
+    from kachaka_simple_control.report.report_directory import prepare_report_dir
+    with contextlib.ExitStack() as stack:
+        if options.report is not None:
+            stack.enter_context(prepare_report_dir(options.report))
+        for number in range(1, options.repeat + 1):
+            print(f'drive {number} of {options.repeat}', file=sys.stderr)
+            _drive_confirmed(dataclasses.replace(
+                options, report=options.report and str(Path(options.report, str(number)))))
+            if signal_dispatcher.signum is not None:
+                return
+    if options.report is not None:
+        print(f'kachaka_compare {shlex.quote(options.report)}/* compares them', file=sys.stderr)
+
+
+def _drive_confirmed(options: Options) -> None:
     if options.address is not None and not options.yes:
         from kachaka_simple_control.preview_command import plan_view
         view = plan_view(options.motions[0] if options.motions else 'lesson', options)

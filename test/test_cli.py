@@ -73,6 +73,22 @@ def test_errors_without_a_simulated_robot_or_impossible_ones_are_refused(argumen
     assert text in capsys.readouterr().err
 
 
+def test_a_motion_is_repeated_so_many_times():
+    assert parse(['square']).repeat == 1
+    assert parse(['square', '--repeat', '12']).repeat == 12
+
+
+@pytest.mark.parametrize('arguments, text', [
+    (['--repeat', '0'], "'0' is not a whole number from 1 to 1000"),
+    (['--repeat', 'x'], "'x' is not a whole number from 1 to 1000"),
+    (['--repeat', '2', '--wait'], '--wait drives as often as it is asked to'),
+    (['--repeat', '2', '--plan'], '--repeat is about a drive')])
+def test_impossible_repeats_are_refused(arguments, text, capsys):
+    with pytest.raises(SystemExit, match='2'):
+        parse(arguments)
+    assert text in capsys.readouterr().err
+
+
 @pytest.mark.parametrize('time', ['30', '30s', '2.5', 'inf', 'forever'])
 def test_a_time_after_wait_is_no_motion(time, capsys):
     with pytest.raises(SystemExit) as caught:
