@@ -31,7 +31,12 @@ from kachaka_simple_control.control.speed_factor import OVERRIDE
 from kachaka_simple_control.display.display_process import DisplayProcess
 from kachaka_simple_control.display.keyboard import is_keyboard, Keyboard
 from kachaka_simple_control.display.terminal import is_terminal, should_display
-from kachaka_simple_control.errors import ControlError, RunFaultError, UsageError
+from kachaka_simple_control.errors import (
+    ControlError,
+    MotionStoppedError,
+    RunFaultError,
+    UsageError,
+)
 from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.report.report_directory import (
@@ -97,7 +102,7 @@ def drive(options: Options) -> DriveLog:
         subscribers = stack.enter_context(SubscriberProcesses(robot_control.event_bus))
         try:
             reporter = _start_subscribers(
-                subscribers, options, is_lesson=motion_file is None)
+                subscribers, options, motion_file is None, robot_control.session.guardian_file)
             keys = {} if options.quiet or not is_terminal(STDERR) else _keys(robot_control)
             for line in describe_overrides(options, motion_file, robot_control.node_parameters):
                 robot_control.get_logger().info(line)
@@ -136,14 +141,16 @@ def drive(options: Options) -> DriveLog:
 
 def _start_subscribers(
         subscribers: SubscriberProcesses, options: Options, is_lesson: bool,
-) -> SubscriberProcess | None:
+        guardian_file: int | None) -> SubscriberProcess | None:
     """Start display and reporter; return the reporter, if there is one."""
     if not options.quiet and should_display(is_lesson):
         subscribers.add(DisplayProcess())
     if options.report is not None:
         for missing in missing_libraries():
             print(f'report: {missing}', file=sys.stderr)
-        return subscribers.start(REPORT_MODULE, options.report)
+        shared = [] if guardian_file is None else [guardian_file]
+        return subscribers.start(
+            REPORT_MODULE, options.report, *map(str, shared), pass_fds=shared)
     return None
 
 
@@ -196,7 +203,7 @@ def _parameters(options: Options) -> dict[str, object]:
 
 def _run(
         robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool,
-        keys: dict[str, Callable[[], None]]) -> None:
+        keys: dict[str, Callable[[], object]]) -> None:
     if motion_file is None:
         with _keyboard(robot_control, keys):
             play_lesson(robot_control)
@@ -207,6 +214,7 @@ def _run(
     if wait:
         service = RunService(robot_control, motion_file.motion, limits)
         with _keyboard(robot_control, {**keys, '\n': service.start}):
+            service.announce()  # now: what was typed before the keyboard is read starts nothing
             robot_control.session.serve_until_stopped()
     else:
         with _keyboard(robot_control, keys):
@@ -226,13 +234,16 @@ class RunService:
         self._node = node
         self._motion = motion
         self._limits = limits
-        service = node.create_service(
+        self._service = node.create_service(
             Trigger, '~/run', self._on_request, qos_profile=SERVICE_QOS)
-        how = (f'`ros2 service call {node.resolve_service_name(service.srv_name)} '
-               'std_srvs/srv/Trigger` starts the motion')
+
+    def announce(self) -> None:
+        """Log how to start the motion."""
+        name = self._node.resolve_service_name(self._service.srv_name)
+        how = f'`ros2 service call {name} std_srvs/srv/Trigger` starts the motion'
         if is_keyboard():
             how = f'Enter starts the motion, Ctrl+C ends this program; {how}, too'
-        node.get_logger().info(f'Standing by: {how}')
+        self._node.get_logger().info(f'Standing by: {how}')
 
     def _on_request(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -259,11 +270,13 @@ class RunService:
     def _run(self, request: DriveRequest) -> None:
         try:
             self._node.run(self._motion, self._limits, request)
+        except MotionStoppedError as error:
+            self._node.get_logger().info(str(error))
         except ControlError as error:
             self._node.get_logger().error(str(error))
 
 
-def _keys(robot_control: KachakaSimpleControl) -> dict[str, Callable[[], None]]:
+def _keys(robot_control: KachakaSimpleControl) -> dict[str, Callable[[], object]]:
     """Return what each key does while the robot drives."""
     def change_speed(step: float) -> None:
         factor = robot_control.session.speed_factor.factors.get(OVERRIDE, 1.0)
@@ -279,9 +292,9 @@ def _keys(robot_control: KachakaSimpleControl) -> dict[str, Callable[[], None]]:
 
 
 def _keyboard(
-        robot_control: KachakaSimpleControl, keys: dict[str, Callable[[], None]]) -> Keyboard:
+        robot_control: KachakaSimpleControl, keys: dict[str, Callable[[], object]]) -> Keyboard:
     """Return a keyboard whose keys log the error that refuses what they do."""
-    def press(function: Callable[[], None]) -> None:
+    def press(function: Callable[[], object]) -> None:
         try:
             function()
         except ControlError as error:

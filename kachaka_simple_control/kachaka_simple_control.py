@@ -37,6 +37,7 @@ from kachaka_simple_control.errors import (
     InvalidMotionError,
     MotionRefusedError,
     MotionRunningError,
+    MotionStoppedError,
     UsageError,
 )
 from kachaka_simple_control.escaping import escaped
@@ -241,10 +242,16 @@ class KachakaSimpleControl(Node):
 
         :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
         """
-        reason = MotionRefusedError('the movement was ended by stop_robot()')
-        if self.session.stop(reason) and not self._is_stop_logged:
+        self._stop('stop_robot()')
+
+    def _stop(self, caller: str) -> bool:
+        """Stop the robot; return whether this node has taken one."""
+        is_taken = self.session.stop(
+            MotionStoppedError(f'the movement was ended by {caller}'))
+        if is_taken and not self._is_stop_logged:
             self._is_stop_logged = True
             self.get_logger().info('Robot has stopped')
+        return is_taken
 
     def pause(self) -> None:
         """
@@ -367,7 +374,9 @@ class KachakaSimpleControl(Node):
 
         def stop() -> None:
             try:
-                self.stop_robot()
+                response.message = (
+                    'the robot was stopped' if self._stop('~/stop')
+                    else 'nothing was sent: this node has not taken a robot')
                 response.success = True
             except Exception as error:  # the caller must get a response
                 response.message = str(error)

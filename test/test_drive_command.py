@@ -19,8 +19,10 @@ import shlex
 import signal
 import time
 
+from kachaka_simple_control.control.timing import STOP_REQUEST_WINDOW
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.report.comparison import read_drive, require_same
 from program import COMMAND, program, script
 import pytest
 from terminals import at_terminal
@@ -158,21 +160,43 @@ def test_a_simulation_of_another_robot_than_a_kachaka_is_refused(tmp_path):
     assert 'start a kachaka, not a turtlebot3' in line
 
 
+def test_repeated_drives_have_numbered_reports_to_compare(tmp_path):
+    (tmp_path / 'short.yaml').write_text(SHORT)
+    command = [*COMMAND, 'short.yaml', '--sim', '--repeat', '2', '--report', 'all']
+    with program(command, tmp_path, tmp_path) as started:
+        assert started.end(60.0) == 0, started.text
+    assert 'drive 2 of 2' in started.text
+    assert 'kachaka_compare all/* compares them' in started.text
+    require_same([read_drive(tmp_path / 'all' / name) for name in '12'])
+
+
+def test_a_signal_ends_all_repeats(tmp_path):
+    with program([*COMMAND, 'straight', '--sim', '--repeat', '3'], tmp_path) as started:
+        started.wait_for_text('step 1 of 1')
+        started.send(signal.SIGINT)
+        assert started.end() == 130
+    assert 'drive 2' not in started.text
+
+
 def test_by_the_service_it_drives_and_stops(listener, tmp_path):
     """Twice; a second call in between is refused; Ctrl+C ends the program."""
     with program([*COMMAND, 'straight', '--wait'], tmp_path) as started:
         started.wait_for_text('Standing by')
+        assert 'has not taken a robot' in listener.call('stop').message
         assert listener.received == []
+        time.sleep(2.0 * STOP_REQUEST_WINDOW)
         for _ in range(2):
             before = len(listener.received)
             assert listener.call('run').success
             assert 'a motion is running already' in listener.call('run').message
             listener.wait_for(lambda velocity: velocity.moves, after=before)
-            assert listener.call('stop').success
+            answer = listener.call('stop')
+            assert (answer.success, answer.message) == (True, 'the robot was stopped')
             assert not listener.received[-1].moves
         started.send(signal.SIGINT)
         assert started.end() == 130
-    assert started.text.count('the movement was ended by stop_robot()') == 2
+    assert started.text.count('the movement was ended by ~/stop') == 2
+    assert '[ERROR]' not in started.text
     assert started.text.count('Robot has stopped') == 2  # after each call, not at the end
     assert 'Traceback' not in started.text
 

@@ -79,10 +79,10 @@ class SpeedFactor:
     @property
     def is_hold(self) -> bool:
         """Whether the product is too small to drive by."""
-        return self.value < MIN_SPEED_FACTOR
+        return is_hold(self.value)
 
     def describe(self) -> str:
-        """Return who asks for less speed, such as ``pause 0 %, override 50 %``."""
+        """Return who asks for less speed, such as ``paused, speed 50 %``."""
         return describe_factors(self.factors) or 'full speed'
 
 
@@ -92,8 +92,16 @@ def product(factors: Mapping[str, float]) -> float:
 
 
 def describe_factors(factors: Mapping[str, float]) -> str:
-    """Return factors below 1 with their names, such as ``pause 0 %, override 50 %``."""
-    return ', '.join(f'{name} {factor * 100.0:.3g} %' for name, factor in factors.items())
+    """Return factors below 1 in words, such as ``paused, speed 50 %, obstacle 40 %``."""
+    return ', '.join(
+        'paused' if name == PAUSE and factor == 0.0
+        else f'{"speed" if name == OVERRIDE else name} {factor * 100.0:.3g} %'
+        for name, factor in factors.items())
+
+
+def is_hold(speed: float) -> bool:
+    """Return whether a product of factors is too small to drive by."""
+    return speed < MIN_SPEED_FACTOR
 
 
 def check_factor(factor: object) -> None:

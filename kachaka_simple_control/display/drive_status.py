@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from kachaka_simple_control.control.speed_factor import is_hold, product
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Displacement, Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan, plan
@@ -144,7 +145,16 @@ class DriveStatus:
     @property
     def is_held(self) -> bool:
         """Return whether somebody holds the robot at rest, or the next motion at its start."""
-        return 0.0 in self.factors.values()
+        return is_hold(self.speed)
+
+    @property
+    def speed(self) -> float:
+        """Return the speed relative to the plan, from 0 to 1."""
+        return product(self.factors)
+
+    def stretched(self, duration: float) -> float:
+        """Return how long a part of the plan takes at this speed [s]; as planned while held."""
+        return duration if self.is_held else duration / self.speed
 
     @property
     def fraction(self) -> float:
@@ -316,8 +326,8 @@ class DriveTracker:
             if self._stop_time is not None:
                 return DriveState.STOPPING
             if self._started is not None:
-                is_held = 0.0 in self._factors.values()
-                return DriveState.PAUSED if is_held else DriveState.DRIVING
+                held = is_hold(product(self._factors))
+                return DriveState.PAUSED if held else DriveState.DRIVING
             return DriveState.CONNECTING if self._sends_zeros(now) else DriveState.WAITING
         if self._sends_zeros(now) or self._standstill.is_moving(now):
             return DriveState.STOPPING

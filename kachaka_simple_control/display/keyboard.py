@@ -53,14 +53,15 @@ class Keyboard:
 
     def __init__(self, functions: Mapping[str, Callable[[], None]]) -> None:
         self._functions = functions
-        self._end = threading.Event()
+        self._end, self._is_reading = threading.Event(), threading.Event()
         self._setting_modes = threading.Lock()
         self._thread = threading.Thread(target=self._run, name='keyboard', daemon=True)
 
     def __enter__(self) -> Keyboard:
-        """Read keys from now on."""
+        """Read keys from now on, as soon as the program is in the foreground."""
         if self._functions and is_keyboard():
             self._thread.start()
+            self._is_reading.wait(FOREGROUND_PERIOD)
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -91,6 +92,7 @@ class Keyboard:
                 if select.select([STDIN], [], [], timeout)[0] and not self._read(ignored):
                     return
                 ignored = ''
+                self._is_reading.set()
 
     def _read(self, ignored: str) -> bool:
         """Read keys, and serve those that are not ignored; return False at the end of input."""

@@ -19,7 +19,7 @@ from collections.abc import Iterable
 import math
 import textwrap
 
-from kachaka_simple_control.control.speed_factor import describe_factors
+from kachaka_simple_control.control.speed_factor import describe_factors, PAUSE
 from kachaka_simple_control.display.drive_status import (
     DISPLAY_ODOMETRY_MAX_AGE,
     DriveState,
@@ -51,7 +51,7 @@ _STYLES = {
 }
 _OTHER_STYLE = 'bold reverse'
 _TEXTS = {
-    DriveState.READY: 'nothing to drive yet',
+    DriveState.READY: 'the motion has not been started',
     DriveState.WAITING: 'for the robot to be ready',
     DriveState.CONNECTING: 'the robot is there; zeros first',
     DriveState.STOPPING: 'zeros are sent until the robot stands still',
@@ -112,7 +112,9 @@ def _state_text(status: DriveStatus) -> str:
     if status.silent_for is not None:
         return f'no message for {status.silent_for:.0f} s: the program is held up'
     if status.state in (DriveState.DRIVING, DriveState.PAUSED) and status.step is not None:
-        slower = describe_factors(status.factors)
+        # That it is paused, the word before says.
+        slower = describe_factors(
+            {name: factor for name, factor in status.factors.items() if name != PAUSE})
         return (f'{status.step.label}: {status.step.description}'
                 f'{f" ({slower})" if slower else ""}')
     if status.state is DriveState.WAITING and status.wait_left is not None:
@@ -128,9 +130,10 @@ def _state_text(status: DriveStatus) -> str:
 def _bar(status: DriveStatus, done_sign: str, rest_sign: str, width: int) -> Text:
     if status.duration is None:
         return Text()
+    left = status.stretched(status.time_left)
     figures = (
-        f'  {100.0 * status.fraction:3.0f} %   {format_fixed(status.time_left, 1)} s left of '
-        f'{format_fixed(status.duration, 1)} s{" planned" if status.factors else ""}')
+        f'  {100.0 * status.fraction:3.0f} %   {format_fixed(left, 1)} s left'
+        f'{", planned: " if status.factors else " of "}{format_fixed(status.duration, 1)} s')
     room = max(1, width - len(figures))
     done = min(room, max(0, round(status.fraction * room)))
     # Two signs, for there may be no colours.
@@ -146,7 +149,7 @@ def _step(status: DriveStatus) -> Text:
     if status.step is None:
         return _row('this step', ['none'])
     remaining = status.step.remaining
-    figures = [f'{format_fixed(status.step.time_left, 1)} s']
+    figures = [f'{format_fixed(status.stretched(status.step.time_left), 1)} s']
     if remaining.distance is not None:
         figures.append(f'{format_fixed(remaining.distance, 3)} m')
     if remaining.angle is not None:

@@ -111,18 +111,25 @@ class Renderer(Protocol):
 
 
 class LineRenderer:
-    """Shows plain lines."""
+    """
+    Shows plain lines.
+
+    :param has_hint: whether somebody is at the terminal: then the first says how to stop
+    """
 
     period = 0.1
 
-    def __init__(self, write: Write) -> None:
+    def __init__(self, write: Write, has_hint: bool = True) -> None:
         self._write = write
+        self._has_hint = has_hint
         self._logger = StepLogger()
         self._lock = threading.Lock()
 
     def show(self, status: DriveStatus, now: float, hint: str) -> None:
-        """Write the lines that are due; without the hint, for no one presses keys here."""
-        del hint
+        """Write the lines that are due; the hint once, when the robot is about to move."""
+        if self._has_hint and status.state in (DriveState.CONNECTING, DriveState.DRIVING):
+            self._has_hint = False
+            self._write(f'{hint}\n')
         self.on_event(status, now)
 
     def on_event(self, status: DriveStatus, now: float) -> None:
@@ -201,7 +208,7 @@ def renderer_for(descriptor: int) -> Renderer:
         os.write(descriptor, text.encode(sys.stderr.encoding, 'replace'))
 
     if not terminal.is_terminal(descriptor):
-        return LineRenderer(write)
+        return LineRenderer(write, has_hint=False)
     try:
         from kachaka_simple_control.display import panel
         from rich.console import Console

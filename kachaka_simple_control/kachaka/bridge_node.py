@@ -45,6 +45,8 @@ from std_srvs.srv import SetBool
 NODE = 'kachaka_bridge'
 #: Both of the official bridge, from two sources; the simulated robot has only one odometry.
 ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
+#: How often a velocity above the limits is warned of at most [s].
+LIMIT_WARN_PERIOD = 5.0
 
 
 class BridgeNode(Node):
@@ -93,7 +95,15 @@ class BridgeNode(Node):
 
     def on_velocity(self, twist: Twist) -> None:
         """Send the velocity of a message to the robot."""
-        self.drive(conversions.velocity(twist), time.monotonic())
+        velocity = conversions.velocity(twist)
+        for value, largest, unit in (
+                (velocity.linear_x, KACHAKA.limits.max_linear_velocity, 'm/s'),
+                (velocity.angular_z, KACHAKA.limits.max_angular_velocity, 'rad/s')):
+            if largest < abs(value) < math.inf:
+                self.get_logger().warning(
+                    f'a velocity of {value:.4g} {unit} is cut to {largest:.4g} {unit}, the most '
+                    'that a Kachaka does', throttle_duration_sec=LIMIT_WARN_PERIOD)
+        self.drive(velocity, time.monotonic())
 
     def close(self) -> None:
         """Disconnect from the robot; called before ``destroy_node``."""
@@ -133,7 +143,7 @@ class SimulatedBridge(BridgeNode):
     """
     Shows a simulated robot as the official bridge does.
 
-    When manual control ends, it logs the true pose of a robot whose odometry is wrong.
+    When manual control ends, it logs where the robot is.
 
     In particular: a velocity while manual control is off switches it on and is itself lost, zero
     or not; the bridge limits nothing; the only watchdog is the robot's command timeout.
@@ -181,11 +191,12 @@ class SimulatedBridge(BridgeNode):
         code = self._robot.set_manual_control(enabled, now)
         if is_change and code == SUCCESS:
             self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
-        if is_change and not enabled and self._robot.has_wrong_odometry:
+        if is_change and not enabled:
             pose, _ = self._robot.state(now)
             # 0.0 is added because -0 is 0 to people.
+            which = 'true pose' if self._robot.has_wrong_odometry else 'pose'
             self.get_logger().info(
-                f'true pose: {round(pose.x, 4) + 0.0:.4f} m, {round(pose.y, 4) + 0.0:.4f} m, '
+                f'{which}: {round(pose.x, 4) + 0.0:.4f} m, {round(pose.y, 4) + 0.0:.4f} m, '
                 f'{round(math.degrees(pose.theta), 2) + 0.0:.2f} deg (x, y, heading, as seen '
                 'from where it was started)')
         return '' if code == SUCCESS else f'error {code}'

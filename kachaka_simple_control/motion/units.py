@@ -28,6 +28,9 @@ from kachaka_simple_control.escaping import quoted
 DIGITS = r'([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][-+]?[0-9]+)?'
 _PARTS = re.compile(f'(?P<number>[-+]?{DIGITS}) *(?P<unit>.*)', re.DOTALL)
 _CLOCK = re.compile('[0-9]*:[0-9]+')
+_DECIMAL_COMMA = re.compile('([0-9]+),([0-9]+)')
+#: What a word processor makes of a hyphen before a number.
+MINUS = '\u2212'
 
 
 class UnitError(ValueError):
@@ -102,7 +105,7 @@ class Quantity:
             raise UnitError(self.without_unit(match['number']))
         unit = match['unit'] or self.unit
         if unit not in self.units:
-            raise UnitError(f'{quoted(text)}; {self._hint(unit)}')
+            raise UnitError(f'{quoted(text)}; {self._hint(text)}')
         numerator, denominator = self.units[unit]
         value = float(match['number']) * numerator / denominator
         self._check(value, text)
@@ -144,8 +147,13 @@ class Quantity:
             raise UnitError(f'{quoted(text)}; it must be at most {self.largest:g} {self.unit}')
 
     def _hint(self, text: str) -> str:
-        is_clock = self.units is _SECOND and _CLOCK.search(text)
-        return 'write 1:30 as 90 s or 1.5 min' if is_clock else f'it must be {self.wanted}'
+        if self.units is _SECOND and _CLOCK.search(text):
+            return 'write 1:30 as 90 s or 1.5 min'
+        if MINUS in text:
+            return f'its minus is U+2212: write that of the keyboard, {text.replace(MINUS, "-")}'
+        if (comma := _DECIMAL_COMMA.search(text)) is not None:
+            return f'write {comma[1]}.{comma[2]}, with a point'
+        return f'it must be {self.wanted}'
 
 
 def _per(units: dict[str, tuple[float, float]], by: str) -> dict[str, tuple[float, float]]:

@@ -212,8 +212,8 @@ class Session:
                 self._release_manual_control()
             if self._guardian.stopped_because is not None:
                 raise RunFaultError(
-                    'the guardian stopped the robot: '
-                    f'{self._guardian.stopped_because}') from error
+                    f'the guardian stopped the robot: {self._guardian.stopped_because}'
+                ) from error
             raise
 
     def stop(self, reason: ControlError) -> bool:
@@ -314,6 +314,16 @@ class Session:
         :param participant: returns its DDS participant; None until it is known
         """
         self._discovery.require_participant(participant)
+
+    @property
+    def guardian_file(self) -> int | None:
+        """Return a descriptor of what is shared with the guardian; None without one."""
+        return self._guardian.shared_file
+
+    @property
+    def is_driving(self) -> bool:
+        """Whether a motion is under way, or waits for the robot."""
+        return self._requests.is_busy
 
     @property
     def has_subscriber(self) -> bool:

@@ -58,40 +58,48 @@ class SpeedControl:
             node.create_service(
                 Trigger, name, _service(function), qos_profile=SERVICE_QOS)
 
-    def pause(self) -> None:
-        """Bring the robot to rest within its limits, and hold the motion there."""
-        if self._factor.set(PAUSE, 0.0):
-            self._node.get_logger().info('Paused: resume to go on')
+    def pause(self) -> str:
+        """Bring the robot to rest within its limits, and hold the motion; return what it did."""
+        if not self._factor.set(PAUSE, 0.0):
+            return 'it was paused before'
+        self._node.get_logger().info('Paused: resume to go on')
+        return ('paused' if self._session.is_driving
+                else 'paused: the next motion is held at its start')
 
-    def resume(self, even_if_moved: bool = False) -> None:
+    def resume(self, even_if_moved: bool = False) -> str:
         """
         Go on with a motion that is paused.
 
         :param even_if_moved: whether to go on from where somebody moved the robot to
+        :returns: what it did
         :raises ControlError: if a motion could not start now either, or the robot was moved
         """
         self._session.check_resume(even_if_moved)
         was_held = [self._factor.set(name, 1.0) for name in (PAUSE, MOVED)]
         if any(was_held):
             self._node.get_logger().info('Resumed')
+        if self._factor.is_hold:
+            return f'another holds the robot: {self._factor.describe()}'
+        return 'resumed' if any(was_held) else 'nothing was paused'
 
-    def resume_when_confirmed(self) -> None:
+    def resume_when_confirmed(self) -> str:
         """
         Go on with a motion that is paused; if the robot was moved, only when asked again.
 
+        :returns: what it did
         :raises ControlError: if a motion could not start now either, or the robot was moved
         """
         try:
-            self.resume(even_if_moved=self._confirmation.on_request())
+            return self.resume(even_if_moved=self._confirmation.on_request())
         except RobotMovedError as error:
             self._confirmation.on_warning()
             raise RobotMovedError(
                 f'{error}. To go on all the same, resume once more, {RESUME_QUIET_TIME:g} to '
                 f'{RESUME_CONFIRM_TIMEOUT:g} s from now') from None
 
-    def _on_resume(self) -> None:
+    def _on_resume(self) -> str:
         self.stop_requests.require_none()
-        self.resume_when_confirmed()
+        return self.resume_when_confirmed()
 
     def set_override(self, factor: float) -> None:
         """
@@ -125,13 +133,13 @@ def _factors(parameters: list[Parameter]) -> list[Any]:
     return [parameter.value for parameter in parameters if parameter.name == PARAMETER]
 
 
-def _service(function: Callable[[], None]) -> Callable[
+def _service(function: Callable[[], str]) -> Callable[
         [Trigger.Request, Trigger.Response], Trigger.Response]:
-    """Return the callback of a service that calls a function."""
+    """Return the callback of a service that calls a function, which returns what it did."""
     def respond(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request
         try:
-            function()
+            response.message = function()
             response.success = True
         except ControlError as error:
             response.message = str(error)

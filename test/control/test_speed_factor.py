@@ -36,7 +36,7 @@ def test_the_value_is_the_product_of_all(factor, changes):
     factor.set(OVERRIDE, 0.5)
     factor.set('obstacle', 0.4)
     assert factor.value == 0.2
-    assert factor.describe() == 'override 50 %, obstacle 40 %'
+    assert factor.describe() == 'speed 50 %, obstacle 40 %'
     factor.set(OVERRIDE, 1)
     assert factor.value == 0.4
     assert changes == [

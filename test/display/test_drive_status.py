@@ -21,7 +21,7 @@ import math
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from kachaka_simple_control.display.drive_status import DriveState, DriveTracker, PLAN_RATE
-from kachaka_simple_control.display.renderers import MIN_LINE_PERIOD, StepLogger
+from kachaka_simple_control.display.renderers import LineRenderer, MIN_LINE_PERIOD, StepLogger
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
@@ -34,6 +34,7 @@ from kachaka_simple_control.telemetry.events import (
     OdometryReceived,
     SessionEnded,
     SessionStarted,
+    SpeedFactorChanged,
     VelocitySent,
 )
 import pytest
@@ -320,6 +321,40 @@ def test_a_panel_has_all_figures(drawn, columns):
                    'odometry     0.250 m/s    0.000 rad/s   0.1 s ago'):
         assert figure in text
     assert '\u2026' not in text
+
+
+@pytest.mark.parametrize('factors, state, texts', [
+    ({'override': 0.5}, 'DRIVING', (
+        'forward 0.5 m (speed 50 %)', '6.2 s left, planned: 4.0 s', '2.2 s, 0.300 m left')),
+    ({'pause': 0.0, 'override': 0.5}, 'PAUSED', (
+        'forward 0.5 m (speed 50 %)', '3.1 s left, planned: 4.0 s', '1.1 s, 0.300 m left')),
+    ({'pause': 0.0}, 'PAUSED', ('forward 0.5 m\n',)),
+    ({'obstacle': 0.05, 'override': 0.1}, 'PAUSED', (
+        'forward 0.5 m (obstacle 5 %, speed 10 %)',))])
+def test_what_is_left_takes_longer_at_less_speed(drawn, factors, state, texts):
+    tracker = driven(0.8)
+    tracker.on_event(SpeedFactorChanged(START + 0.88, factors))
+    text = '\n'.join(drawn(tracker.status_at(START + 0.88), 100))
+    assert f' {state} ' in text
+    for part in texts:
+        assert part in text
+
+
+def test_a_panel_says_that_nothing_was_started(drawn):
+    text = '\n'.join(drawn(DriveTracker().status_at(START), 100))
+    assert 'READY   the motion has not been started' in text
+
+
+def test_lines_say_once_how_to_stop_and_only_to_somebody_at_a_terminal():
+    for has_hint in (True, False):
+        lines = []
+        renderer = LineRenderer(lines.append, has_hint)
+        renderer.show(waiting().status_at(START), START, 'q stops')
+        assert lines == []
+        for elapsed in (0.1, 0.2, 2.5):
+            renderer.show(driven(elapsed).status_at(START + elapsed), START + elapsed, 'q stops')
+        assert lines == [*has_hint * ['q stops\n'], 'step 1 of 3: forward 0.5 m (2 s)\n',
+                         'step 2 of 3: turn 57.296 deg (1 s)\n']
 
 
 def test_a_panel_counts_down_while_it_waits_and_names_the_topic(drawn):

@@ -72,8 +72,12 @@ def test_robot_clips_and_refuses_velocities(probe, namespace):
         probe.send(publisher, math.inf)
         probe.send(publisher, 0.1, math.nan)
         assert settled_x(odometry) == 0.0
+        assert 'is cut' not in process.text
         probe.send(publisher, 1.0)
         assert settled_x(odometry) == pytest.approx(0.09, abs=1e-9)
+        process.wait_for_text('a velocity of 1 m/s is cut to 0.3 m/s, the most that a Kachaka')
+        probe.set_enabled(namespace, False)
+        process.wait_for_text(': pose: 0.0900 m, 0.0000 m, 0.00 deg (x, y, heading')
 
 
 def test_turning_is_reported_in_odometry(probe, namespace):
@@ -176,7 +180,8 @@ def test_manual_control_that_is_renewed_is_logged_once(node, monkeypatch):
     monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(info=logged.append))
     for enabled in (True, True, False, False):
         assert node.set_manual_control(enabled) == ''
-    assert logged == ['manual control enabled', 'manual control disabled']
+    assert logged[:2] == ['manual control enabled', 'manual control disabled']
+    assert len(logged) == 3  # and where it is
 
 
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

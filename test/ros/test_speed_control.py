@@ -183,7 +183,7 @@ def test_a_pause_brakes_within_the_limits_and_holds_with_zeros(listener, observe
         paused, rest = pause_in_cruise(node, listener)
         assert wait_until(lambda: seen and figures(seen[-1])['state'] == 'paused')
         values = figures(seen[-1])
-        assert values['speed'] == 'pause 0 %'
+        assert values['speed'] == 'paused'
         assert values['guardian'] == 'matched'
         time.sleep(1.0)
         assert node.speed_factor == 0.0
@@ -245,7 +245,8 @@ def test_a_robot_that_was_moved_goes_on_only_when_asked_twice(listener, observer
         assert not any(velocity.moves for velocity in listener.received[count:])
         assert node.speed_factor == 0.0
         if by == 'service':
-            assert listener.call('resume').success
+            answer = listener.call('resume')
+            assert (answer.success, answer.message) == (True, 'resumed')
         else:
             node.resume(even_if_moved=True)
         listener.wait_for(is_at_cruise, after=count)
@@ -388,7 +389,12 @@ def test_a_run_that_ended_while_paused_does_not_go_on(listener, make):
         listener.leave()
         assert wait_until(lambda: ended)
         assert 'the robot left' in str(ended[0])
-        assert listener.call('resume').success
+        assert listener.call('resume').message == 'resumed'
+        assert listener.call('resume').message == 'nothing was paused'
+        assert listener.call('pause').message == 'paused: the next motion is held at its start'
+        assert listener.call('pause').message == 'it was paused before'
+        node.session.speed_factor.set('obstacle', 0.0)
+        assert listener.call('resume').message == 'another holds the robot: obstacle 0 %'
         time.sleep(0.5)
     assert all(event.velocity.is_zero for event in sent[count:])
 
@@ -462,7 +468,7 @@ def test_the_command_drives_at_half_the_speed_for_twice_the_time(listener, tmp_p
     file.write_text('steps:\n  - move: {linear_x: 0.2, angular_z: 0, duration: 0.7}\n')
     with program([*COMMAND, str(file), '--speed', '50%'], tmp_path) as started:
         assert started.end() == 0
-    assert 'Slower than planned: override 50 %' in started.text
+    assert 'Slower than planned: speed 50 %' in started.text
     assert ' seconds planned, driven in ' in started.text
     cruise = max(listener.moves(), key=lambda move: move.count)
     assert cruise.linear_x == pytest.approx(0.1)
