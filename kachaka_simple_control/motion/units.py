@@ -27,8 +27,9 @@ from kachaka_simple_control.escaping import quoted
 #: A number without its sign.  A text matches in one way only, or a long one would take hours.
 DIGITS = r'([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][-+]?[0-9]+)?'
 _PARTS = re.compile(f'(?P<number>[-+]?{DIGITS}) *(?P<unit>.*)', re.DOTALL)
+# Matched from the beginning of a text: to search a long one for them would take an hour, too.
 _CLOCK = re.compile('[0-9]*:[0-9]+')
-_DECIMAL_COMMA = re.compile('([0-9]+),([0-9]+)')
+_DECIMAL_COMMA = re.compile('([-+]?[0-9]+),([0-9]+)')
 #: What a word processor makes of a hyphen before a number.
 MINUS = '\u2212'
 
@@ -147,12 +148,13 @@ class Quantity:
             raise UnitError(f'{quoted(text)}; it must be at most {self.largest:g} {self.unit}')
 
     def _hint(self, text: str) -> str:
-        if self.units is _SECOND and _CLOCK.search(text):
+        if self.units is _SECOND and _CLOCK.match(text):
             return 'write 1:30 as 90 s or 1.5 min'
         if MINUS in text:
-            return f'its minus is U+2212: write that of the keyboard, {text.replace(MINUS, "-")}'
-        if (comma := _DECIMAL_COMMA.search(text)) is not None:
-            return f'write {comma[1]}.{comma[2]}, with a point'
+            plain = quoted(text.replace(MINUS, '-'))
+            return f'its minus is U+2212: write that of the keyboard, {plain}'
+        if (comma := _DECIMAL_COMMA.match(text)) is not None:
+            return f'write {quoted(f"{comma[1]}.{comma[2]}")}, with a point'
         return f'it must be {self.wanted}'
 
 

@@ -211,7 +211,8 @@ def test_it_is_driven_and_reported(tmp_path):
     assert step.odometry.distance == pytest.approx(0.985 * step.requested.distance, abs=0.005)
     assert 'lane 0.3 m, 1 m' in drive_table(record, 0.1)
     write_report(record, tmp_path, None)
-    assert 'lane 0.3 m, 1 m' in (tmp_path / 'report.html').read_text()
+    page = (tmp_path / 'report.html').read_text().replace('\N{NO-BREAK SPACE}', ' ')
+    assert 'lane 0.3 m, 1 m' in page
     data = json.loads((tmp_path / 'run.json').read_text())
     assert [entry['step'] for entry in data['steps']] == [step.describe_fully() for step in (
         MOTION.steps[0], STEP, MOTION.steps[2], *MOTION.steps[3].steps * 2)]
