@@ -17,6 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from itertools import pairwise
+import math
 import os
 import random
 import signal
@@ -33,6 +35,8 @@ COMMAND_TIMEOUT = 0.3
 MAX_STOP_DURATION = 0.7
 #: A robot that is sent no velocity moves less than this [m].
 MAX_REST_DISTANCE = 0.001
+#: The most that a robot is turned by odometry that drifts [rad]: 45 degrees, and a message more.
+MAX_TURN = math.radians(50.0)
 
 
 def no_fault(context: TrialContext) -> float:
@@ -207,6 +211,20 @@ def replace_robot(context: TrialContext) -> None:
 def check_new_robot_at_rest(context: TrialContext, _fault: float) -> list[str]:
     """Check that the robot that came later was not moved."""
     return _check_at_rest(context, 'the new robot drove')
+
+
+def wait_for_drift(context: TrialContext) -> float:
+    """Wait until odometry begins to drift; return when it did [s, system clock]."""
+    context.was_paused = True  # it sends zeros meanwhile
+    return own_fault(context)
+
+
+def check_turned_little(context: TrialContext, fault: float) -> list[str]:
+    """Check by how much a program turned a robot whose odometry drifts."""
+    sent = context.recorder.sent_since(fault)
+    turned = abs(sum(
+        one.angular_z * (two.time - one.time) for one, two in pairwise(sent)))
+    return [] if turned < MAX_TURN else [f'it turned by {math.degrees(turned):.0f} degrees']
 
 
 def disable_manual_control(context: TrialContext) -> float:

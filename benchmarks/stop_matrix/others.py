@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import contextlib
+import threading
 import time
 
 from benchmarks.stop_matrix.faults import MAX_STOP_DURATION, no_fault
@@ -26,6 +27,8 @@ from benchmarks.stop_matrix.trial_setup import OTHER_VELOCITY, TrialContext
 DISCOVERY_TIME = 0.6
 #: How long another publisher sends, and with which period [s].
 SEND_DURATION, SEND_PERIOD = 4.5, 0.1
+#: The period of a publisher that drives the robot already [s].
+DRIVE_PERIOD = 0.05
 #: How long a second program may take from its start to its first velocity, or its end [s].
 START_TIMEOUT = 20.0
 #: A program that must stop sends no velocity after this time [s].
@@ -38,6 +41,34 @@ NODES, RESTARTS = 20, 3.0
 #: Time for them to discover each other before the drive, and the most that a trial may take
 #: longer than its motion [s].
 SETTLING_TIME, MAX_OVERHEAD = 10.0, 20.0
+
+
+@contextlib.contextmanager
+def driving(context: TrialContext) -> Iterator[None]:
+    """Let another publisher drive the robot beside the ``with`` block."""
+    other, end = context.recorder.add_publisher(), threading.Event()
+
+    def drive() -> None:
+        while not end.wait(DRIVE_PERIOD):
+            other.send(OTHER_VELOCITY)
+
+    thread = threading.Thread(target=drive)
+    thread.start()
+    try:
+        # Odometry shows it.
+        time.sleep(DISCOVERY_TIME)
+        yield
+    finally:
+        end.set()
+        thread.join()
+        other.close()
+
+
+def check_nothing_sent(context: TrialContext, _fault: float) -> list[str]:
+    """Check that a program whose robot another one drives has sent nothing, not even a zero."""
+    ours = [velocity for velocity in context.recorder.sent_since(context.first)
+            if velocity.linear_x != OTHER_VELOCITY]
+    return ['it sent something'] if ours else []
 
 
 def publish_at_once(context: TrialContext) -> float:

@@ -37,6 +37,10 @@ CHANGE_TIMEOUT = 3.0
 #: From the first message of a change to the fault [s]; braking and speeding up take 0.85 s.
 TIME_TO_FAULT = (0.1, 0.3)
 
+#: How long odometry shows a robot that is held at rest, and then where it was pushed to; and how
+#: long a robot that goes on would need to be seen [s].
+REST_TIME, PUSH_TIME, ASK_TIME = 1.0, 0.3, 1.0
+
 
 class State(Enum):
     """What a program does when the fault comes."""
@@ -80,6 +84,35 @@ def resume_continued(seconds: float) -> Callable[[TrialContext], None]:
         context.program.write_line('resume')
         context.changed = context.program.send(signal.SIGCONT)
     return after
+
+
+def push_and_ask(hold: str, ask: str) -> Injector:
+    """
+    Return an injector that lets a robot that is held be pushed away, and asks to go on.
+
+    After that it ends the program by SIGINT.
+
+    :param hold: the word that makes the program hold its robot
+    :param ask: the word that makes it ask to go on
+    """
+    def inject(context: TrialContext) -> float:
+        _reach(context, hold, State.BRAKING)
+        _reach(context, None, State.PAUSED)
+        time.sleep(REST_TIME)
+        context.program.write_line('push')
+        time.sleep(PUSH_TIME)
+        context.changed = time.time()
+        context.program.write_line(ask)
+        time.sleep(ASK_TIME)
+        context.was_paused = True
+        context.counted_from = time.time()
+        return context.program.send(signal.SIGINT)
+    return inject
+
+
+def check_still_held(context: TrialContext, _fault: float) -> list[str]:
+    """Check that a robot that was pushed did not move when it was asked to go on."""
+    return check_no_velocity(context, context.changed)
 
 
 def check_no_velocity(context: TrialContext, fault: float) -> list[str]:

@@ -116,6 +116,11 @@ IN_MOTION = (
         others.publish_after_discovery, after=others.keep_publishing,
         check=others.check_zeros_ended, exclusive=False, measures_distance=False),
     _runs_on('somebody else has a publisher, and never sends', others.never_publish),
+    Row(Expectation('somebody else drives already, and is found late', 'nothing moves', (3,),
+                    Zero.NONE),
+        faults.fault_now, scripts.TAKEN, background=others.driving,
+        check=others.check_nothing_sent, robot_reusable=False, batch_size=1, moves=False,
+        measures_distance=False),
     _runs_on('a second program wants the robot', others.start_second_program, duration=8.0,
              check=others.check_refused),
     # They take most of the time of two processors: other trials would have to wait.
@@ -191,6 +196,8 @@ IN_CLOSED_LOOP = (
 QUICK_IN_CLOSED_LOOP = 4
 #: Until a robot that should drive at 0.1 m/s and stands is 0.2 m too late [s].
 HELD = 3.0
+#: Until odometry that drifts by 0.25 rad/s has turned the robot by 45 degrees [s].
+DRIFTED = 5.0
 
 
 def _closed(row: Row) -> Row:
@@ -209,6 +216,18 @@ ROWS = (
     *(_closed(row) for row in IN_MOTION if row.expectation.what in IN_CLOSED_LOOP),
     Row(Expectation('the robot is held, in a closed loop', NODE, (1,), limit=HELD),
         faults.own_fault, scripts.HELD, exclusive=False, full=10, measures_distance=False),
+    Row(Expectation('odometry drifts while the heading settles, in a closed loop', NODE, (1,),
+                    limit=DRIFTED),
+        faults.wait_for_drift, scripts.DRIFTS, exclusive=False, full=10, measures_distance=False,
+        check=faults.check_turned_little),
+    Row(Expectation('pushed while paused, and ten resume it at once; SIGINT', NODE, (130,),
+                    limit=SIGNAL),
+        pauses.push_and_ask('pause', 'ask_ten_times'), scripts.PUSHED,
+        check=pauses.check_still_held, full=10),
+    Row(Expectation('pushed while a sensor holds it, which releases it; SIGINT', NODE, (130,),
+                    limit=SIGNAL),
+        pauses.push_and_ask('hold', 'release'), scripts.PUSHED, check=pauses.check_still_held,
+        full=10),
     *(_at(state, row) for state in State for row in IN_MOTION
       if row.expectation.what in AROUND_PAUSE),
     Row(Expectation('frozen for 1 s while paused, then resumed', GUARDIAN, (1,), limit=FROZEN),

@@ -71,6 +71,52 @@ command.play_lesson = short_lesson
 sys.exit(command.main())
 """
 
+#: The same; ``push`` lets odometry show the robot half a metre from where it was.  Many ask to go
+#: on at once, and a sensor that held the robot releases it.
+PUSHED = """
+import threading
+from dataclasses import replace
+from kachaka_simple_control import KachakaSimpleControl
+from kachaka_simple_control.ros.session import Session
+on_odometry, pushed = Session.on_odometry, []
+
+def shifted(self, now, pose, velocity, is_new=True):
+    on_odometry(self, now, replace(pose, x=pose.x + 0.5 * bool(pushed)), velocity, is_new)
+
+def ask_ten_times(self):
+    for _ in range(10):
+        threading.Thread(target=ask, args=(self,), daemon=True).start()
+
+def ask(robot):
+    try:
+        robot.speed_control.resume_when_confirmed()
+    except Exception as error:
+        print(error, flush=True)
+
+Session.on_odometry = shifted
+KachakaSimpleControl.push = lambda self: pushed.append(True)
+KachakaSimpleControl.ask_ten_times = ask_ten_times
+KachakaSimpleControl.hold = lambda self: self.session.speed_factor.set('obstacle', 0.0)
+KachakaSimpleControl.release = lambda self: self.session.speed_factor.set('obstacle', 1.0)
+""" + PAUSED
+
+#: Begins to look for its robot when another program drives it, whose publisher is found too late.
+TAKEN = BEGIN + """
+import rclpy
+from kachaka_simple_control import KachakaSimpleControl
+from kachaka_simple_control.ros.foreign_messages import ForeignMessages
+from kachaka_simple_control.run_command import run_command
+
+ForeignMessages.update = lambda self: False
+
+def drive():
+    rclpy.init()
+    KachakaSimpleControl().move_robot(0.1, 0.0, DURATION)
+
+wait_for_go()
+sys.exit(run_command(drive))
+"""
+
 USER = BEGIN + """
 import rclpy
 from kachaka_simple_control import ControlError, KachakaSimpleControl
@@ -110,6 +156,29 @@ def repeat(self, arrived, pose, is_moving):
 
 PoseFeedback.on_odometry = repeat
 """ + CLOSED_LOOP.replace('wait_for_go()\nnode', 'wait_for_go()\nwrite_fault()\nnode')
+
+#: Odometry drifts by 0.25 rad/s while the heading settles.
+DRIFTS = """
+import time
+from dataclasses import replace
+from kachaka_simple_control.control.pose_feedback import PoseFeedback
+on_odometry, settling = PoseFeedback.on_odometry, []
+
+def drift(self, arrived, pose, is_moving):
+    turned = 0.25 * (time.monotonic() - settling[0]) if settling else 0.0
+    on_odometry(self, arrived, replace(pose, theta=pose.theta + turned), is_moving)
+
+PoseFeedback.on_odometry = drift
+""" + CLOSED_LOOP.partition('node.run')[0] + """
+from kachaka_simple_control import Settle
+
+def begin_to_drift():
+    write_fault()
+    settling.append(time.monotonic())
+
+threading.Timer(1.5, begin_to_drift).start()
+node.run(Motion('closed', (Move(0.1, 0.0, 1.0), Settle(60.0))))
+"""
 
 #: Stopped while it still waits for its robot, or sends its first zeros.
 STOPPED_EARLY = BEGIN + """
