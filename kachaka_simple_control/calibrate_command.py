@@ -73,7 +73,7 @@ def calibrate(options: Options, more: CalibrateOptions) -> None:
         log = drive(replace(options, motions=(MOTION,)))
         return log, fit_calibration(log)
 
-    log, fit = drive_until_good(options, measure)
+    log, fit = drive_until_good(options, more, measure)
     # First of all: what was measured is not lost if a file cannot be written.
     print('\n'.join(['', *_table(fit), '']), flush=True)
     write_robot(settings.robot, fit.calibration(today(), more.floor), more.file)

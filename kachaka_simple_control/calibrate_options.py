@@ -32,12 +32,13 @@ from kachaka_simple_control.cli import (
 )
 from kachaka_simple_control.confirmation import confirm
 from kachaka_simple_control.control.signals import signal_dispatcher
-from kachaka_simple_control.errors import RunFaultError, UsageError
+from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped, escaped_lines, quoted
 from kachaka_simple_control.exit_codes import HELP, OneLineParser
 from kachaka_simple_control.files.robot_profile import calibrated_text
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
+from kachaka_simple_control.report.calibration_fit import CalibrationError
 from kachaka_simple_control.report.output_file import write_atomically
 from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.table_layout import terminal_columns
@@ -204,15 +205,17 @@ def ask(options: Options, more: CalibrateOptions, view: PlanView, before: str = 
         confirm(view.floor_size, before)
 
 
-def drive_until_good(options: Options, measure: Callable[[Options], T]) -> T:
+def drive_until_good(
+        options: Options, more: CalibrateOptions, measure: Callable[[Options], T]) -> T:
     """
     Drive, and return what that measured; a drive that was spoilt is driven again.
 
-    Only where somebody sits at a terminal, who puts the robot back.
+    Only where somebody sits at a terminal, who puts the robot back, and lets a real one drive.  A
+    drive that a fault ended is not driven again: the fault may still be there.
 
     :param measure: asks whether the robot may drive, drives, and returns what it measured; called
         with the options of this drive: another one has a report of its own
-    :raises RunFaultError: why the last drive does not count
+    :raises CalibrationError: why the last drive does not count
     """
     for attempt in range(1, MAX_ATTEMPTS + 1):
         report = options.report
@@ -220,9 +223,9 @@ def drive_until_good(options: Options, measure: Callable[[Options], T]) -> T:
             report = f'{report}-{attempt}'
         try:
             return measure(replace(options, report=report))
-        except RunFaultError as error:
+        except CalibrationError as error:
             if (attempt == MAX_ATTEMPTS or signal_dispatcher.signum is not None
-                    or not sys.stdin.isatty()):
+                    or (more.is_confirmed and not options.sim) or not sys.stdin.isatty()):
                 raise
             print(f'\n{escaped_lines(error)}.\nThis drive does not count: put the robot back '
                   'where it began; it is driven again.', flush=True)

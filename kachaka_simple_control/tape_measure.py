@@ -204,7 +204,8 @@ def _drive(
 
     return drive_until_good(replace(
         options, motions=(motion,),
-        report=None if options.report is None else str(Path(options.report) / report)), measure)
+        report=None if options.report is None else str(Path(options.report) / report)),
+        more, measure)
 
 
 @contextlib.contextmanager

@@ -18,6 +18,7 @@ import signal
 import sys
 
 from kachaka_simple_control import calibrate_command, calibrate_options
+from kachaka_simple_control.calibrate_options import MAX_ATTEMPTS
 from kachaka_simple_control.files.robot_profile import calibrated_text, find_robot, KACHAKA
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.report.calibration_fit import (
@@ -35,6 +36,14 @@ FOUND = CalibrationFit(
      'left': Estimate(0.97, 0.0004), 'right': Estimate(0.98, 0.0004)},
     Estimate(0.035, 0.001), Estimate(0.3, 0.002), 0.003, 0.008)
 COMMAND = (sys.executable, '-m', 'kachaka_simple_control.calibrate_command')
+
+
+class Terminal(io.StringIO):
+    """A terminal where something was typed."""
+
+    def isatty(self):
+        """Return that it is one."""
+        return True
 
 
 @pytest.fixture
@@ -96,17 +105,26 @@ def test_a_real_robot_is_driven_only_after_somebody_has_confirmed(run, monkeypat
     assert 'a robot will move: pass --yes, for there is no terminal to ask at' in errors
     assert len(run('--address', 'robot', '--yes')[3]) == 1
 
-    class Terminal(io.StringIO):
-
-        def isatty(self):
-            return True
-
     for typed, code, count in (
             ('', 2, 1), ('n\n', 2, 1), ('no\n', 2, 1), ('q\n', 2, 1), ('\n', 0, 2)):
         monkeypatch.setattr(sys, 'stdin', Terminal(typed))
         ended, output, _, driven = run('--address', 'robot', '--output', 'other.yaml')
         assert (ended, len(driven)) == (code, count)
         assert 'The robot needs 1.21 m x 0.46 m of free floor.  Enter drives' in output
+
+
+@pytest.mark.parametrize(('words', 'count'), [([], MAX_ATTEMPTS), (['--yes'], 1)])
+def test_a_spoilt_drive_is_driven_again_only_when_somebody_is_asked(
+        run, monkeypatch, words, count):
+    def spoil(_):
+        raise CalibrationError('the drive was paused or slowed down: begin again')
+
+    monkeypatch.setattr(calibrate_command, 'fit_calibration', spoil)
+    monkeypatch.setattr(sys, 'stdin', Terminal(9 * '\n'))
+    code, output, errors, driven = run('--address', 'robot', *words)
+    assert (code, len(driven)) == (1, count)
+    assert output.count('The robot needs') == (0 if words else count)
+    assert errors.count('the drive was paused') == 1
 
 
 def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path):

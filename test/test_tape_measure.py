@@ -21,6 +21,7 @@ import sys
 
 from kachaka_simple_control import calibrate_command, tape_measure
 from kachaka_simple_control.calibrate_options import MAX_ATTEMPTS
+from kachaka_simple_control.errors import MotionStoppedError, RunFaultError
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import find_robot
 from kachaka_simple_control.motion.calibration import Calibration
@@ -196,6 +197,36 @@ def test_a_drive_that_was_spoilt_is_driven_again(run, tmp_path, monkeypatch):
         'all/floor_straight', 'all/floor_turn', 'all/floor_turn-2']
     assert 'the drive was paused or slowed down: begin again.\nThis drive does not count' in output
     assert find_robot(tmp_path / 'my_kachaka.yaml').odometry_calibration.scale == 0.98
+
+
+@pytest.mark.parametrize('error', [
+    RunFaultError('the guardian stopped the robot: the node sent no heartbeat'),
+    RunFaultError('another program sends velocities, so the motion was given up'),
+    MotionStoppedError('the movement was ended by ~/stop')], ids=str)
+def test_a_drive_that_a_fault_or_a_stop_ended_is_not_driven_again(run, monkeypatch, error):
+    driven = []
+
+    def drive(options):
+        driven.append(options)
+        raise error
+
+    monkeypatch.setattr(tape_measure, 'drive', drive)
+    code, output, errors, _ = run('floor', '--address', 'robot', typed=9 * '\n')
+    assert (code, errors, len(driven)) == (1, f'kachaka_calibrate: {error}\n', 1)
+    assert 'driven again' not in output
+
+
+@pytest.mark.parametrize(('words', 'count'), [
+    (['--address', 'robot', '--yes'], 1), (['--yes'], 1),
+    (['--sim', '--yes'], MAX_ATTEMPTS), (['--sim'], MAX_ATTEMPTS)])
+def test_without_a_question_only_a_simulated_robot_is_driven_again(
+        run, monkeypatch, words, count):
+    def spoil(_):
+        raise CalibrationError('spoilt')
+
+    monkeypatch.setattr(tape_measure, 'reported_path', spoil)
+    code, _, errors, driven = run('floor', *words, typed='')
+    assert (code, errors, len(driven)) == (1, 'kachaka_calibrate: spoilt\n', count)
 
 
 def test_a_drive_is_not_repeated_without_end(run, monkeypatch):
