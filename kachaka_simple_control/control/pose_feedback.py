@@ -228,7 +228,8 @@ class PoseFeedback:
         :raises RunFaultError: if it is more than a robot may be off
         """
         before = self._last_tick
-        if before is None or not self._settle_time(tick):
+        # A hold within a settle does not end it.
+        if before is None or not self._is_settling(tick):
             self._settled = 0.0
             return
         self._settled += self._last.angular_z * (tick.start - before.start)
@@ -238,11 +239,15 @@ class PoseFeedback:
                 f'more than {math.degrees(MAX_HEADING_ERROR):.0f} deg: odometry drifts, or '
                 'something turns the robot')
 
+    def _is_settling(self, tick: Tick) -> bool:
+        """Return whether a settle is under way, held or not."""
+        return self._plan.steps[self._plan.step_index(tick.plan_time)].step.settles
+
     def _settle_time(self, tick: Tick) -> float:
         """Return how long the heading may still be corrected at rest [s]."""
-        step = self._plan.steps[self._plan.step_index(tick.plan_time)]
-        is_held = tick.rest == math.inf
-        return step.end - tick.plan_time if step.step.settles and not is_held else 0.0
+        if tick.rest == math.inf or not self._is_settling(tick):
+            return 0.0
+        return self._plan.steps[self._plan.step_index(tick.plan_time)].end - tick.plan_time
 
     def _limited(self, tick: Tick, wanted: Velocity) -> Velocity:
         """Return what is nearest to a velocity within the limits of velocity and acceleration."""

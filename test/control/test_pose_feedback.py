@@ -383,18 +383,26 @@ def test_the_plan_of_a_closed_loop_leaves_room_and_settles():
 
 
 @pytest.mark.parametrize('drift', [-0.1, 0.1])
-def test_a_settle_does_not_follow_odometry_that_drifts(drift):
+@pytest.mark.parametrize('has_holds', [False, True])
+def test_a_settle_does_not_follow_odometry_that_drifts(drift, has_holds):
     """The heading by odometry stays where it should be, while the robot turns and turns."""
     limits = KACHAKA.limits
     planned = plan(Motion('stand', (Settle(60.0),)), limits.scaled(CLOSED_LOOP_SHARE), 20.0)
-    feedback, scheduler, heading, now = PoseFeedback(0.1), TickScheduler(planned), 0.0, 0.0
+    feedback, scheduler, heading, count = PoseFeedback(0.1), TickScheduler(planned), 0.0, 0
     feedback.on_odometry(0.0, ORIGIN, is_moving=False)
     feedback.begin(planned, limits)
+
+    def correct():
+        # A pause of 0.5 s each 2.5 s.
+        tick = scheduler.due(0.05 * count, 0.0 if has_holds and count % 50 >= 40 else 1.0)
+        return feedback.correct(tick, 0.05 * count).angular_z
+
     with contextlib.suppress(RunFaultError):
-        while (tick := scheduler.due(now)) is not None:
-            heading += 0.05 * feedback.correct(tick, now).angular_z
-            now += 0.05
-            feedback.on_odometry(now, Pose(0.0, 0.0, heading + drift * now), is_moving=False)
+        while count < 1000:
+            heading += 0.05 * correct()
+            count += 1
+            feedback.on_odometry(
+                0.05 * count, Pose(0.0, 0.0, heading + drift * 0.05 * count), is_moving=False)
     with pytest.raises(RunFaultError, match='a settle has turned the robot by 4. deg, more than'):
-        feedback.correct(scheduler.due(now), now)
+        correct()
     assert abs(heading) < math.radians(47.0)
