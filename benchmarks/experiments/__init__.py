@@ -15,6 +15,6 @@
 Measurements behind figures in docs/ that no run repeats by itself; each is a program.
 
 ``bridge_latency`` and ``three_processes`` belong to docs/kachaka.md, ``telemetry_cost`` to
-docs/live.md, ``driven_robot`` to docs/safety.md.
+docs/live.md, ``driven_robot`` and ``run_and_stop`` to docs/safety.md.
 ``long_drive`` tries what no test has the time for.
 """

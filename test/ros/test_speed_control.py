@@ -24,6 +24,7 @@ import time
 
 from kachaka_simple_control.cli import parse
 from kachaka_simple_control.control import plan_runner
+from kachaka_simple_control.control.service_requests import StopRequests
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, PauseTimeoutError
 from kachaka_simple_control.files.robot_profile import KACHAKA
@@ -39,6 +40,7 @@ from waiting import wait_until
 
 NODE = ODOMETRY = TRANSIENT_LOCAL = MISSING
 with optional_imports():
+    from kachaka_simple_control.drive_command import RunService
     from rcl_interfaces.msg import Parameter as ParameterMessage
     from rcl_interfaces.msg import ParameterValue
     from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -365,16 +367,25 @@ def test_after_the_guardian_s_stop_requests_are_refused_with_the_reason(listener
         node.session.request(elsewhere=True)
 
 
-def test_nothing_goes_on_at_the_same_time_as_a_stop(listener, make):
-    node = make()
+def test_nothing_starts_or_goes_on_at_the_same_time_as_a_stop(listener, make):
+    node, now = make(), [7.0]
+    node.speed_control.stop_requests = StopRequests(lambda: now[0])
+    RunService(node, Motion('on', (Forward(1.0),)), KACHAKA.limits)
     node.move_robot(0.1, 0.0, 0.2)
     node.pause()
-    node.speed_control.stop_requests.on_stop()
-    answer = listener.call('resume')
-    if not answer.success:  # a busy machine may take longer than the window
-        assert answer.message == 'a stop came at the same time: call again'
-    time.sleep(0.1)
-    assert listener.call('resume').success
+    assert listener.call('stop').success
+    now[0] += 0.049
+    for name in ('run', 'resume'):
+        answer = listener.call(name)
+        assert (answer.success, answer.message) == (
+            False, 'a stop came at the same time: call again')
+    assert not node.session.is_driving
+    assert node.speed_factor == 0.0
+    count, now[0] = len(listener.received), now[0] + 0.002
+    for name in ('resume', 'run'):
+        assert listener.call(name).success
+    listener.wait_for(lambda velocity: velocity.moves, after=count)
+    node.stop_robot()
 
 
 def test_a_run_that_ended_while_paused_does_not_go_on(listener, make):
