@@ -20,7 +20,9 @@ import re
 import subprocess
 
 import kachaka_simple_control
+from kachaka_simple_control import motion_command
 from kachaka_simple_control.cli import Options, parse, split_ros_arguments
+from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.version import ros_distro
 from program import COMMAND, environment
 import pytest
@@ -189,3 +191,39 @@ def test_the_errors_of_a_file_begin_with_file_and_line(text, tmp_path):
     lines = ended.stderr.splitlines()
     assert lines
     assert all(re.match(r'(\./)?(mine|bad)\.yaml:\d+: ', line) for line in lines), lines
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Return a function that runs the command; it tells the exit code, questions and drives."""
+    def run(*arguments, is_refused=False):
+        floors, driven = [], []
+
+        def confirm(floor_size):
+            floors.append(floor_size)
+            if is_refused:
+                raise UsageError('not confirmed: nothing was driven')
+
+        monkeypatch.setattr(motion_command, 'confirm', confirm)
+        monkeypatch.setattr(motion_command, 'drive', driven.append)
+        return motion_command.main(arguments), floors, len(driven)
+
+    return run
+
+
+@pytest.mark.needs('yaml', 'jsonschema')
+@pytest.mark.parametrize(('words', 'questions', 'drives'), [
+    (['--address', 'robot'], 1, 1),
+    (['--address', 'robot', '--yes'], 0, 1),
+    (['--address', 'robot', '--wait'], 1, 1),
+    (['--address', 'robot', '--repeat', '2'], 2, 2),
+    (['--address', 'robot', '--repeat', '2', '--yes'], 0, 2),
+    (['--sim'], 0, 1),
+    ([], 0, 1)])
+def test_before_a_real_robot_of_its_own_it_asks_with_the_floor(asked, words, questions, drives):
+    assert asked('square', *words) == (0, questions * ['1.04 m x 1.04 m'], drives)
+
+
+@pytest.mark.needs('yaml', 'jsonschema')
+def test_what_is_refused_is_not_driven(asked):
+    assert asked('--address', 'robot', '--repeat', '2', is_refused=True)[::2] == (2, 0)
