@@ -14,35 +14,39 @@
 """
 Drive a robot by exactly timed velocities, and stop it whatever happens.
 
-Importing this package needs no ROS; the node is loaded when it is asked for.
+Importing this package needs no ROS; each name is loaded when it is asked for.
 """
 
 from __future__ import annotations
 
-from typing import Any
+# Of typing, whose import takes a while; type checkers take the name for true.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
 
-from kachaka_simple_control.errors import (
-    ControlError,
-    InvalidMotionError,
-    MotionRefusedError,
-    RobotNotFoundError,
-    RunFaultError,
-    UsageError,
-)
-from kachaka_simple_control.motion.geometry import Pose, Velocity
-from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.motion.steps import (
-    Arc,
-    Forward,
-    Motion,
-    Move,
-    Repeat,
-    Settle,
-    Step,
-    Turn,
-    Wait,
-)
+    from kachaka_simple_control.errors import (
+        ControlError,
+        InvalidMotionError,
+        MotionRefusedError,
+        RobotNotFoundError,
+        RunFaultError,
+        UsageError,
+    )
+    from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
+    from kachaka_simple_control.motion.geometry import Pose, Velocity
+    from kachaka_simple_control.motion.limits import Limits
+    from kachaka_simple_control.motion.plan import Plan, plan
+    from kachaka_simple_control.motion.steps import (
+        Arc,
+        Forward,
+        Motion,
+        Move,
+        Repeat,
+        Settle,
+        Step,
+        Turn,
+        Wait,
+    )
 
 __all__ = [
     'Arc',
@@ -68,12 +72,44 @@ __all__ = [
     'plan',
 ]
 
+#: The module of each name.  A command begins with this package: until its first line of code
+#: runs, Ctrl+C prints a traceback.
+_MODULES = {
+    'Arc': 'motion.steps',
+    'ControlError': 'errors',
+    'Forward': 'motion.steps',
+    'InvalidMotionError': 'errors',
+    'KachakaSimpleControl': 'kachaka_simple_control',
+    'Limits': 'motion.limits',
+    'Motion': 'motion.steps',
+    'MotionRefusedError': 'errors',
+    'Move': 'motion.steps',
+    'Plan': 'motion.plan',
+    'Pose': 'motion.geometry',
+    'Repeat': 'motion.steps',
+    'RobotNotFoundError': 'errors',
+    'RunFaultError': 'errors',
+    'Settle': 'motion.steps',
+    'Step': 'motion.steps',
+    'Turn': 'motion.steps',
+    'UsageError': 'errors',
+    'Velocity': 'motion.geometry',
+    'Wait': 'motion.steps',
+    'plan': 'motion.plan',
+}
+
 
 def __getattr__(name: str) -> Any:
     if name == '__version__':
         from kachaka_simple_control.version import installed_version
         return installed_version()
-    if name != 'KachakaSimpleControl':
+    if name not in _MODULES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl
-    return KachakaSimpleControl
+    from importlib import import_module
+    value = getattr(import_module(f'{__name__}.{_MODULES[name]}'), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, '__version__'})

@@ -15,10 +15,7 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-
 from kachaka_simple_control.control.interrupts import exit_on_interrupt
-from kachaka_simple_control.control.output import open_closed_streams
 
 
 def run(module: str) -> int:
@@ -29,6 +26,10 @@ def run(module: str) -> int:
     :returns: the exit code
     """
     exit_on_interrupt()
+    # Imported from here on: until then Ctrl+C prints a traceback.
+    from importlib import import_module
+
+    from kachaka_simple_control.control.output import open_closed_streams
     open_closed_streams()
     code: int = import_module(f'kachaka_simple_control.{module}').main()
     return code

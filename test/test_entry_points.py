@@ -13,42 +13,54 @@
 # limitations under the License.
 """How a command begins: silent at Ctrl+C, and with streams that may be closed."""
 
+import os
 import subprocess
 import sys
 
 from program import COMMAND, environment, quick_drive
 import pytest
 
-#: Presses Ctrl+C when a module is imported.
-INTERRUPTED = """
+#: Presses Ctrl+C when a module is imported; Python runs it before anything else.
+SITECUSTOMIZE = """
 import os, signal, sys
-from kachaka_simple_control.entry_points import run
 class Finder:
     def find_spec(self, name, *_):
         if name == 'kachaka_simple_control.IMPORTED':
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Finder())
-sys.exit(run('COMMAND'))
 """
 
 
 def run(command, **options):
     """Run a command to its end."""
     return subprocess.run(
-        command, env=environment(), stdin=subprocess.DEVNULL, text=True, check=False, timeout=60,
-        **options)
+        command, stdin=subprocess.DEVNULL, text=True, check=False, timeout=60,
+        **{'env': environment(), **options})
 
 
-@pytest.mark.parametrize('command, imported, arguments', [
-    ('motion_command', 'cli', []),
-    ('motion_command', 'drive_command', ['square']),
-    ('calibrate_command', 'tape_measure', []),
-    ('compare_command', 'report.comparison', []),
-    ('kachaka.sim_command', 'kachaka.program', []),
+def entry_point(name):
+    """Return a command that does what the script of an entry point does."""
+    text = f'import sys\nfrom kachaka_simple_control.{name}\nsys.exit(main())'
+    return [sys.executable, '-c', text]
+
+
+@pytest.mark.parametrize('command, imported', [
+    # What comes first, and in the script of the command as well.
+    ([*COMMAND], 'errors'),
+    ([*COMMAND, 'square'], 'motion.plan'),
+    (entry_point('__main__ import main'), 'errors'),
+    ([*entry_point('__main__ import main'), 'square'], 'motion.plan'),
+    (entry_point('__main__ import main'), 'cli'),
+    ([*entry_point('__main__ import main'), 'square'], 'drive_command'),
+    (entry_point('entry_points import calibrate as main'), 'tape_measure'),
+    (entry_point('entry_points import compare as main'), 'report.comparison'),
+    (entry_point('entry_points import bridge as main'), 'errors'),
+    (entry_point('entry_points import simulate as main'), 'kachaka.program'),
 ])
-def test_ctrl_c_while_modules_are_imported_is_silent(command, imported, arguments):
-    text = INTERRUPTED.replace('COMMAND', command).replace('IMPORTED', imported)
-    ended = run([sys.executable, '-c', text, *arguments], capture_output=True)
+def test_ctrl_c_while_modules_are_imported_is_silent(command, imported, tmp_path):
+    (tmp_path / 'sitecustomize.py').write_text(SITECUSTOMIZE.replace('IMPORTED', imported))
+    path = os.pathsep.join([str(tmp_path), environment()['PYTHONPATH']])
+    ended = run(command, capture_output=True, env=environment(PYTHONPATH=path))
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, '', '')
 
 

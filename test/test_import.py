@@ -40,6 +40,8 @@ OTHERS = (
 def test_importing_the_package_and_planning_need_no_ros():
     text = BLOCK.format(blocked=ROS) + """
 import kachaka_simple_control as ksc
+# Nothing before it is asked for: until a command's code runs, Ctrl+C prints a traceback.
+assert not [name for name in sys.modules if name.startswith('kachaka_simple_control.')]
 plan = ksc.plan(ksc.Motion('one', (ksc.Move(0.1, 0.0, 1.0),)), ksc.Limits(0.3, 1.57), 10.0)
 assert abs(plan.path()[-1].x - 0.1) < 1e-12
 assert 'rclpy' not in sys.modules
@@ -52,6 +54,7 @@ def test_every_public_name_is_there():
     import kachaka_simple_control
     for name in kachaka_simple_control.__all__:
         assert getattr(kachaka_simple_control, name) is not None
+    assert {*kachaka_simple_control.__all__, '__version__'} <= set(dir(kachaka_simple_control))
     with pytest.raises(AttributeError, match='nonsense'):
         kachaka_simple_control.nonsense
 

@@ -20,11 +20,10 @@ import signal
 import threading
 from types import FrameType
 
-from kachaka_simple_control.exit_codes import SIGNALLED
-
 
 def _exit(signum: int, _frame: FrameType | None) -> None:
-    os._exit(SIGNALLED + signum)
+    # SIGNALLED of exit_codes; to import that takes longer than all that is imported here.
+    os._exit(128 + signum)
 
 
 def exit_on_interrupt() -> None:
