@@ -42,6 +42,7 @@ from kachaka_simple_control.kachaka.program import (
     simulation_parameters,
     simulation_words,
 )
+from kachaka_simple_control.motion.units import point_advice
 
 NAME = 'kachaka_simple_control'
 EXAMPLES = """
@@ -242,9 +243,12 @@ def add_drive_options(parser: OneLineParser) -> None:
 def _speed(text: str) -> float:
     number = text.strip().removesuffix('%')
     with contextlib.suppress(ValueError):
-        percent = float(number)
+        # A comma is read as a point only to say what to write.
+        percent = float(number.replace(',', '.', 1))
         has_sign = number != text.strip()
         if (100.0 * MIN_SPEED_FACTOR if has_sign else 2.0) <= percent <= 100.0:
+            if advice := point_advice(text.strip()):
+                raise argparse.ArgumentTypeError(f'{escaped(text, 60)!r}; {advice}')
             return percent / 100.0
         if not has_sign and MIN_SPEED_FACTOR <= percent <= 1.0:
             # A part of 1 for some, a percentage for others: the robot must not guess.

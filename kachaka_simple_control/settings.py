@@ -25,7 +25,7 @@ from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.escaping import escaped, quoted
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
-from kachaka_simple_control.motion.units import require_number
+from kachaka_simple_control.motion.units import point_advice, require_number
 from kachaka_simple_control.ros.node_parameters import NodeParameters, parameter_arguments
 
 if TYPE_CHECKING:
@@ -170,7 +170,8 @@ def _number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise UsageError(f'parameter {name} is {quoted(text, 60)}; it must be a number') from None
+        advice = point_advice(text) or 'it must be a number'
+        raise UsageError(f'parameter {name} is {quoted(text, 60)}; {advice}') from None
 
 
 def _boolean(name: str, text: str) -> bool:

@@ -132,6 +132,7 @@ def test_what_needs_all_of_the_limits_cannot_be_corrected(measured):
     ('--robot generic --ros-args -p robot:=kachaka',
      '--robot generic and -p robot:=kachaka differ: give one'),
     ('--ros-args -p rate:=fast', "parameter rate is 'fast'; it must be a number"),
+    ('--ros-args -p rate:=12,5', "parameter rate is '12,5'; write '12.5', with a point"),
     ('--ros-args -p rate:=2', 'rate is 2 Hz; for generic it must be from 2.5 to 1000 Hz'),
     ('--ros-args -p rate:=nan', 'rate is nan Hz; for generic it must be from 2.5 to 1000 Hz'),
     ('--ros-args -p robt:=generic', 'there is no parameter robt; did you mean robot?'),
@@ -189,12 +190,19 @@ def test_what_is_no_part_of_the_planned_speed_is_refused(speed, capsys):
 
 
 @pytest.mark.parametrize('speed, meant', [
-    ('1', '1% or 100%'), ('1.0', '1% or 100%'), ('0.5', '50%'), ('0.01', '1%')])
+    ('1', '1% or 100%'), ('1.0', '1% or 100%'), ('0.5', '50%'), ('0.01', '1%'), ('0,5', '50%')])
 def test_a_speed_that_may_mean_a_part_of_one_is_refused(speed, meant, capsys):
     """Full speed for one person is a hundredth of it for another."""
     with pytest.raises(SystemExit):
         parse(['--speed', speed])
     assert f'{speed!r} has no %: write {meant}\n' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('speed, meant', [('12,5', '12.5'), ('12,5%', '12.5%')])
+def test_a_speed_with_a_decimal_comma_is_refused_with_what_to_write(speed, meant, capsys):
+    with pytest.raises(SystemExit):
+        parse(['--speed', speed])
+    assert f'{speed!r}; write {meant!r}, with a point\n' in capsys.readouterr().err
 
 
 def test_a_speed_and_a_parameter_that_differ_are_refused():

@@ -33,7 +33,7 @@ from kachaka_simple_control.files.document import (
     Problem,
     UnreadableFileError,
 )
-from kachaka_simple_control.motion.units import DIGITS
+from kachaka_simple_control.motion.units import DIGITS, point_advice
 
 #: The largest file that is read [bytes].
 MAX_BYTES = 1_000_000
@@ -258,7 +258,8 @@ class _OpenNode:
     node: Node
     key: str | None = None
     key_line: int = 0
-    is_twice: bool = False
+    #: whether what comes next is not taken into the mapping
+    is_dropped: bool = False
 
     @property
     def awaits_key(self) -> bool:
@@ -278,6 +279,8 @@ class _YamlBuilder:
         self._root: Node | None = None
         self._open: list[_OpenNode] = []
         self._count = 0
+        #: the last value of a key: the mapping, the key, and the event it was read from
+        self._last: tuple[Node, str, Any] | None = None
 
     def document(self) -> Document:
         if self._root is None or (self._root.data is None and not self.problems):
@@ -289,6 +292,8 @@ class _YamlBuilder:
         line = event.start_mark.line + 1
         if kind == 'DocumentStart' and self._root is not None:
             raise self._given_up('a second document begins here; a file has one', line)
+        if kind == 'Scalar' and self._open and self._takes_decimals(event, line):
+            return
         if kind == 'Scalar' and self._open and self._open[-1].awaits_key:
             self._take_key(event, line)
         elif kind in ('Scalar', 'Alias', 'MappingStart', 'SequenceStart'):
@@ -297,12 +302,41 @@ class _YamlBuilder:
             self._open.pop()
             self._next()
 
+    def _takes_decimals(self, event: Any, line: int) -> bool:
+        """
+        Take a word that a decimal comma has parted from its number: ``{forward: 0,5 m}``.
+
+        :returns: whether it is one
+        """
+        if self._last is None or event.style:
+            return False
+        mapping, key, number = self._last
+        value, end, start = mapping.children[key], number.end_mark, event.start_mark
+        is_next = (end.line, end.index + 1) == (start.line, start.index)
+        if not is_next or not isinstance(value.data, int) or value.is_bad:
+            return False
+        text = f'{number.value},{event.value}'
+        advice = point_advice(text)
+        if advice is None:
+            return False
+        self._count_one(line)
+        value.is_bad = value.has_problem = mapping.has_problem = True
+        parent = self._open[-1]
+        if parent.node is mapping:
+            parent.key = key
+            self._object(line, f'{quoted(text)}; {advice}')
+            parent.key, parent.is_dropped = event.value, True
+        else:  # ``[forward: 0,5 m]``: the mapping has ended
+            self._object(line, f'{quoted(text)}; {advice}', key)
+        return True
+
     def _take_key(self, event: Any, line: int) -> None:
         mapping = self._open[-1]
         mapping.key, mapping.key_line = event.value, line
-        mapping.is_twice = event.value in mapping.node.data
+        is_twice = event.value in mapping.node.data
+        mapping.is_dropped = is_twice
         self._count_one(line)
-        if mapping.is_twice:
+        if is_twice:
             first = mapping.node.children[event.value].line
             self._object(line, f'this key is here twice, first in line {first}')
         elif objection := _decoration(event):
@@ -316,7 +350,7 @@ class _YamlBuilder:
         objection = _decoration(event)
         if kind == 'Scalar' and not objection:
             node.data, objection = _resolve(event)
-        self._attach(node)
+        self._attach(node, event)
         if objection:
             node.is_bad = node.has_problem = True
             self._object(line, objection)
@@ -328,7 +362,7 @@ class _YamlBuilder:
         else:
             self._next()
 
-    def _attach(self, node: Node) -> None:
+    def _attach(self, node: Node, event: Any) -> None:
         if not self._open:
             self._root = node
             return
@@ -336,19 +370,20 @@ class _YamlBuilder:
         if parent.key is None:
             parent.node.children[len(parent.node.data)] = node
             parent.node.data.append(node.data)
-        elif not parent.is_twice:
+        elif not parent.is_dropped:
             parent.node.children[parent.key] = node
             parent.node.data[parent.key] = node.data
             node.line = parent.key_line
+            self._last = parent.node, parent.key, event
 
     def _next(self) -> None:
         if self._open:
             self._open[-1].key = None
 
-    def _object(self, line: int, text: str) -> None:
+    def _object(self, line: int, text: str, *within: str) -> None:
         for parent in self._open:
             parent.node.has_problem = True
-        path = [parent.part for parent in self._open]
+        path = [*(parent.part for parent in self._open), *within]
         self.problems.append(Problem(text, line, format_path(path)))
         if len(self.problems) >= MAX_PROBLEMS:
             raise UnreadableFileError(*self.problems)

@@ -29,7 +29,7 @@ DIGITS = r'([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][-+]?[0-9]+)?'
 _PARTS = re.compile(f'(?P<number>[-+]?{DIGITS}) *(?P<unit>.*)', re.DOTALL)
 # Matched from the beginning of a text: to search a long one for them would take an hour, too.
 _CLOCK = re.compile('[0-9]*:[0-9]+')
-_DECIMAL_COMMA = re.compile('([-+]?[0-9]+),([0-9]+)')
+_DECIMAL_COMMA = re.compile('([-+]?[0-9]+),(?=[0-9])')
 #: What a word processor makes of a hyphen before a number.
 MINUS = '\u2212'
 
@@ -153,9 +153,13 @@ class Quantity:
         if MINUS in text:
             plain = quoted(text.replace(MINUS, '-'))
             return f'its minus is U+2212: write that of the keyboard, {plain}'
-        if (comma := _DECIMAL_COMMA.match(text)) is not None:
-            return f'write {quoted(f"{comma[1]}.{comma[2]}")}, with a point'
-        return f'it must be {self.wanted}'
+        return point_advice(text) or f'it must be {self.wanted}'
+
+
+def point_advice(text: str) -> str | None:
+    """Return what to write for a number with a decimal comma; None if a text is none."""
+    comma = _DECIMAL_COMMA.match(text)
+    return comma and f'write {quoted(f"{comma[1]}.{text[comma.end():]}")}, with a point'
 
 
 def _per(units: dict[str, tuple[float, float]], by: str) -> dict[str, tuple[float, float]]:

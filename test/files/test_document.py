@@ -65,6 +65,14 @@ SEVERAL = "in one step; begin each step with '- ', and indent what belongs to it
     ('forward: 1_000 m', f"forward: '1_000 m'; {LENGTH}"),
     ('forward: 0x10', f"forward: '0x10'; {LENGTH}"),
     ('forward: yes', f"forward: 'yes'; {LENGTH}"),
+    # A decimal comma; in braces it would begin another key.
+    ('forward: 0,5 m', "forward: '0,5 m'; write '0.5 m', with a point"),
+    ('{forward: 0,5 m}', "forward: '0,5 m'; write '0.5 m', with a point"),
+    ('{wait: 1,5}', "wait: '1,5'; write '1.5', with a point"),
+    ('forward: {distance: 0,5 m,speed: 0.1}',
+     "forward.distance: '0,5 m'; write '0.5 m', with a point"),
+    ('move: {linear_x: 0.1, angular_z: -0,25 rad/s, duration: 1}',
+     "move.angular_z: '-0,25 rad/s'; write '-0.25 rad/s', with a point"),
     # Numbers that could be read in two ways.
     ('turn: 90', 'turn: 90 has no unit; an angle needs one: write 90 deg or 90 rad'),
     ("turn: '90'", 'turn: 90 has no unit; an angle needs one: write 90 deg or 90 rad'),
@@ -130,6 +138,10 @@ def test_a_radius_of_zero_is_refused_by_the_step_itself():
     ('steps: []\nlimits: {max_linear_jerk: 1 m/s^2}',
      ("bad.yaml:2: limits.max_linear_jerk: '1 m/s^2'; it must be a linear jerk, as in 2 m/s^3 "
       '(in m/s^3, cm/s^3 or mm/s^3)')),
+    ('name: a\nsteps: [wait: 1,\n  forward: 0,5 m, wait: 1]',
+     "bad.yaml:3: step 2: forward: '0,5 m'; write '0.5 m', with a point"),
+    ('steps: []\nlimits: {max_linear_velocity: 0,5}',
+     "bad.yaml:2: limits.max_linear_velocity: '0,5'; write '0.5', with a point"),
     ('steps: []\nsteps: []', 'bad.yaml:2: steps: this key is here twice, first in line 1'),
     ('steps: []\n---\nsteps: []',
      'bad.yaml:2: a second document begins here; a file has one'),

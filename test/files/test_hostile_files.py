@@ -54,6 +54,8 @@ HOSTILE = {
     'a key without an end': 'a' * 990_000 + ': 1',
     'a number without an end': 'steps:\n- wait: ' + '9' * 900_000,
     'a number in quotes without an end': 'steps:\n- wait: "' + '9' * 900_000 + ' m"',
+    'decimal commas in braces': 'steps: [' + '{wait: 1,5}, ' * 70_000 + ']',
+    'one of them without an end': '{wait: 1,' + '9' * 900_000 + '}',
     'spaces before a unit': 'steps:\n- wait: "1' + ' ' * 900_000 + 'x"',
     'documents': '---\n' * 250_000,
     'quotes': '"' * MEGABYTE,

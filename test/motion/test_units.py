@@ -77,7 +77,9 @@ def test_a_quantity_is_converted_from_its_unit(quantity, text, value):
     (LENGTH, '1e309 m', "'1e309 m' is too large a number"),
     (LENGTH, '\u22120.5 m',
      "'\u22120.5 m'; its minus is U+2212: write that of the keyboard, '-0.5 m'"),
-    (LENGTH, '0,5 m', "'0,5 m'; write '0.5', with a point"),
+    (LENGTH, '0,5 m', "'0,5 m'; write '0.5 m', with a point"),
+    (TIME, '-1,25', "'-1,25'; write '-1.25', with a point"),
+    (LENGTH, '0, 5 m', "'0, 5 m'; it must be a length, as in 0.5 m (in m, cm or mm)"),
     (LENGTH, '', "''; it must be a length, as in 0.5 m (in m, cm or mm)"),
 ])
 def test_an_invalid_quantity_is_refused_with_the_units_that_fit(quantity, text, words):
@@ -116,7 +118,7 @@ def test_the_pattern_accepts_what_the_parser_accepts(quantity: Quantity, text: s
 
 @pytest.mark.parametrize('text', [
     '9' * 10**6, '1' + ' ' * 10**6 + 'x', '1e' + '1' * 10**6, '9' * 10**6 + ' ',
-    '9' * 10**6 + ',' + '9' * 10**6, '\u2212' + '9' * 10**6])
+    '9' * 10**6 + ',' + '9' * 10**6, '9,' * 10**6, '\u2212' + '9' * 10**6])
 def test_a_long_text_is_refused_quickly(text):
     begin = time.process_time()
     with pytest.raises(UnitError):
