@@ -75,7 +75,7 @@ class OwnSimulation:
             raise UsageError(f'sim=True starts a simulated kachaka, not a {profile.name}')
         if namespace in self._running:
             raise UsageError(
-                f'an earlier node of this program has the simulated robot /{namespace}: call its '
+                f'an earlier node of this program has the simulated robot {namespace}: call its '
                 'destroy_node() first, or choose another robot_namespace')
         self._running.add(namespace)
         self._namespace = namespace

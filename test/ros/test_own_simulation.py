@@ -100,6 +100,14 @@ def test_it_brings_a_kachaka_along(tmp_path):
     assert out == ''
 
 
+def test_an_earlier_node_of_the_program_has_the_robot_until_it_is_destroyed(tmp_path):
+    code, _, err = run(
+        'robot = KachakaSimpleControl(sim=True)\nKachakaSimpleControl(sim=True)', tmp_path)
+    assert code == 2
+    assert ('an earlier node of this program has the simulated robot /kachaka: call its '
+            'destroy_node() first, or choose another robot_namespace\n') in err
+
+
 def test_ctrl_c_stops_and_prints_the_table(tmp_path):
     script = tmp_path / 'script.py'
     pytest.importorskip('rclpy', reason='needs ROS 2')

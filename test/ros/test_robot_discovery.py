@@ -94,6 +94,8 @@ def test_a_robot_under_the_same_name_is_left_alone_by_a_simulated_drive(tmp_path
         with program(command, tmp_path) as started:
             assert started.end() == 3
         assert 'shows a robot on /kachaka/manual_control/cmd_vel' in started.text
+        assert 'leave out --sim' in started.text
+        assert '--namespace' not in started.text, 'an option of another command'
         assert 'manual control enabled' not in started.text
         assert 'manual control enabled' not in other.text
 

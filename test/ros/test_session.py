@@ -376,6 +376,8 @@ def test_after_a_signal_a_stop_that_failed_is_logged_whoever_notices_first(
         session.stop(reason)
     session.stop_permanently(reason)
     assert logged == ['the stop is unconfirmed']
+    with pytest.raises(MotionRefusedError, match='by SIGINT: only a new node moves the robot ag'):
+        node.move_robot(0.1, 0.0, 0.2)
 
 
 def test_without_a_signal_the_error_says_it_and_no_log_line(make, monkeypatch):
