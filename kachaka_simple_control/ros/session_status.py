@@ -251,7 +251,8 @@ def _state(statistics: TickStatistics, status: SessionStatus) -> str:
             return 'connecting to the robot'
         return 'driving' if status.speed_factor else 'paused'
     if not statistics.motion:
-        return 'nothing to drive yet'
+        # A motion may wait for ~/run.
+        return 'nothing started yet'
     return 'at rest' if statistics.failure is None else 'stopped early'
 
 

@@ -151,8 +151,9 @@ def diagnosis_of(statistics=None, **changes):
 
 
 @pytest.mark.parametrize('changes, level, text', [
-    ({}, Level.OK, 'nothing to drive yet'),
-    ({'odometry_age': None}, Level.OK, 'nothing to drive yet'),
+    # Whether or not a motion waits to be started.
+    ({}, Level.OK, 'nothing started yet'),
+    ({'odometry_age': None}, Level.OK, 'nothing started yet'),
     ({'subscriber_count': 0}, Level.WARN, 'no subscriber for the velocities'),
     ({'other_publishers': ('joy', 'nav')}, Level.WARN,
      'others have publishers of velocities: joy, nav'),
