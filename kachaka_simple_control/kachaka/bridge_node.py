@@ -101,8 +101,9 @@ class BridgeNode(Node):
                 (velocity.angular_z, KACHAKA.limits.max_angular_velocity, 'rad/s')):
             if largest < abs(value) < math.inf:
                 self.get_logger().warning(
-                    f'a velocity of {value:.4g} {unit} is cut to {largest:.4g} {unit}, the most '
-                    'that a Kachaka does', throttle_duration_sec=LIMIT_WARN_PERIOD)
+                    f'a velocity of {value:.4g} {unit} is cut to '
+                    f'{math.copysign(largest, value):.4g} {unit}, the most that a Kachaka does',
+                    throttle_duration_sec=LIMIT_WARN_PERIOD)
         self.drive(velocity, time.monotonic())
 
     def close(self) -> None:
@@ -143,7 +144,7 @@ class SimulatedBridge(BridgeNode):
     """
     Shows a simulated robot as the official bridge does.
 
-    When manual control ends, it logs where the robot is.
+    When manual control or the bridge ends, it logs where the robot is.
 
     In particular: a velocity while manual control is off switches it on and is itself lost, zero
     or not; the bridge limits nothing; the only watchdog is the robot's command timeout.
@@ -160,6 +161,8 @@ class SimulatedBridge(BridgeNode):
             on_conflict: Callable[[str], None] = lambda _: None) -> None:
         super().__init__(namespace, on_conflict)
         self._robot = robot
+        #: whether the place of the robot was logged since manual control was enabled
+        self._is_place_logged = True
         self._frame_id = frame_prefix + ODOMETRY_FRAME
         self._child_frame_id = frame_prefix + ROBOT_FRAME
         # On a steady clock: /clock may stand still while the robot drives.
@@ -183,6 +186,11 @@ class SimulatedBridge(BridgeNode):
         elif code != SUCCESS:
             self.get_logger().warning(f'the robot refused {velocity}', throttle_duration_sec=1.0)
 
+    def close(self) -> None:
+        """Log where the robot is, if that is not done; called before ``destroy_node``."""
+        if not self._is_place_logged:
+            self._log_place(time.monotonic())
+
     def set_manual_control(self, enabled: bool) -> str:
         """Switch manual control; return why the robot refuses, empty if it does not."""
         now = time.monotonic()
@@ -191,15 +199,21 @@ class SimulatedBridge(BridgeNode):
         code = self._robot.set_manual_control(enabled, now)
         if is_change and code == SUCCESS:
             self.get_logger().info(f"manual control {'enabled' if enabled else 'disabled'}")
-        if is_change and not enabled:
-            pose, _ = self._robot.state(now)
-            # 0.0 is added because -0 is 0 to people.
-            which = 'true pose' if self._robot.has_wrong_odometry else 'pose'
-            self.get_logger().info(
-                f'{which}: {round(pose.x, 4) + 0.0:.4f} m, {round(pose.y, 4) + 0.0:.4f} m, '
-                f'{round(math.degrees(pose.theta), 2) + 0.0:.2f} deg (x, y, heading, as seen '
-                'from where it was started)')
+        if enabled and code == SUCCESS:
+            self._is_place_logged = False
+        elif not self._is_place_logged:
+            self._log_place(now)
         return '' if code == SUCCESS else f'error {code}'
+
+    def _log_place(self, now: float) -> None:
+        self._is_place_logged = True
+        pose, _ = self._robot.state(now)
+        # 0.0 is added because -0 is 0 to people.
+        which = 'true pose' if self._robot.has_wrong_odometry else 'pose'
+        self.get_logger().info(
+            f'{which}: {round(pose.x, 4) + 0.0:.4f} m, {round(pose.y, 4) + 0.0:.4f} m, '
+            f'{round(math.degrees(pose.theta), 2) + 0.0:.2f} deg (x, y, heading, as seen '
+            'from where it was started)')
 
     def _on_timer(self) -> None:
         # Also without a subscriber: a robot with a lag integrates its path step by step, and must

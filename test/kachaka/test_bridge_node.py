@@ -21,9 +21,14 @@ import subprocess
 import time
 from types import SimpleNamespace
 
+from optional_libraries import optional_imports
 import pytest
 from ros_support import bridge, BridgeProcess
 from waiting import wait_until
+
+with optional_imports():
+    from kachaka_simple_control.motion.geometry import Velocity
+    from kachaka_simple_control.ros import conversions
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs')]
 #: The distance driven in a command timeout of 0.3 s at 0.1 m/s [m].
@@ -78,6 +83,31 @@ def test_robot_clips_and_refuses_velocities(probe, namespace):
         process.wait_for_text('a velocity of 1 m/s is cut to 0.3 m/s, the most that a Kachaka')
         probe.set_enabled(namespace, False)
         process.wait_for_text(': pose: 0.0900 m, 0.0000 m, 0.00 deg (x, y, heading')
+
+
+@pytest.mark.parametrize('velocity, text', [
+    ((-1.0, 0.0), 'a velocity of -1 m/s is cut to -0.3 m/s, the most'),
+    ((0.0, 2.0), 'a velocity of 2 rad/s is cut to 1.57 rad/s, the most'),
+    ((0.0, -2.0), 'a velocity of -2 rad/s is cut to -1.57 rad/s, the most'),
+    ((-0.3, 1.57), None)])
+def test_a_velocity_that_is_cut_is_said_with_its_sign(node, monkeypatch, velocity, text):
+    logged = []
+    monkeypatch.setattr(node, 'drive', lambda *_: None)
+    monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(
+        warning=lambda line, **_: logged.append(line)))
+    node.on_velocity(conversions.twist(Velocity(*velocity)))
+    assert [line.startswith(text) for line in logged] == ([] if text is None else [True])
+
+
+def test_where_the_robot_ended_is_logged_when_the_bridge_ends_first(probe, namespace):
+    with bridge('--namespace', namespace) as process:
+        odometry, publisher = probe.odometry(namespace), probe.publisher(namespace, process)
+        probe.set_enabled(namespace, True)
+        probe.send(publisher, -0.1)
+        assert settled_x(odometry) == pytest.approx(-TIMEOUT_DISTANCE, abs=1e-9)
+        process.process.send_signal(signal.SIGINT)
+        assert process.end(3.0) == 0
+        assert process.text.count(': pose: -0.0300 m, 0.0000 m, 0.00 deg (x, y, heading') == 1
 
 
 def test_turning_is_reported_in_odometry(probe, namespace):
@@ -182,6 +212,8 @@ def test_manual_control_that_is_renewed_is_logged_once(node, monkeypatch):
         assert node.set_manual_control(enabled) == ''
     assert logged[:2] == ['manual control enabled', 'manual control disabled']
     assert len(logged) == 3  # and where it is
+    node.close()
+    assert len(logged) == 3
 
 
 @pytest.mark.parametrize('signum', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
