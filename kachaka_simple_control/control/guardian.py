@@ -31,7 +31,7 @@ from kachaka_simple_control.control.timing import (
     HEARTBEAT_PERIOD,
 )
 from kachaka_simple_control.control.watchdog import GuardianMessage, GuardianWatch
-from kachaka_simple_control.errors import RunFaultError
+from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError
 
 
 class NullGuardian:
@@ -126,8 +126,8 @@ class Guardian:
             self._last_heartbeat = now
             if self._watch.is_frozen(now, self._served.value):
                 raise RunFaultError(
-                    f'the guardian has not answered for {GUARDIAN_TIMEOUT:g} s: it was suspended, '
-                    'or had no time to run, so the motion was given up')
+                    f'the guardian has not answered for {GUARDIAN_TIMEOUT:g} s: it was held '
+                    f'up, {HELD_UP_ADVICE}')
             self._send(GuardianMessage.HEARTBEAT)
 
     def report_stopping(self) -> None:

@@ -14,6 +14,7 @@
 """The velocity gate: what it sends, and what it refuses."""
 
 import contextlib
+import re
 import signal
 import threading
 
@@ -21,7 +22,7 @@ from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control import signals
 from kachaka_simple_control.control.latch import Latch, SharedFlag
 from kachaka_simple_control.control.velocity_gate import VelocityGate
-from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
+from kachaka_simple_control.errors import HELD_UP_ADVICE, MotionRefusedError, RunFaultError
 from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
@@ -157,7 +158,9 @@ def test_a_suspended_machine_is_a_gap_although_the_steady_clock_stopped(wire, la
     run = gate.begin(0.2)
     gate.send(run, FORWARD)
     awake.now += 3600.0
-    with pytest.raises(RunFaultError, match='nothing was sent for 3600000 ms'):
+    with pytest.raises(RunFaultError, match=(
+            'nothing was sent for 3600000 ms, more than the 200 ms allowed: the program was held '
+            f'up, {re.escape(HELD_UP_ADVICE)}')):
         gate.send(run, FORWARD)
     assert len(wire.sent) == 1
 

@@ -14,6 +14,7 @@
 """What no handler can catch: killed, frozen, crashed. The guardian stops the robot."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -22,6 +23,7 @@ import time
 from benchmarks.load import busy
 from kachaka_simple_control.control.guardian import Guardian
 from kachaka_simple_control.control.processes import is_running, is_stopped
+from kachaka_simple_control.errors import HELD_UP_ADVICE
 from program import children_of, COMMAND, find_process, program, script
 import pytest
 from waiting import wait_until
@@ -92,7 +94,9 @@ def test_a_frozen_node_is_stopped_once_and_sends_no_motion_when_it_resumes(liste
         assert frozen[-1] - frozen[0] < 0.7  # then silence: one stop, not a flood
         continued = started.send(signal.SIGCONT)
         assert started.end() == 1
-    assert 'the guardian stopped the robot: the node sent no heartbeat' in started.text
+    assert re.search(
+        r'the guardian stopped the robot: the node sent no heartbeat for 0\.\d+ s: the program '
+        f'was held up, {re.escape(HELD_UP_ADVICE)}', started.text)
     assert not [velocity for velocity in listener.received
                 if velocity.moves and velocity.time > continued]
     assert len(listener.released) == 1
@@ -234,7 +238,8 @@ def test_the_run_ends_when_the_guardian_is_frozen(listener, tmp_path):
         os.kill(guardian, signal.SIGSTOP)
         frozen = time.time()
         assert started.end() == 1
-    assert 'the guardian has not answered for 0.5 s' in started.text
+    assert (f'the guardian has not answered for 0.5 s: it was held up, {HELD_UP_ADVICE}'
+            in started.text)
     # The limit is 0.6 s on a quiet machine.
     assert zeros_after(listener, frozen)[0] - frozen < 0.9
 
