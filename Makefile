@@ -68,7 +68,7 @@ stop-matrix: setup  ## let everything happen to a program that drives: an hour; 
 lossy-link: setup  ## stop and move over a bad link, as root: half an hour; QUICK=1: minutes
 	$(VENV)/bin/python -m benchmarks.lossy_link $(if $(QUICK),--quick)
 
-mutants: setup  ## break the package in forty places, and see that the tests notice: half an hour; QUICK=1: a part
+mutants: setup  ## break the package on purpose, see that tests notice: half an hour; QUICK=1: pure ones, 2 minutes
 	$(VENV)/bin/python tools/mutants/run.py --jobs 2 $(if $(QUICK),--pure)
 
 # Drawing has an environment of its own: its numpy need not be the one that a sourced ROS wants.
@@ -96,12 +96,12 @@ browser:  ## install Chromium (Debian and Ubuntu, as root), which some tests rea
 	$(AS_ROOT) apt-get install --yes --no-install-recommends chromium chromium-driver || \
 	    $(AS_ROOT) apt-get install --yes chromium-browser chromium-chromedriver
 
-lock:  ## write requirements/*.txt anew, with the newest releases
+lock:  ## write requirements/*.txt anew, with the newest releases; 1 minute
 	$(PYTHON) -m venv --clear .venv-lock
 	.venv-lock/bin/python -m pip install --quiet uv
 	tools/lock.sh .venv-lock/bin/uv
 
-clean:  ## remove all that the other targets made
+clean:  ## remove all that the other targets made; a second
 	rm -rf .venv .venv-* build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	rm -rf docs/_build docs/reference/generated
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
