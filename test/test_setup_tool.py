@@ -130,6 +130,25 @@ def test_unknown_distro_is_bad_usage(tool):
     assert "'hydro'" in result.stderr
 
 
+@pytest.mark.needs('yaml')
+def test_no_workflow_gives_make_a_distro_that_it_refuses():
+    """``make`` takes ``DISTRO`` from the environment, too."""
+    import yaml
+    given = []
+    for file in ROOT.glob('.github/workflows/*.yml'):
+        workflow = yaml.safe_load(file.read_text())
+        for job in workflow['jobs'].values():
+            matrix = job.get('strategy', {}).get('matrix', {})
+            named = [part['env']['DISTRO'] for part in (workflow, job, *job['steps'])
+                     if 'DISTRO' in part.get('env', {})]
+            for step in job['steps']:
+                named += re.findall(r'\bDISTRO=(\$\{\{.*?\}\}|\S+)', step.get('run', ''))
+            for name in named:
+                listed = re.fullmatch(r'\$\{\{ *matrix\.(\w+) *\}\}', name)
+                given += matrix[listed[1]] if listed else [name]
+    assert set(given) <= set(environment.DISTROS)
+
+
 @pytest.fixture
 def sourced(tmp_path) -> dict[str, str]:
     """Return the environment of a shell where a ROS, of one node and one message, is sourced."""
