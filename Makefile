@@ -47,11 +47,12 @@ test-lowest:  ## test what needs no ROS with the oldest releases, under Python 3
 	@python3.10 tools/set_up.py --for=lowest .venv-lowest
 	.venv-lowest/bin/python -m pytest -m 'not ros' test
 
-check: setup  ## set up, then check style, types, who imports whom, and what the linters of Humble say; 1 minute
+check: setup  ## set up, then check style, types, who imports whom, workflows, and with Humble's linters; 1 minute
 	$(VENV)/bin/ruff check
 	$(VENV)/bin/mypy
 	$(VENV)/bin/mypy --follow-imports=silent tools/environment.py
 	$(VENV)/bin/lint-imports --no-cache --no-logo
+	$(VENV)/bin/zizmor --offline --strict-collection .github
 	@tools/check_humble_linters.sh $(PYTHON) .venv-humble-linters
 
 floor: setup  ## drive a square on one simulated floor: as it is, calibrated, in a closed loop; 3 minutes
