@@ -22,7 +22,6 @@ own gaps fails.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 import os
 from pathlib import Path
 import tempfile
@@ -31,12 +30,10 @@ from typing import Any
 
 from _pytest.runner import runtestprotocol
 import pytest
-from stall_observer import Stall, StallObservers
+from stall_observer import describe, MAX_REPEATED, StallObservers, too_many
 
 #: How often a trial is made at most, however often the machine stands still.
 MAX_TRIALS = 3
-#: The part of the trials that may be repeated, beside one.
-MAX_REPEATED = 0.05
 #: Where the observers write; given to the workers of pytest-xdist.
 FOLDER = 'STALL_OBSERVERS'
 REPEATED = 'repeated_because'
@@ -94,7 +91,7 @@ class RealTimeTrials:
 
     @property
     def _too_many(self) -> bool:
-        return len(self._repeated) > max(1.0, MAX_REPEATED * len(self._trials))
+        return too_many(len(self._repeated), len(self._trials))
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
@@ -120,8 +117,3 @@ class RealTimeTrials:
         if self._too_many:
             write(f'more than {MAX_REPEATED:.0%} of the real-time trials were repeated: the run '
                   'fails')
-
-
-def describe(stalls: Iterable[Stall]) -> str:
-    """Return the longest of some stalls in words."""
-    return str(max(stalls, key=lambda stall: stall.end - stall.begin))

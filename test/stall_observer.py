@@ -21,7 +21,7 @@ that failed is repeated only if that happened during it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 import contextlib
 from dataclasses import dataclass
 import os
@@ -37,6 +37,8 @@ SLEEP = 0.001
 STEAL_PERIOD = 0.1
 #: How long an observer may take to write down what it saw [s].
 WRITE_TIME = 0.3
+#: The part of the trials that may be repeated, beside one.
+MAX_REPEATED = 0.05
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,10 @@ class Stall:
     begin: float
     end: float
     core: int
+
+    def meets(self, begin: float, end: float) -> bool:
+        """Return whether any of it was between two times [s, steady clock]."""
+        return self.begin < end and self.end > begin
 
     def __str__(self) -> str:
         """Return it in words."""
@@ -87,13 +93,23 @@ class StallObservers:
     def between(self, begin: float, end: float) -> list[Stall]:
         """Return the stalls that were seen between two times [s, steady clock]."""
         time.sleep(WRITE_TIME)
-        return [stall for stall in self._seen() if stall.begin < end and stall.end > begin]
+        return [stall for stall in self._seen() if stall.meets(begin, end)]
 
     def _seen(self) -> Iterator[Stall]:
         for file in sorted(self._folder.glob('core-*')):
             for line in file.read_text().splitlines():
                 begin, end = map(float, line.split())
                 yield Stall(begin, end, int(file.name.removeprefix('core-')))
+
+
+def describe(stalls: Iterable[Stall]) -> str:
+    """Return the longest of some stalls in words."""
+    return str(max(stalls, key=lambda stall: stall.end - stall.begin))
+
+
+def too_many(repeated: int, trials: int) -> bool:
+    """Return whether so many of the trials were repeated that the run is no proof."""
+    return repeated > max(1.0, MAX_REPEATED * trials)
 
 
 def steal_time(core: int) -> float:

@@ -17,9 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 import itertools
 import random
 import threading
+import time
 
 from benchmarks.progress import show
 from benchmarks.stop_matrix.robot_pool import RobotPool
@@ -92,8 +94,10 @@ def _run_trials(contexts: Sequence[TrialContext]) -> list[Trial]:
 
     def run_trial(context: TrialContext) -> Trial:
         with measured:
+            began = time.monotonic()
             fault = inject_fault(context, lambda: random.uniform(*TIME_TO_FAULT))
-        return finish_trial(context, fault)
+        trial = finish_trial(context, fault)
+        return replace(trial, began=began, ended=time.monotonic())
 
     with ThreadPoolExecutor(max_workers=len(contexts)) as threads:
         return [*threads.map(run_trial, contexts)]

@@ -32,6 +32,8 @@ class Trial:
     :param code: exit code, as a shell gives it; None if the program did not end
     :param message: last line that the program printed
     :param broken: what else did not go as expected, one sentence each
+    :param began: when it began to be measured [s, steady clock]; 0 if unknown
+    :param ended: when it had ended [s, steady clock]; 0 if unknown
     """
 
     zero: float | None
@@ -41,6 +43,8 @@ class Trial:
     code: int | None
     message: str
     broken: tuple[str, ...] = ()
+    began: float = 0.0
+    ended: float = 0.0
 
     @staticmethod
     def from_json(data: dict[str, Any]) -> Trial:

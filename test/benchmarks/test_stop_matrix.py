@@ -19,12 +19,14 @@ import re
 from types import SimpleNamespace
 
 from benchmarks.run import updated
+from benchmarks.stop_matrix import __main__ as program
 from benchmarks.stop_matrix.__main__ import (
     BEGIN,
     END,
     merged,
     PAGE,
     REFERENCE,
+    second_try,
     trials_of,
     violations,
 )
@@ -41,6 +43,7 @@ from benchmarks.stop_matrix.table import HEAD, matrix, row
 from benchmarks.stop_matrix.trial import Trial
 from benchmarks.stop_matrix.trial_setup import from_burst_on
 import pytest
+from stall_observer import Stall
 
 EXPECTATION = Expectation('SIGTERM', 'the node', (143,), limit=0.02)
 GOOD = Trial(zero=0.001, zeros=20, late=0, metres=0.002, code=143, message='ended')
@@ -121,6 +124,58 @@ def test_a_matrix_can_be_saved_and_measured_in_parts():
     data = {'rows': {'SIGTERM': [asdict(GOOD)]}}
     kept = json.loads(json.dumps(merged({'rows': {'other': []}}, data)))
     assert trials_of(kept) == {'other': [], 'SIGTERM': [GOOD]}
+
+
+@pytest.fixture
+def tried_again(monkeypatch):
+    """Have rows go as expected when they are tried again; return their names."""
+    names = []
+
+    def measure(rows, over_grpc):
+        names.extend(row.expectation.what for row, _ in rows)
+        return {'rows': {name: [asdict(GOOD)] for name in names}}
+
+    monkeypatch.setattr(program, 'measure', measure)
+    return names
+
+
+def rows_and_results(**trials):
+    """Return rows of these names, and what was measured."""
+    rows = [SimpleNamespace(expectation=replace(EXPECTATION, what=name), quick=len(tried))
+            for name, tried in trials.items()]
+    return rows, {'rows': {name: [*map(asdict, tried)] for name, tried in trials.items()}}
+
+
+def test_only_rows_whose_bad_trials_met_a_stall_are_tried_again(tried_again, capsys):
+    late = replace(GOOD, zero=0.21)
+    rows, data = rows_and_results(
+        good=[replace(GOOD, began=4.0, ended=6.0)],
+        before=[replace(late, began=3.0, ended=4.9)],
+        during=[replace(late, began=4.0, ended=6.0), replace(GOOD, began=7.0, ended=8.0)],
+        both=[replace(late, began=4.0, ended=6.0), replace(late, began=7.0, ended=8.0)])
+    data, excess = second_try(rows, data, [Stall(5.0, 5.1, 1)])
+    assert (tried_again, excess) == (['during'], [])
+    assert trials_of(data)['during'] == [GOOD]
+    assert violations(rows, trials_of(data), under_load=True) == [
+        f'{name}: 210.0 ms to the first zero, more than its limit of 200 ms'
+        for name in ('before', 'both')]
+    assert capsys.readouterr().out == (
+        'REPEATED during: 210.0 ms to the first zero, more than its limit of 200 ms: core 1 stood '
+        'still for 100 ms\nrows: 4, repeated because the machine stood still: 1\n')
+
+
+def test_a_matrix_with_too_many_rows_tried_again_fails(tried_again):
+    bad = replace(GOOD, late=1, began=4.0, ended=6.0)
+    rows, data = rows_and_results(one=[bad], two=[bad])
+    data, excess = second_try(rows, data, [Stall(5.0, 5.1, 1)])
+    assert tried_again == ['one', 'two']
+    assert violations(rows, trials_of(data), under_load=True) == []
+    assert excess == ['more than 5% of the rows were repeated']
+
+
+def test_results_without_the_times_of_their_trials_can_be_read():
+    old = {name: value for name, value in asdict(GOOD).items() if name not in ('began', 'ended')}
+    assert Trial.from_json(old) == GOOD
 
 
 def test_the_last_line_that_is_no_routine_log_is_the_message():
@@ -213,3 +268,4 @@ def test_a_robot_over_grpc_is_stopped_too():
     for (trial,) in seen.values():
         assert trial.metres is not None
         assert trial.metres < 0.03
+        assert 0.0 < trial.began < trial.ended
