@@ -15,12 +15,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 import itertools
 import time
 
 from benchmarks.wire import Row
-from listener import Listener, SentVelocity
+from listener import Listener
 
 #: How long a robot has been there before a program is started [s].
 SETTLING_TIME = 2.0
@@ -50,26 +50,6 @@ class Robot(Listener):
     def rows(self, mark: int = 0) -> list[Row]:
         """Return time and forward velocity of each message after the first ``mark``."""
         return [Row(velocity.time, velocity.linear_x) for velocity in self.received[mark:]]
-
-    def first(
-            self, condition: Callable[[SentVelocity], bool], mark: int,
-            timeout: float) -> SentVelocity | None:
-        """
-        Wait for a message.
-
-        :param condition: returns whether a message is the one
-        :param mark: number of messages to leave out
-        :param timeout: how long to wait [s]
-        :returns: the first that meets the condition; None if none came in time
-        """
-        end = time.monotonic() + timeout
-        while time.monotonic() < end:
-            received = self.received[mark:]
-            mark += len(received)
-            if (first := next(filter(condition, received), None)) is not None:
-                return first
-            time.sleep(0.005)
-        return None
 
     @property
     def publishers(self) -> int:

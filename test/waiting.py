@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import inspect
+from pathlib import Path
 import time
 from typing import TypeVar
 
@@ -49,3 +50,8 @@ def wait_until(condition: Callable[[], Value], timeout: float = TIMEOUT) -> Valu
         raise AssertionError('\n'.join([f'it was not so within {timeout:g} s, but:', *(
             f'{name}: {str(seen)[-MAX_SHOWN:]}' for name, seen in used.items())]))
     return value
+
+
+def wait_for_file(file: Path, size: int = 0) -> None:
+    """Return when a file is larger than a size; fail if it is not in time."""
+    wait_until(lambda: file.exists() and file.stat().st_size > size, 30.0)

@@ -40,6 +40,7 @@ from kachaka_simple_control.report.quantiles import median, quantile
 from program import JsonProcess
 from ros_domain import isolate_ros
 from ros_support import BridgeProcess
+from waiting import poll
 
 RATES = (10, 50, 100)
 #: How long each of the two is measured at a time at each rate [s], and how many times.
@@ -170,12 +171,8 @@ def _bridge(robot: _Robot) -> Iterator[tuple[Send, Callable[[], float]]]:
         publisher.publish(message)
 
     try:
-        end = time.monotonic() + 20.0
-        while not robot.rows():
-            assert not process.is_over, f'the bridge ended; {process}'
-            assert time.monotonic() < end, f'the bridge hears nothing; {process}'
-            send(STEP)
-            time.sleep(0.1)
+        heard = poll(lambda: robot.rows() or send(STEP), 20.0, 0.1)
+        assert heard, f'the bridge hears nothing; {process}'
         yield send, lambda: process_time(process.process.pid)
     finally:
         process.close(10.0, signal.SIGTERM)

@@ -21,24 +21,15 @@ the velocities with the source timestamps of DDS.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
-import contextlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-import fcntl
 import importlib.util
 import os
 from pathlib import Path
-import pty
-import signal
-import struct
-import subprocess
 import sys
 import tempfile
-import termios
-import threading
 import time
 
-from benchmarks import ROOT
 from benchmarks.progress import show
 from benchmarks.resource_usage import process_time
 from benchmarks.tables import number, Table
@@ -46,6 +37,8 @@ from benchmarks.wire import jitters, movements, relative_error, Row
 from kachaka_simple_control.report.quantiles import median, quantile
 from program import children_of
 from ros_domain import isolate_ros
+from terminals import at_terminal, TerminalProgram
+from waiting import poll
 
 RATE = 50
 #: Duration of each movement [s]; forwards and backwards in turn.
@@ -163,16 +156,17 @@ def drive(telemetry: Telemetry, count: int) -> tuple[list[list[Row]], dict[str, 
 
         motion = Path(folder) / 'motion.yaml'
         motion.write_text(motion_text(count))
-        with at_terminal(telemetry.command(motion, Path(folder), namespace)) as process:
+        command = telemetry.command(motion, Path(folder), namespace)
+        with at_terminal(command, rows=30) as process:
             wait_for(lambda: len(received()) > SETTLING_COUNT, process, DRIVE_TIMEOUT)
-            pids, begin = processes(process.pid), time.monotonic()
+            pids, begin = processes(process.process.pid), time.monotonic()
             before = {name: process_time(pid) for name, pid in pids.items()}
             wait_for(lambda: len(received()) == count, process, DRIVE_TIMEOUT + count)
             length = time.monotonic() - begin
             cpu = {name: (process_time(pid) - before[name]) / length
                    for name, pid in pids.items()}
-            if process.wait(DRIVE_TIMEOUT) != 0:
-                raise RuntimeError(f'{telemetry.name}: the drive ended with {process.returncode}')
+            if (code := process.end(DRIVE_TIMEOUT)) != 0:
+                raise RuntimeError(f'{telemetry.name}: the drive ended with {code}')
         found = received()
     if len(found) != count:
         raise RuntimeError(f'{telemetry.name}: {len(found)} of {count} movements were received')
@@ -186,47 +180,16 @@ def motion_text(count: int) -> str:
     return '\n'.join(['name: there and back', f'rate: {RATE} Hz', 'steps:', *steps, ''])
 
 
-@contextlib.contextmanager
-def at_terminal(command: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a program at a pseudo terminal, whose output is discarded."""
-    leader, follower = pty.openpty()
-    fcntl.ioctl(leader, termios.TIOCSWINSZ, struct.pack('HHHH', 30, 100, 0, 0))
-    process = subprocess.Popen(
-        command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=follower, stderr=follower,
-        start_new_session=True, env={**os.environ, 'TERM': 'xterm-256color'})
-    os.close(follower)
-    reader = threading.Thread(target=discard_output, args=(leader,), daemon=True)
-    reader.start()
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            with contextlib.suppress(ProcessLookupError):
-                process.send_signal(signal.SIGTERM)
-            process.wait(DRIVE_TIMEOUT)
-        reader.join(DRIVE_TIMEOUT)
-        os.close(leader)
-
-
-def discard_output(leader: int) -> None:
-    """Read from the leader of a pseudo terminal until all followers are closed."""
-    with contextlib.suppress(OSError):
-        while os.read(leader, 65536):
-            pass
-
-
 def wait_for(
-        condition: Callable[[], bool], process: subprocess.Popen[bytes], timeout: float) -> None:
+        condition: Callable[[], bool], process: TerminalProgram, timeout: float) -> None:
     """
-    Wait for a condition.
+    Wait for a condition, and read what the program writes meanwhile.
 
     :raises RuntimeError: if it is not true within the timeout [s], or the process ends before
     """
-    end = time.monotonic() + timeout
-    while not condition():
-        if process.poll() is not None or time.monotonic() > end:
-            raise RuntimeError(f'the drive ended early, with {process.poll()}')
-        time.sleep(0.25)
+    poll(lambda: process.text and (condition() or process.is_over), timeout, 0.1)
+    if not condition():
+        raise RuntimeError(f'the drive ended early; {process}')
 
 
 def processes(pid: int) -> dict[str, int]:

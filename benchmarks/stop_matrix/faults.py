@@ -27,6 +27,7 @@ import time
 from benchmarks.load import busy
 from benchmarks.stop_matrix.robot_process import RobotProcess
 from benchmarks.stop_matrix.trial_setup import TrialContext
+from waiting import poll
 
 Injector = Callable[[TrialContext], float]
 #: How long the robot keeps its last velocity [s].
@@ -51,12 +52,10 @@ def fault_now(_context: TrialContext) -> float:
 
 def own_fault(context: TrialContext) -> float:
     """Wait for a fault that the program causes itself; return when it did [s, system clock]."""
-    end = time.monotonic() + 3.0
-    while (fault := context.program.fault) is None:
-        if time.monotonic() > end:
-            context.violations.append('nothing happened')
-            return time.time()
-        time.sleep(0.005)
+    fault = poll(lambda: context.program.fault, 3.0)
+    if fault is None:
+        context.violations.append('nothing happened')
+        return time.time()
     return fault
 
 
@@ -199,9 +198,7 @@ def replace_robot(context: TrialContext) -> None:
     time.sleep(1.5)
     before, context.changed = context.recorder.odometry_count, time.time()
     context.robot.replace()
-    end = time.monotonic() + 8.0
-    while context.recorder.odometry_count <= before and time.monotonic() < end:
-        time.sleep(0.05)
+    poll(lambda: context.recorder.odometry_count > before, 8.0)
     time.sleep(1.5)
     if context.recorder.odometry_count <= before:
         context.violations.append('no other robot came')

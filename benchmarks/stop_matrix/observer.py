@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-import threading
 import time
 
 from geometry_msgs.msg import Twist
@@ -28,7 +27,9 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
+from spinning import SpinThread
 from std_srvs.srv import SetBool
+from waiting import poll
 
 
 class OtherPublisher:
@@ -97,14 +98,7 @@ class RobotRecorder:
         :param timeout: how long to wait [s]
         :returns: the first that meets the condition; None if none came in time
         """
-        end = time.monotonic() + timeout
-        while True:
-            for velocity in self.sent_since(since):
-                if condition(velocity):
-                    return velocity
-            if time.monotonic() > end:
-                return None
-            time.sleep(0.005)
+        return poll(lambda: next(filter(condition, self.sent_since(since)), None), timeout)
 
     def sent_since(self, since: float) -> list[SentVelocity]:
         """Return the velocities sent after a time [s, system clock], in order of time."""
@@ -157,16 +151,15 @@ class Observer:
         self._node = Node(
             'observer', context=self._context, enable_rosout=False,
             start_parameter_services=False)
-        self._executor = InfoExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._clock = self._node.create_publisher(Clock, '/clock', 1)
-        self._thread.start()
+        executor = InfoExecutor(context=self._context)
+        executor.add_node(self._node)
+        self._spinning = SpinThread(executor)
+        self._spinning.start()
 
     def close(self) -> None:
         """Destroy the node, and leave the domain."""
-        self._executor.shutdown(timeout_sec=0.0)
-        self._thread.join(5.0)
+        self._spinning.close()
         self._node.destroy_node()
         self._context.try_shutdown()
 

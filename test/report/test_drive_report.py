@@ -25,7 +25,7 @@ from kachaka_simple_control.report.rosbag2_metadata import FIELDS
 from program import children_of, COMMAND, find_process, program
 import pytest
 from recordings import read_with_mcap, read_with_rosbags, READERS
-from waiting import wait_until
+from waiting import wait_for_file, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'mcap', 'jinja2', 'jsonschema')]
 
@@ -86,11 +86,6 @@ def is_motion(velocity):
 def wait_for_end(folder, started):
     """Return when the reporter, which outlives its program, has printed its last line."""
     wait_until(lambda: 'report: ' in started.text.rpartition('run.mcap')[2], 20.0)
-
-
-def wait_for_file(file):
-    """Return when there is something in a file."""
-    wait_until(lambda: file.exists() and file.stat().st_size, 20.0)
 
 
 def test_as_many_velocities_are_recorded_as_a_robot_received(listener, tmp_path):

@@ -45,7 +45,7 @@ from kachaka_simple_control.telemetry.subscriber_process import (
 )
 import pytest
 from recordings import READERS, sent_velocities, stamp_of, velocities
-from waiting import wait_until
+from waiting import wait_for_file
 
 pytestmark = [pytest.mark.real_time, pytest.mark.needs('mcap')]
 
@@ -73,11 +73,6 @@ def assert_recorded(folder, events):
     sent = sent_velocities([event for event in events if isinstance(event, VelocitySent)], OPENED)
     for read in READERS:
         assert velocities(read(folder / 'run.mcap'), OPENED) == sent
-
-
-def wait_for_file(file, size):
-    """Return when a file is larger than a size."""
-    wait_until(lambda: file.exists() and file.stat().st_size > size, EXIT_TIMEOUT)
 
 
 def test_a_line_about_a_report_is_printed_escaped(capsys):
@@ -133,7 +128,7 @@ def test_a_killed_reporter_leaves_all_but_the_last_second(tmp_path):
     process = reporter_of(tmp_path)
     for event in (OPENED, PLANNED):
         process.send(event)
-    wait_for_file(tmp_path / 'run.mcap', 0)
+    wait_for_file(tmp_path / 'run.mcap')
     sent = []
     end = time.monotonic() + 2.5
     while time.monotonic() < end:
@@ -156,7 +151,7 @@ def test_an_event_reaches_the_disk_even_if_none_follows(tmp_path):
     process = reporter_of(tmp_path)
     for event in (OPENED, PLANNED):
         process.send(event)
-    wait_for_file(tmp_path / 'run.mcap', 0)
+    wait_for_file(tmp_path / 'run.mcap')
     size = (tmp_path / 'run.mcap').stat().st_size
     process.send(VelocitySent(time.monotonic(), Velocity(0.1)))
     wait_for_file(tmp_path / 'run.mcap', size)
@@ -171,7 +166,7 @@ def test_a_signal_to_all_programs_does_not_end_it(signum, tmp_path):
     process = reporter_of(tmp_path)
     for event in events[:50]:
         process.send(event)
-    wait_for_file(tmp_path / 'run.mcap', 0)
+    wait_for_file(tmp_path / 'run.mcap')
     process._process.send_signal(signum)
     for event in events[50:]:
         process.send(event)
@@ -182,7 +177,7 @@ def test_a_signal_to_all_programs_does_not_end_it(signum, tmp_path):
 def test_it_has_a_lower_priority_than_the_program_that_drives(tmp_path):
     process = reporter_of(tmp_path)
     process.send(OPENED)
-    wait_for_file(tmp_path / 'run.mcap', 0)
+    wait_for_file(tmp_path / 'run.mcap')
     own = os.getpriority(os.PRIO_PROCESS, 0)
     assert os.getpriority(os.PRIO_PROCESS, process._process.pid) == min(19, own + 10)
     process.close(EXIT_TIMEOUT)
@@ -194,7 +189,7 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, capfd):
     folder.mkdir()
     process = reporter_of(folder, 'bash', '-c', 'ulimit -f 20; exec "$@"', 'bash')
     process.send(OPENED)
-    wait_for_file(folder / 'run.mcap', 0)
+    wait_for_file(folder / 'run.mcap')
     size = (folder / 'run.mcap').stat().st_size
     for event in BEGINNING[1:]:
         process.send(event)
@@ -219,7 +214,7 @@ def test_one_that_does_not_keep_up_gets_no_more_and_records_what_it_received(tmp
         (process,) = subscribers._subscribers
         for event in BEGINNING:
             event_bus.publish(event)
-        wait_for_file(tmp_path / 'run.mcap', 0)
+        wait_for_file(tmp_path / 'run.mcap')
         process._process.send_signal(signal.SIGSTOP)
         start = time.monotonic()
         for event in drive(20_000, 11.0):
