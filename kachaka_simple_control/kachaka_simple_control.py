@@ -151,7 +151,7 @@ class KachakaSimpleControl(Node):
         parameters = self.node_parameters
         if parameters.summary or parameters.odometry_timeout or parameters.closed_loop:
             is_subscribed = subscribe_to_odometry(
-                self, self.robot_names, self._on_odometry, self._introspection.in_frame)
+                self, self.robot_names, self._on_odometry, self._introspection.set_frame)
             if parameters.closed_loop and not is_subscribed:
                 raise UsageError('a closed loop needs odometry, and nav_msgs is not installed')
         self.session = Session(

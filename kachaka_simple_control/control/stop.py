@@ -76,7 +76,7 @@ class StopController:
     :param gate: the velocity gate
     :param command_timeout: how long the robot keeps a velocity [s]
     :param guardian: is told of each zero, and of the end of the stop
-    :param disobeys: returns whether the robot is seen to move although nobody drives it
+    :param still_moving: returns whether the robot is seen to move although nobody drives it
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
     """
@@ -86,13 +86,13 @@ class StopController:
             gate: VelocityGate,
             command_timeout: float,
             guardian: GuardianClient,
-            disobeys: Callable[[], bool] = lambda: False,
+            still_moving: Callable[[], bool] = lambda: False,
             clock: Callable[[], float] = time.monotonic,
             sleep: Callable[[float], None] = time.sleep) -> None:
         self._gate = gate
         self._command_timeout = command_timeout
         self._guardian = guardian
-        self._disobeys = disobeys
+        self._still_moving = still_moving
         self._clock = clock
         self._sleep = sleep
         self._lock = threading.Lock()
@@ -153,5 +153,5 @@ class StopController:
     def _repeat_until_still(self, run: Run | None) -> None:
         """Send more zeros while the robot moves: a lossy link may have lost the others."""
         end = self._clock() + STOP_CONFIRM_TIMEOUT
-        while self._disobeys() and self._clock() < end and self._send_zero(run):
+        while self._still_moving() and self._clock() < end and self._send_zero(run):
             self._sleep(STOP_REPEAT_PERIOD)

@@ -122,14 +122,14 @@ class RobotProfile:
     def command(self, velocity: Velocity) -> Velocity:
         """Return what to send for a velocity on the floor."""
         if self.odometry_calibration is not None:
-            velocity = self.odometry_calibration.in_odometry(velocity)
+            velocity = self.odometry_calibration.to_odometry(velocity)
         return velocity if self.calibration is None else self.calibration.command(velocity)
 
     def expected(self, command: Velocity) -> Velocity:
         """Return what becomes of a velocity that is sent, on the floor."""
         velocity = command if self.calibration is None else self.calibration.response(command)
         return velocity if self.odometry_calibration is None else (
-            self.odometry_calibration.on_floor(velocity))
+            self.odometry_calibration.to_floor(velocity))
 
 
 #: Kachaka of Preferred Robotics, under the names of its maker's ROS 2 bridge; no file need be read

@@ -104,7 +104,7 @@ class Calibration:
             max_linear_deceleration=limits.linear_deceleration * linear,
             max_linear_jerk=limits.max_linear_jerk * linear)
 
-        def left(name: str, bound: float, drive: float) -> float:
+        def remaining(name: str, bound: float, drive: float) -> float:
             # An unlimited drive is a step, and so is what it turns by: no limit can keep that.
             veer = abs(self.veer) * drive if math.isfinite(drive) else 0.0
             if bound * angular <= veer:
@@ -114,16 +114,16 @@ class Calibration:
 
         return replace(
             reduced,
-            max_angular_velocity=left(
+            max_angular_velocity=remaining(
                 'max_angular_velocity', limits.max_angular_velocity,
                 max(reduced.max_linear_velocity, reduced.backward_velocity)),
-            max_angular_acceleration=left(
+            max_angular_acceleration=remaining(
                 'max_angular_acceleration', limits.max_angular_acceleration,
                 max(reduced.max_linear_acceleration, reduced.linear_deceleration)),
-            max_angular_deceleration=left(
+            max_angular_deceleration=remaining(
                 'max_angular_deceleration', limits.angular_deceleration,
                 max(reduced.max_linear_acceleration, reduced.linear_deceleration)),
-            max_angular_jerk=left(
+            max_angular_jerk=remaining(
                 'max_angular_jerk', limits.max_angular_jerk, reduced.max_linear_jerk))
 
     def describe(self) -> str:

@@ -84,13 +84,13 @@ class OdometryCalibration:
                 f'wheel_ratio is {self.wheel_ratio}, which needs track, the one that odometry '
                 'uses, such as 0.2 m')
 
-    def on_floor(self, velocity: Velocity) -> Velocity:
+    def to_floor(self, velocity: Velocity) -> Velocity:
         """
         Return what a velocity by odometry is on the floor.
 
         It is linear, so it also holds for an increment: a distance [m] and an angle [rad].
         """
-        return self._to_floor().apply(velocity)
+        return self._floor_matrix().apply(velocity)
 
     def advance_on_floor(self, pose: Pose, before: Pose, after: Pose) -> Pose:
         """
@@ -106,15 +106,15 @@ class OdometryCalibration:
         angle = math.remainder(change.theta, math.tau)
         # In the direction half-way an arc is its chord, and nothing across.
         reported = relative_to(Pose(theta=angle / 2.0), change)
-        moved = self.on_floor(Velocity(reported.x / sinc(angle / 2.0), angle))
+        moved = self.to_floor(Velocity(reported.x / sinc(angle / 2.0), angle))
         half = moved.angular_z / 2.0
         end = compose(Pose(theta=half), Pose(
             moved.linear_x * sinc(half), self.scale * reported.y, half))
         return compose(pose, end)
 
-    def in_odometry(self, velocity: Velocity) -> Velocity:
-        """Return what odometry shows of a velocity on the floor; the inverse of ``on_floor``."""
-        return self._from_floor().apply(velocity)
+    def to_odometry(self, velocity: Velocity) -> Velocity:
+        """Return what odometry shows of a velocity on the floor; the inverse of ``to_floor``."""
+        return self._odometry_matrix().apply(velocity)
 
     def reduce(self, limits: Limits) -> Limits:
         """
@@ -123,10 +123,10 @@ class OdometryCalibration:
         :param limits: of velocities by odometry
         :raises InvalidMotionError: if what the unequal wheels need leaves nothing
         """
-        inverse = self._from_floor()
+        inverse = self._odometry_matrix()
         own, spin = max(1.0, inverse.linear), max(1.0, inverse.spin)
 
-        def left(name: str, bound: float, other: float, cross: float, own: float) -> float:
+        def remaining(name: str, bound: float, other: float, cross: float, own: float) -> float:
             # What has no limit is a step, and so is what follows from it: no limit can keep that.
             lost = abs(cross) * other if math.isfinite(other) else 0.0
             if bound <= lost:
@@ -135,10 +135,10 @@ class OdometryCalibration:
             return (bound - lost) / own * (1.0 - MARGIN)
 
         def linear(name: str, bound: float, *angular: float) -> float:
-            return left(name, bound, max(angular) / spin, inverse.across, own)
+            return remaining(name, bound, max(angular) / spin, inverse.across, own)
 
         def angular(name: str, bound: float, *linear: float) -> float:
-            return left(name, bound, max(linear), inverse.turn, spin)
+            return remaining(name, bound, max(linear), inverse.turn, spin)
 
         changes = limits.max_angular_acceleration, limits.angular_deceleration
         reduced = replace(
@@ -180,15 +180,15 @@ class OdometryCalibration:
         """Return half the difference of the true wheel radii, over the nominal radius."""
         return self.scale * (self.wheel_ratio - 1.0) / (self.wheel_ratio + 1.0)
 
-    def _to_floor(self) -> _Matrix:
+    def _floor_matrix(self) -> _Matrix:
         # Without a track the wheels are alike, and what it would be multiplied by is 0.
         nominal = self.track or 1.0
         return _Matrix(
             self.scale, self._offset * nominal / 2.0,
             2.0 * self._offset / (self.track_ratio * nominal), self.scale / self.track_ratio)
 
-    def _from_floor(self) -> _Matrix:
-        matrix = self._to_floor()
+    def _odometry_matrix(self) -> _Matrix:
+        matrix = self._floor_matrix()
         determinant = matrix.linear * matrix.spin - matrix.across * matrix.turn
         return _Matrix(matrix.spin / determinant, -matrix.across / determinant,
                        -matrix.turn / determinant, matrix.linear / determinant)

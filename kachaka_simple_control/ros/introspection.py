@@ -100,7 +100,7 @@ class IntrospectionPublishers:
         for handler in self._on_plan:
             handler(plan)
 
-    def in_frame(self, frame: str) -> None:
+    def set_frame(self, frame: str) -> None:
         """Use the frame that odometry is in."""
         for handler in self._on_frame:
             handler(frame)
@@ -131,8 +131,8 @@ class IntrospectionPublishers:
         planned = PlannedPathPublisher(self._node, velocities, self._thread)
         driven = DrivenPathPublisher(self._node, velocities, self._thread)
         self._on_plan.append(self._failing_once(PLANNED_PATH, planned.on_plan))
-        self._on_frame += [self._failing_once(PLANNED_PATH, planned.in_frame),
-                           self._failing_once(DRIVEN_PATH, driven.in_frame)]
+        self._on_frame += [self._failing_once(PLANNED_PATH, planned.set_frame),
+                           self._failing_once(DRIVEN_PATH, driven.set_frame)]
         self._on_event[MotionStarted] = [
             self._failing_once(PLANNED_PATH, planned.on_motion_started)]
         self._on_event[OdometryReceived] = [self._failing_once(PLANNED_PATH, planned.on_odometry),

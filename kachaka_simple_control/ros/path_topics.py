@@ -52,7 +52,7 @@ class PlannedPathPublisher:
         #: published from the origin, because the robot's pose was unknown
         self._plan_from_origin: Plan | None = None
 
-    def in_frame(self, frame: str) -> None:
+    def set_frame(self, frame: str) -> None:
         """Use the frame of odometry."""
         self._serializer = PathSerializer(frame)
 
@@ -93,9 +93,9 @@ class DrivenPathPublisher:
         self._thread = thread
         self._clock = node.get_clock()
         self._publish_time = float('-inf')
-        self.in_frame(FRAME)
+        self.set_frame(FRAME)
 
-    def in_frame(self, frame: str) -> None:
+    def set_frame(self, frame: str) -> None:
         """Begin anew in the frame of odometry."""
         self._serializer = PathSerializer(frame)
         self._history = PoseHistory(

@@ -180,8 +180,8 @@ def test_both_calibrations_are_read_and_applied_one_after_the_other(robot):
     assert odometry == OdometryCalibration(0.98, 1.002, 1.01, 0.2, floor='carpet')
     assert own.planning_limits == odometry.reduce(calibration.reduce(KACHAKA.limits))
     velocity = Velocity(0.1, 0.2)
-    assert own.command(velocity) == calibration.command(odometry.in_odometry(velocity))
-    assert own.expected(velocity) == odometry.on_floor(calibration.response(velocity))
+    assert own.command(velocity) == calibration.command(odometry.to_odometry(velocity))
+    assert own.expected(velocity) == odometry.to_floor(calibration.response(velocity))
     assert (own.is_calibrated, KACHAKA.is_calibrated) == (True, False)
     assert KACHAKA.expected(velocity) is velocity
 

@@ -48,7 +48,7 @@ def test_it_is_the_geometry_of_two_wheels(calibration, linear, angular):
     right = ratio * left
     half = calibration.track / 2.0
     ways = (linear - half * angular) * left, (linear + half * angular) * right
-    velocity = calibration.on_floor(Velocity(linear, angular))
+    velocity = calibration.to_floor(Velocity(linear, angular))
     assert velocity.linear_x == pytest.approx(sum(ways) / 2.0, abs=1e-12)
     assert velocity.angular_z == pytest.approx(
         (ways[1] - ways[0]) / (calibration.track * calibration.track_ratio), abs=1e-11)
@@ -57,7 +57,7 @@ def test_it_is_the_geometry_of_two_wheels(calibration, linear, angular):
 @given(odometry_calibrations, parts, parts)
 def test_there_and_back_is_the_same(calibration, linear, angular):
     velocity = Velocity(linear, angular)
-    back = calibration.on_floor(calibration.in_odometry(velocity))
+    back = calibration.to_floor(calibration.to_odometry(velocity))
     assert back.linear_x == pytest.approx(linear, abs=1e-12)
     assert back.angular_z == pytest.approx(angular, abs=1e-12)
 
@@ -71,7 +71,7 @@ def test_an_increment_of_odometry_is_an_arc_on_the_floor(
     seen = advance(before, distance, angle)
     wrapped = replace(seen, theta=math.remainder(seen.theta, math.tau))
     done = calibration.advance_on_floor(start, before, wrapped)
-    way = calibration.on_floor(Velocity(distance, angle))
+    way = calibration.to_floor(Velocity(distance, angle))
     expected = advance(start, way.linear_x, way.angular_z)
     assert (done.x, done.y, done.theta) == pytest.approx(
         (expected.x, expected.y, expected.theta), abs=1e-9)
@@ -88,14 +88,14 @@ def test_without_errors_the_floor_is_as_odometry_says_with_all_its_noise(seen):
 
 @given(odometry_calibrations)
 def test_a_zero_stays_a_zero(calibration):
-    assert calibration.on_floor(ZERO) == calibration.in_odometry(ZERO) == ZERO
+    assert calibration.to_floor(ZERO) == calibration.to_odometry(ZERO) == ZERO
     assert calibration.advance_on_floor(ORIGIN, Pose(1.0), Pose(1.0)) == ORIGIN
 
 
 def test_wheels_that_are_alike_need_no_track():
-    velocity = OdometryCalibration(0.98, track_ratio=1.03).on_floor(Velocity(1.0, 1.0))
+    velocity = OdometryCalibration(0.98, track_ratio=1.03).to_floor(Velocity(1.0, 1.0))
     assert (velocity.linear_x, velocity.angular_z) == pytest.approx((0.98, 0.98 / 1.03))
-    same = OdometryCalibration().on_floor(Velocity(0.2, 0.3))
+    same = OdometryCalibration().to_floor(Velocity(0.2, 0.3))
     assert (same.linear_x, same.angular_z) == (0.2, 0.3)
 
 
@@ -121,7 +121,7 @@ def test_no_velocity_exceeds_the_limits(
     speed = reduced.max_linear_velocity if linear >= 0.0 else reduced.backward_velocity
     velocity = Velocity(speed * linear, reduced.max_angular_velocity * angular)
     limits.check(velocity)
-    limits.check(odometry_calibration.in_odometry(velocity))
+    limits.check(odometry_calibration.to_odometry(velocity))
     limits.check(profile.command(velocity))
 
 

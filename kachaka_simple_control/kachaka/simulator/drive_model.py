@@ -205,7 +205,7 @@ class DriveModel:
     def state_at(self, now: float) -> tuple[Pose, Velocity]:
         """Return the true pose and velocity."""
         state, velocity = self._query(now)
-        return state.pose, velocity if self._floor is None else self._floor.on_floor(velocity)
+        return state.pose, velocity if self._floor is None else self._floor.to_floor(velocity)
 
     def reported_at(self, now: float) -> tuple[Pose, Velocity]:
         """Return the pose and the velocity by odometry, without its noise."""
@@ -283,7 +283,7 @@ class DriveModel:
         way = self._reported(distance, angle)
         pose = reported = advance(self._state.reported, way.linear_x, way.angular_z)
         if self._floor is not None:
-            way = self._floor.on_floor(way)
+            way = self._floor.to_floor(way)
             pose = advance(self._state.pose, way.linear_x, way.angular_z)
         return _State(now, pose, reported, Velocity(linear_x, angular_z))
 
