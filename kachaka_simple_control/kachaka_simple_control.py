@@ -244,14 +244,18 @@ class KachakaSimpleControl(Node):
         """
         self._stop('stop_robot()')
 
-    def _stop(self, caller: str) -> bool:
-        """Stop the robot; return whether this node has taken one."""
+    def _stop(self, caller: str) -> str:
+        """Stop the robot; return what that did."""
+        was_stopped = self.session.is_stopped
         is_taken = self.session.stop(
             MotionStoppedError(f'the movement was ended by {caller}'))
         if is_taken and not self._is_stop_logged:
             self._is_stop_logged = True
             self.get_logger().info('Robot has stopped')
-        return is_taken
+        if not is_taken:
+            return 'nothing was sent: this node has not taken a robot'
+        return ('nothing was sent: the robot had been stopped before' if was_stopped
+                else 'the robot was stopped')
 
     def pause(self) -> None:
         """
@@ -374,10 +378,7 @@ class KachakaSimpleControl(Node):
 
         def stop() -> None:
             try:
-                response.message = (
-                    'the robot was stopped' if self._stop('~/stop')
-                    else 'nothing was sent: this node has not taken a robot')
-                response.success = True
+                response.message, response.success = self._stop('~/stop'), True
             except Exception as error:  # the caller must get a response
                 response.message = str(error)
             stopped.set_result(None)

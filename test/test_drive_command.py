@@ -26,6 +26,7 @@ from kachaka_simple_control.report.comparison import read_drive, require_same
 from program import COMMAND, program, script
 import pytest
 from terminals import at_terminal
+from waiting import wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'jsonschema')]
 
@@ -193,12 +194,40 @@ def test_by_the_service_it_drives_and_stops(listener, tmp_path):
             answer = listener.call('stop')
             assert (answer.success, answer.message) == (True, 'the robot was stopped')
             assert not listener.received[-1].moves
+            count = len(listener.received)
+            answer = listener.call('stop')
+            assert (answer.success, answer.message) == (
+                True, 'nothing was sent: the robot had been stopped before')
+            assert len(listener.received) == count
+            time.sleep(2.0 * STOP_REQUEST_WINDOW)
         started.send(signal.SIGINT)
         assert started.end() == 130
     assert started.text.count('the movement was ended by ~/stop') == 2
     assert '[ERROR]' not in started.text
     assert started.text.count('Robot has stopped') == 2  # after each call, not at the end
     assert 'Traceback' not in started.text
+
+
+def test_after_the_guardian_s_stop_it_refuses_with_the_reason(listener, tmp_path):
+    with program([*COMMAND, 'straight', '--wait'], tmp_path) as started:
+        started.wait_for_text('Standing by')
+        assert listener.call('run').success
+        listener.wait_for(lambda velocity: velocity.moves)
+        started.send(signal.SIGSTOP)
+        time.sleep(1.0)
+        continued = started.send(signal.SIGCONT)
+        started.wait_for_text('the guardian stopped the robot')
+        for name in ('run', 'resume'):
+            answer = listener.call(name)
+            assert not answer.success
+            assert answer.message.startswith(
+                'nothing moves until this program is started again, for the guardian stopped the '
+                'robot: the node sent no heartbeat for ')
+        assert wait_until(lambda: listener.call('stop').message == (
+            'nothing was sent: the robot had been stopped before'))
+        started.send(signal.SIGINT)
+        assert started.end() == 130
+    assert not any(velocity.moves for velocity in listener.received if velocity.time > continued)
 
 
 def test_enter_starts_the_motion_of_a_command_that_stands_by(listener):

@@ -101,6 +101,11 @@ class StopController:
         #: when the newest stop began [s on the clock]; None before the first
         self.stop_started: float | None = None
 
+    @property
+    def is_stopped(self) -> bool:
+        """Whether the stop of the newest run was sent whole, or no run has begun."""
+        return self._stopped is self._gate.run
+
     def stop(self, reason: ControlError) -> None:
         """
         Stop the newest run, and return when the stop was sent whole.

@@ -326,6 +326,11 @@ class Session:
         return self._requests.is_busy
 
     @property
+    def is_stopped(self) -> bool:
+        """Whether a whole stop has followed the newest movement, or there was none."""
+        return self._stopper.is_stopped
+
+    @property
     def has_subscriber(self) -> bool:
         """Whether the publishers of this node and of its guardian have a subscriber."""
         return self._discovery.is_subscribed and self._guardian.is_matched
@@ -490,8 +495,8 @@ class Session:
         if self._guardian.stopped_because is not None:
             # Its latch blocks all motion of this program.
             raise RunFaultError(
-                f'the guardian stopped the robot: {self._guardian.stopped_because}; nothing moves '
-                'it any more until this program is started again')
+                'nothing moves until this program is started again, for the guardian stopped the '
+                f'robot: {self._guardian.stopped_because}')
 
     def _on_foreign_message(self, sender: str) -> None:
         self._end_run(RunFaultError(
