@@ -121,6 +121,6 @@ class PausePose:
         if distance > MAX_MOVED_DISTANCE or angle > MAX_MOVED_ANGLE:
             raise RobotMovedError(
                 f'the robot was moved by {distance * 100.0:.1f} cm and '
-                f'{math.degrees(angle):.1f} deg while it was paused, more than '
+                f'{math.degrees(angle):.1f} deg while it was held, more than '
                 f'{MAX_MOVED_DISTANCE * 100.0:g} cm or {math.degrees(MAX_MOVED_ANGLE):.0f} deg: '
                 'the rest of the motion would end elsewhere')

@@ -192,7 +192,7 @@ class Session:
             # Not before: the stop of the movement before must not wait until the robot is taken.
             self._stopper.cancel_pending()
             self._monitor.begin(feedback)
-            if not self.speed_factor.value:
+            if self.speed_factor.is_hold:
                 self._node.get_logger().warning(
                     f'The motion is held at its start ({self.speed_factor.describe()}): resume to '
                     'go on')

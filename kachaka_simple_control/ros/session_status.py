@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import time
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
-from kachaka_simple_control.control.speed_factor import SpeedFactor
+from kachaka_simple_control.control.speed_factor import is_hold, SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.tick_scheduler import Tick, TickScheduler
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
@@ -249,7 +249,7 @@ def _state(statistics: TickStatistics, status: SessionStatus) -> str:
     if statistics.is_active:
         if not statistics.has_started:
             return 'connecting to the robot'
-        return 'driving' if status.speed_factor else 'paused'
+        return 'paused' if is_hold(status.speed_factor) else 'driving'
     if not statistics.motion:
         # A motion may wait for ~/run.
         return 'nothing started yet'

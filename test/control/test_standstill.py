@@ -97,8 +97,8 @@ def test_each_pause_has_its_own_pose_and_motion_has_none():
 
 
 @pytest.mark.parametrize(('pose', 'text'), [
-    (Pose(1.03, 2.0, 3.0), 'the robot was moved by 3.0 cm and 0.0 deg while it was paused'),
-    (Pose(1.0, 2.0, 2.9), 'the robot was moved by 0.0 cm and 5.7 deg while it was paused'),
+    (Pose(1.03, 2.0, 3.0), 'the robot was moved by 3.0 cm and 0.0 deg while it was held'),
+    (Pose(1.0, 2.0, 2.9), 'the robot was moved by 0.0 cm and 5.7 deg while it was held'),
 ])
 def test_a_robot_that_was_moved_while_paused_may_not_go_on(pose, text):
     pause_pose = paused(Pose(1.0, 2.0, 3.0))

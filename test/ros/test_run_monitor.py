@@ -15,6 +15,8 @@
 
 from __future__ import annotations
 
+import math
+import threading
 from types import SimpleNamespace
 
 from kachaka_simple_control.control.guardian import NullGuardian
@@ -64,6 +66,42 @@ def begun(clock):
     monitor.begin(None)
     odometry.on_odometry(clock.now, ZERO)
     return monitor, odometry
+
+
+def test_a_hold_that_is_released_before_the_robot_rests_needs_no_question(begun, monkeypatch):
+    monitor, _ = begun
+    monkeypatch.setattr(monitor, 'check_resume', lambda: pytest.fail('it asks'))
+    monitor._speed_factor.set('obstacle', 0.0)
+    monitor.on_sent(0.0)  # it brakes
+    monitor.check()
+    assert monitor.speed_factor == 0.0
+    monitor._speed_factor.set('obstacle', 1.0)
+    assert monitor.speed_factor == 1.0
+    monitor.check()
+    assert monitor.speed_factor == 1.0
+
+
+def test_the_questions_before_a_release_are_asked_outside_every_lock(begun, monkeypatch):
+    """And not by whoever releases the hold: others set their factors meanwhile."""
+    monitor, _ = begun
+    factor, has_set = monitor._speed_factor, []
+
+    def ask():
+        other = threading.Thread(target=factor.set, args=('other', 0.5), daemon=True)
+        other.start()
+        other.join(5.0)
+        has_set.append(not other.is_alive())
+
+    monkeypatch.setattr(monitor, 'check_resume', ask)
+    monkeypatch.setattr(monitor.pause_pose, 'require_not_moved', ask)
+    factor.set('obstacle', 0.0)
+    monitor.on_sent(math.inf)
+    factor.set('obstacle', 1.0)
+    assert has_set == []
+    assert monitor.speed_factor == 0.0
+    monitor.check()
+    assert has_set == [True, True]
+    assert monitor.speed_factor == 0.5
 
 
 def test_a_program_that_was_held_up_does_not_blame_the_robot(begun, clock):

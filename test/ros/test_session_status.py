@@ -167,6 +167,16 @@ def test_the_worst_is_the_message(changes, level, text):
     assert diagnosis_of(**changes)[:2] == (level, text)
 
 
+@pytest.mark.parametrize('factor, state', [
+    (1.0, 'driving'), (0.01, 'driving'), (0.005, 'paused'), (0.0, 'paused')])
+def test_a_motion_that_is_held_is_paused(factor, state):
+    statistics = TickStatistics()
+    statistics.on_event(MotionPlanned(Motion('on', (Move(0.1, 0.0, 1.0),)), ABRUPT, 10.0))
+    statistics.on_event(MotionStarted(1.0))
+    statistics.process()
+    assert diagnosis_of(statistics, speed_factor=factor).values['state'] == state
+
+
 def test_skipped_velocities_and_an_early_end_are_a_warning():
     statistics = TickStatistics()
     statistics.skipped = 2

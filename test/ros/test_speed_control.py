@@ -299,7 +299,8 @@ def test_a_hold_that_is_released_goes_on_by_itself(listener, observer, make):
         assert ended == []
 
 
-def test_a_hold_is_kept_if_the_robot_was_moved_meanwhile(listener, observer, make, capfd):
+@pytest.mark.parametrize('by', ['service', 'method'])
+def test_a_hold_is_kept_if_the_robot_was_moved_meanwhile(listener, observer, make, capfd, by):
     pose = observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
     node = make()
     with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
@@ -312,16 +313,21 @@ def test_a_hold_is_kept_if_the_robot_was_moved_meanwhile(listener, observer, mak
         assert wait_until(lambda: 'moved' in node.session.speed_factor.factors)
         time.sleep(0.5)
         assert not any(velocity.moves for velocity in listener.received[count:])
-        assert not listener.call('resume').success
-        time.sleep(1.2)
-        assert listener.call('resume').success
+        if by == 'service':
+            assert not listener.call('resume').success
+            time.sleep(1.2)
+            assert listener.call('resume').success
+        else:
+            with pytest.raises(MotionRefusedError, match='moved by 30.0 cm'):
+                node.resume()
+            node.resume(even_if_moved=True)
         listener.wait_for(is_at_cruise, after=count)
         assert node.speed_factor == 1.0
         assert ended == []
     assert capfd.readouterr().err.count('the robot was moved by 30.0 cm') == 1
 
 
-def test_a_factor_below_one_percent_is_a_hold(listener, observer, make):
+def test_a_factor_below_one_percent_is_a_hold(listener, observer, make, capfd):
     observer.publish_odometry(ODOMETRY, 1.0, 2.0, 0.0, 1.0, 'odom')
     node = make()
     with driving(node.move_robot, CRUISE, 0.0, 30.0):
@@ -332,6 +338,13 @@ def test_a_factor_below_one_percent_is_a_hold(listener, observer, make):
         listener.wait_for(is_zero, after=count)
         time.sleep(0.5)
         assert not any(velocity.moves for velocity in listener.received[-3:])
+    with driving(node.move_robot, CRUISE, 0.0, 30.0):
+        count, text = len(listener.received), []
+        held = 'The motion is held at its start (speed 5 %, obstacle 10 %)'
+        assert wait_until(
+            lambda: text.append(capfd.readouterr().err) or held in ''.join(text))
+        time.sleep(0.3)
+        assert not any(velocity.moves for velocity in listener.received[count:])
 
 
 def test_a_parameter_that_is_refused_with_another_changes_no_speed(listener, observer, make):
