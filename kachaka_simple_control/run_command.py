@@ -22,10 +22,11 @@ import traceback
 
 from kachaka_simple_control.control.interrupts import raise_on_interrupt
 from kachaka_simple_control.control.signals import signal_dispatcher
-from kachaka_simple_control.errors import ControlError
+from kachaka_simple_control.errors import ControlError, InvalidMotionError
 from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
 from kachaka_simple_control.exit_codes import code_of, DONE, SIGNALLED
-from kachaka_simple_control.files.document import FileError
+from kachaka_simple_control.files.document import FileError, location
+from kachaka_simple_control.files.library import LESSON_FUNCTION
 
 #: The command that most programs belong to.
 NAME = 'kachaka_simple_control'
@@ -65,9 +66,18 @@ def _message(error: Exception, name: str) -> str:
     if isinstance(error, FileError) and error.problems[0].line is not None:
         # File and line come first: there editors look for a link.
         return escaped_lines(error)
+    if isinstance(error, InvalidMotionError) and (line := _line_of_lesson(error)):
+        return f'{line}: {escaped(error, MAX_LINE_LENGTH)}'
     if _is_expected(error):
         return f'{name}: {escaped(error, MAX_LINE_LENGTH)}'
     frame = traceback.extract_tb(error.__traceback__)[-1]
     text = escaped(error, MAX_LINE_LENGTH)
     return (f'{name}: unexpected {type(error).__name__}: {text} '
             f'({frame.filename}:{frame.lineno}); a robot that moved was stopped')
+
+
+def _line_of_lesson(error: Exception) -> str:
+    """Return file and line of the movement of an edited lesson; empty if the error is none's."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return next((escaped(location(frame.filename, frame.lineno), MAX_LINE_LENGTH)
+                 for frame in reversed(frames) if frame.name == LESSON_FUNCTION), '')

@@ -22,6 +22,7 @@ from kachaka_simple_control.errors import (
     RunFaultError,
     UsageError,
 )
+from kachaka_simple_control.files import library
 from kachaka_simple_control.run_command import run_command
 import pytest
 
@@ -45,6 +46,18 @@ def test_each_error_has_its_exit_code_and_no_traceback(error, code, capsys):
     assert printed.replace('\n', '').isprintable()
     assert len(printed) < 1200
     assert len(printed.splitlines()) <= 1
+
+
+@pytest.mark.parametrize('duration, shown', [
+    ('-1.0', '-1.0 s; it must not be negative'), ("'0.1'", "'0.1'; it must be a number [s]"),
+    ('None', 'None; it must be a number [s]')])
+def test_the_line_of_an_edited_lesson_is_named(duration, shown, tmp_path, monkeypatch, capsys):
+    edited = tmp_path / 'edited.py'
+    edited.write_text(
+        f'def play_lesson(robot):\n    pass\n    robot.move_robot(0.1, 0.0, {duration})\n')
+    monkeypatch.setattr(library, 'LESSON_FILE', edited)
+    assert run_command(library.lesson_motion) == 2
+    assert capsys.readouterr().err == f'{edited}:3: duration is {shown}\n'
 
 
 def test_a_body_that_returns_has_exit_code_0():

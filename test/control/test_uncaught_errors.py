@@ -67,6 +67,19 @@ def test_the_line_is_not_that_of_code_that_python_made_for_us(duration, tmp_path
     assert text.count('\n') == 1
 
 
+@pytest.mark.ros
+@pytest.mark.needs('rclpy')
+@pytest.mark.parametrize('duration', ['-1.0', '"0.1"', 'None'])
+def test_the_line_of_a_movement_with_an_invalid_value_is_that_of_the_script(duration, tmp_path):
+    code, text = run(
+        'from kachaka_simple_control import KachakaSimpleControl\n'
+        'node = KachakaSimpleControl({"guardian": False})\n'
+        f'node.move_robot(0.1, 0.0, {duration})', tmp_path)
+    assert code == 2
+    (line,) = (line for line in text.splitlines() if '[INFO]' not in line)
+    assert line.startswith('script.py:7: duration is ')
+
+
 def test_the_place_in_a_script_is_printed_escaped():
     try:
         exec(compile('1 / 0', 'a\x1b[31m\n\u202e\udcff.py', 'exec'))
