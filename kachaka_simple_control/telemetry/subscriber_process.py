@@ -50,7 +50,7 @@ PLAN_WRITE_TIMEOUT = 2.0
 #: How long a subscriber may take to end, mostly for its report [s].
 FINISH_TIMEOUT = 60.0
 #: One that is suspended for so long meanwhile is killed [s]; how often that is checked [s].
-FROZEN_TIMEOUT, CLOSE_PERIOD = 3.0, 0.1
+FROZEN_TIMEOUT, CLOSE_PERIOD = 2.0, 0.1
 #: How long it may delay a program that a signal ended [s]; it goes on by itself.
 FINISH_TIMEOUT_WHEN_STOPPED = 1.0
 
