@@ -26,6 +26,7 @@ from kachaka_simple_control.control import processes
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.display_process import DISPLAY_MODULE
 from kachaka_simple_control.display.display_program import TerminalDisplay
+from kachaka_simple_control.display.drive_status import DriveState
 from kachaka_simple_control.display.renderers import LineRenderer, PanelRenderer, renderer_for
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
@@ -135,10 +136,12 @@ def test_a_terminal_that_changes_its_size_gets_a_panel_that_fits():
 
 
 def test_a_terminal_too_small_for_a_panel_gets_lines():
-    with at_terminal(publisher(0.25), 40, 10) as shown:
+    # Long enough for the display to be there before the end.
+    with at_terminal(publisher(1.0), 40, 10) as shown:
         shown.press(b'\n')
         assert shown.end() == 0
-        assert 'step 1 of 1: forward 0.25 m (1 s)' in shown.screen.above
+        assert 'step 1 of 1: forward 1 m (4 s)' in shown.screen.above
+        assert shown.screen.above.count('Ctrl+C stops the robot') == 1
         assert shown.screen.bottom == 10
 
 
@@ -257,8 +260,12 @@ def test_without_rich_it_warns_once_and_writes_lines(monkeypatch):
     for name in [name for name in sys.modules if name.partition('.')[0] == 'rich']:
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.delitem(sys.modules, 'kachaka_simple_control.display.panel')
-    assert isinstance(renderer_for(follower), LineRenderer)
+    renderer = renderer_for(follower)
+    assert isinstance(renderer, LineRenderer)
     assert b'install rich' in os.read(leader, 1000)
+    connecting = types.SimpleNamespace(state=DriveState.CONNECTING, step=None)
+    renderer.show(connecting, 0.0, 'space pauses')
+    assert os.read(leader, 1000) == b'space pauses\r\n'
     monkeypatch.setenv('TERM', 'dumb')
     assert isinstance(renderer_for(follower), LineRenderer)
     for descriptor in (leader, follower):

@@ -14,6 +14,7 @@
 """The files of a report: what they say, for every ending, and that they are always there."""
 
 from dataclasses import replace
+from datetime import datetime
 import html
 import json
 import math
@@ -94,6 +95,26 @@ def test_run_json_has_the_figures_of_the_record(tmp_path):
     assert told['limits']['max_backward_velocity'] is None
     assert told['began'].startswith('2026-11-21T')
     assert EPOCH < motion.began + EPOCH
+
+
+@pytest.fixture
+def in_japan(monkeypatch):
+    """Be in another time zone."""
+    with monkeypatch.context() as changed:
+        changed.setenv('TZ', 'Asia/Tokyo')
+        time.tzset()
+        yield
+    time.tzset()
+
+
+def test_the_page_has_the_local_time_and_the_file_that_of_the_world(in_japan):
+    summary = Summary(done())
+    page = render_page(summary, {}, None, None)
+    began = re.search(r'2026-11-2[0-9] [0-9:]{8}\+09:00', page)[0]
+    told = json.loads(run_json(summary, None))['began']
+    assert told.endswith('+00:00')
+    gap = datetime.fromisoformat(began) - datetime.fromisoformat(told)
+    assert abs(gap.total_seconds()) < 1.0
 
 
 def test_the_limits_that_the_motion_was_planned_with_are_shown(tmp_path):
