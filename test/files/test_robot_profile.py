@@ -20,6 +20,7 @@ from importlib.resources import files
 import math
 import re
 
+from golden import answers, compare
 from kachaka_simple_control.control.timing import MAX_LATENESS
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import (
@@ -203,78 +204,54 @@ def test_a_calibration_replaces_one_of_its_kind_and_keeps_all_else(robot, tmp_pa
     assert again.odometry_calibration == own.odometry_calibration
 
 
-@pytest.mark.parametrize('text, line', [
-    ('extends: kachka',
-     "1: extends: there is no robot 'kachka'; did you mean 'kachaka'?"),
-    ('extends: [kachaka]', '1: extends: a list; it must be the name of a robot, such as kachaka'),
-    ('extends: kachaka\ncalibration: {forward_gain: 0.4}',
-     '2: calibration.forward_gain: 0.4; it must be at least 0.5'),
-    ('extends: kachaka\ncalibration: {veer: 2}',
-     ('2: calibration.veer: 2 has no unit; a veer needs one: write 2 deg/m or 2 rad/m')),
-    ('extends: kachaka\ncalibration: {veer: 2 rad/m}',
-     '2: calibration.veer: 2.0 rad/m; it must be from -1 to 1 rad/m'),
-    (('extends: kachaka\nlimits: {max_linear_velocity: 1 m/s, max_angular_velocity: 0.1 rad/s}\n'
-      'calibration: {veer: 1 rad/m}'),
-     ('3: calibration.veer: 1.0 rad/m, which needs all of max_angular_velocity, 0.1')),
-    ('extends: kachaka\ncalibration: {}',
-     '2: calibration: nothing; it must be keys with gains, such as forward_gain: 0.95'),
-    ('extends: kachaka\ncalibration: {left: 1}',
-     "2: calibration.left: there is no such key; did you mean 'left_gain'?"),
-    ('extends: kachaka\nodometry_calibration: {scale: 0.4}',
-     '2: odometry_calibration.scale: 0.4; it must be at least 0.5'),
-    ('extends: kachaka\nodometry_calibration: {wheel_ratio: 1.01}',
-     ('2: odometry_calibration.wheel_ratio: 1.01, which needs track, the one that odometry uses, '
-      'such as 0.2 m')),
-    ('extends: kachaka\nodometry_calibration: {track: 0.2}',
-     ('2: odometry_calibration.track: 0.2 has no unit; a size needs one: write 0.2 cm or '
-      '0.2 m')),
-    ('extends: kachaka\nodometry_calibration: {track: 20 m}',
-     '2: odometry_calibration.track: 20.0 m; it must be from 0.01 to 10 m'),
-    (('extends: kachaka\nlimits: {max_linear_velocity: 1 m/s, max_angular_velocity: 0.1 rad/s}\n'
-      'odometry_calibration: {wheel_ratio: 1.1, track: 0.2 m}'),
-     ('3: odometry_calibration.wheel_ratio: 1.1, which needs all of max_angular_velocity, 0.1')),
-])
-def test_an_error_of_a_calibration_is_one_line(robot, tmp_path, text, line):
-    with pytest.raises(RobotFileError) as caught:
-        robot(text)
-    assert str(caught.value) == f'{tmp_path}/robot.yaml:{line}'
-
-
 def test_an_outline_may_be_round(robot):
     assert robot(LEAST + 'footprint: {radius: 22 cm}').footprint == Disc(0.22)
 
 
-@pytest.mark.parametrize('more, line', [
-    ('footprint: {length: 1 m}', '4: footprint: it must be length and width, or radius alone'),
-    ('footprint: {length: 1 m, width: 1 m, radius: 1 m}',
-     '4: footprint: it must be length and width, or radius alone'),
-    ('footprint: {radius: 1 m, ahead: 1 m}',
-     '4: footprint: it must be length and width, or radius alone'),
-    ('footprint: {}', '4: footprint: it must be length and width, or radius alone'),
-    ('footprint: {radius: 0 m}', "4: footprint.radius: '0 m'; it must be above 0 m"),
-    ('manual_control: {service: a}',
-     ("4: manual_control: 'timeout' is missing: a time above zero, as in 0.3 s (in s, ms or "
-      'min)')),
-    ('manual_control: enable',
-     "4: manual_control: 'enable'; it must be service and timeout, or null"),
-    ('message_type: Twst', "4: message_type: 'Twst'; it must be Twist or TwistStamped"),
-    ('namespace: own', "4: namespace: 'own'; it must be a ROS namespace, such as /kachaka"),
-    ('namespace: "/kachaka\\n"',
-     r"4: namespace: '/kachaka\n'; it must be a ROS namespace, such as /kachaka"),
-    ('odometry_topic: /odom',
-     ("4: odometry_topic: '/odom'; it must be a ROS name without a slash before it, such as odom, "
-      'or null')),
-    ('max_speed: 1',
-     ('4: max_speed: there is no such key; known are name, description, extends, namespace, '
-      'velocity_topic, message_type, frame, odometry_topic, manual_control, command_timeout, '
-      'limits, footprint, calibration, odometry_calibration')),
-    ('command_timeout: 1', '4: command_timeout: this key is here twice, first in line 2'),
-])
-def test_an_error_of_a_robot_is_one_line(robot, tmp_path, more, line):
-    with pytest.raises(RobotFileError) as caught:
-        robot(LEAST + more)
-    assert str(caught.value) == f'{tmp_path}/robot.yaml:{line}'
-    assert isinstance(caught.value, UsageError)
+#: Calibrations that are refused, each in one line.
+CALIBRATIONS = (
+    'extends: kachka',
+    'extends: [kachaka]',
+    'extends: kachaka\ncalibration: {forward_gain: 0.4}',
+    'extends: kachaka\ncalibration: {veer: 2}',
+    'extends: kachaka\ncalibration: {veer: 2 rad/m}',
+    ('extends: kachaka\nlimits: {max_linear_velocity: 1 m/s, max_angular_velocity: 0.1 rad/s}\n'
+    'calibration: {veer: 1 rad/m}'),
+    'extends: kachaka\ncalibration: {}',
+    'extends: kachaka\ncalibration: {left: 1}',
+    'extends: kachaka\nodometry_calibration: {scale: 0.4}',
+    'extends: kachaka\nodometry_calibration: {wheel_ratio: 1.01}',
+    'extends: kachaka\nodometry_calibration: {track: 0.2}',
+    'extends: kachaka\nodometry_calibration: {track: 20 m}',
+    ('extends: kachaka\nlimits: {max_linear_velocity: 1 m/s, max_angular_velocity: 0.1 rad/s}\n'
+    'odometry_calibration: {wheel_ratio: 1.1, track: 0.2 m}'),
+)
+#: What is refused below the least that a robot needs, each in one line.
+MORE = (
+    'footprint: {length: 1 m}',
+    'footprint: {length: 1 m, width: 1 m, radius: 1 m}',
+    'footprint: {radius: 1 m, ahead: 1 m}',
+    'footprint: {}',
+    'footprint: {radius: 0 m}',
+    'manual_control: {service: a}',
+    'manual_control: enable',
+    'message_type: Twst',
+    'namespace: own',
+    'namespace: "/kachaka\\n"',
+    'odometry_topic: /odom',
+    'max_speed: 1',
+    'command_timeout: 1',
+)
+
+
+def test_a_wrong_robot_is_refused_in_one_line(robot, tmp_path):
+    def refusal(text: str) -> str:
+        with pytest.raises(RobotFileError) as caught:
+            robot(text)
+        return str(caught.value).removeprefix(f'{tmp_path}/')
+
+    compare('robot_files', answers(CALIBRATIONS, refusal) + answers(
+        MORE, lambda more: refusal(LEAST + more)))
 
 
 def test_all_errors_of_a_robot_are_reported_at_once(robot):
@@ -282,6 +259,7 @@ def test_all_errors_of_a_robot_are_reported_at_once(robot):
         robot('velocity_topic: cmd vel\ncommand_timeout: 0 s\n'
               'limits: {max_linear_velocity: 1 rad/s}')
     assert [problem.line for problem in caught.value.problems] == [1, 2, 3, 3]
+    assert isinstance(caught.value, UsageError)
 
 
 @pytest.mark.parametrize('name, words', [
