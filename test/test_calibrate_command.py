@@ -14,9 +14,11 @@
 """The command ``kachaka_calibrate``: what it shows, asks, writes, and refuses in one line."""
 
 import io
+import shlex
 import signal
 import sys
 
+from golden import answers, compare
 from kachaka_simple_control import calibrate_command, calibrate_options
 from kachaka_simple_control.calibrate_options import MAX_ATTEMPTS
 from kachaka_simple_control.files.robot_profile import calibrated_text, find_robot, KACHAKA
@@ -131,37 +133,27 @@ def test_what_cannot_be_is_refused_before_anything_moves(run, tmp_path):
     (tmp_path / 'there.yaml').write_text('extends: kachaka\ncalibration: {left_gain: 0.9}')
     (tmp_path / 'worn.yaml').write_text('extends: kachaka\nodometry_calibration: {scale: 0.9}')
     (tmp_path / 'blind.yaml').write_text('extends: kachaka\nodometry_topic: null')
-    for words, line in (
-            (['--sim', '--output', 'there.yaml'],
-             'kachaka_calibrate: there.yaml is there already; name another file by --output\n'),
-            (['--sim', '--robot', './there.yaml'],
-             ('kachaka_calibrate: ./there.yaml is calibrated already; name the robot without its '
-              'calibration\n')),
-            (['--sim', '--output', 'no/folder.yaml'],
-             ('kachaka_calibrate: no/folder.yaml cannot be written; name another file by '
-              '--output\n')),
-            (['--yes', '--robot', './blind.yaml'],
-             ('kachaka_calibrate: ./blind.yaml has no odometry to measure by; its file names '
-              'none\n')),
-            (['--sim', '--plot', 'fit.txt'],
-             ('kachaka_calibrate: fit.txt: a plot is .png, .svg or .pdf; take one of these as '
-              'its ending\n')),
-            (['--lag', '0.1'], 'kachaka_calibrate: --lag is about the simulated robot of --sim\n'),
-            (['square', '--sim'],
-             ("kachaka_calibrate: there is no part 'square'; it is floor or umbmark, or left "
-              'out\n')),
-            (['--sim', '--measured', '1 m'],
-             ('kachaka_calibrate: --measured is about kachaka_calibrate floor and '
-              'kachaka_calibrate umbmark\n')),
-            (['--sim', '--side', '1 m'],
-             'kachaka_calibrate: --side is about kachaka_calibrate umbmark\n'),
-            (['--sim', '--robot', './worn.yaml'],
-             ('kachaka_calibrate: ./worn.yaml is calibrated already; name the robot without its '
-              'calibration\n')),
-            (['--sim', '--robot', './worn.yaml', '--output', './worn.yaml'],
-             'kachaka_calibrate: worn.yaml is there already; name another file by --output\n')):
-        code, output, errors, driven = run(*words)
-        assert (code, output, errors, driven) == (2, '', line, [])
+    cases = (
+        '--sim --output there.yaml',
+        '--sim --robot ./there.yaml',
+        '--sim --output no/folder.yaml',
+        '--yes --robot ./blind.yaml',
+        '--sim --plot fit.txt',
+        '--lag 0.1',
+        'square --sim',
+        "--sim --measured '1 m'",
+        "--sim --side '1 m'",
+        '--sim --robot ./worn.yaml',
+        '--sim --robot ./worn.yaml --output ./worn.yaml',
+    )
+
+    def refusal(words: str) -> str:
+        code, output, errors, driven = run(*shlex.split(words))
+        assert (code, output, driven) == (2, '', [])
+        (line,) = errors.splitlines()
+        return line
+
+    compare('calibrate', answers(cases, refusal))
 
 
 def test_what_was_measured_is_printed_even_if_no_file_can_be_written(run, monkeypatch, tmp_path):

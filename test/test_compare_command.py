@@ -18,6 +18,7 @@ import math
 import os
 import re
 
+from golden import answers, compare
 from kachaka_simple_control import compare_command
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Turn
@@ -100,18 +101,16 @@ def test_what_cannot_be_compared_is_refused_in_one_line(reports, run, tmp_path):
     data = json.loads((tmp_path / 'a' / 'run.json').read_text())
     (tmp_path / 'old').mkdir()
     (tmp_path / 'old' / 'run.json').write_text(json.dumps({**data, 'format': 0}))
-    for words, line in (
-            (['a'], 'two drives or more can be compared; name their reports'),
-            (['a', 'none'], 'none: no report is here: run.json: No such file or directory'),
-            (['a', 'odd'], 'odd: run.json is not that of a report'),
-            (['a', 'old'], ('old: run.json is not that of a report of this version; drive once '
-                            'more')),
-            (['a', 'short'], 'short: the drive was not completed: Faulted'),
-            (['a', 'blind'], 'blind: odometry does not show where the drive ended'),
-            (['a', 'other'], 'a and other are drives of different motions'),
-            (['a', 'a', '--plot', 'all.txt'],
-             'all.txt: a plot is .png, .svg or .pdf; take one of these as its ending')):
-        assert run(*words) == (2, '', f'kachaka_compare: {line}\n'), words
+    cases = (
+        'a', 'a none', 'a odd', 'a old', 'a short', 'a blind', 'a other', 'a a --plot all.txt')
+
+    def refusal(words: str) -> str:
+        code, output, errors = run(*words.split())
+        assert (code, output) == (2, '')
+        (line,) = errors.splitlines()
+        return line
+
+    compare('compare', answers(cases, refusal))
 
 
 @pytest.mark.parametrize('change', [
