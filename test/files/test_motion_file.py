@@ -137,7 +137,7 @@ TOO_MUCH = (
     'limits: {max_linear_velocity: 9 m/s}\nsteps:\n- forward: {distance: 1 m, speed: 5 m/s}',
     # and cannot allow what the robot does not.
     ('limits:\n  max_angular_velocity: 90 deg/s\n  max_linear_velocity: 31 cm/s\n'
-    '  max_backward_velocity: 0.4\n  max_linear_deceleration: 2\nsteps: []'),
+     '  max_backward_velocity: 0.4\n  max_linear_deceleration: 2\nsteps: []'),
 )
 
 

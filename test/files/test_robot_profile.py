@@ -216,7 +216,7 @@ CALIBRATIONS = (
     'extends: kachaka\ncalibration: {veer: 2}',
     'extends: kachaka\ncalibration: {veer: 2 rad/m}',
     ('extends: kachaka\nlimits: {max_linear_velocity: 1 m/s, max_angular_velocity: 0.1 rad/s}\n'
-    'calibration: {veer: 1 rad/m}'),
+     'calibration: {veer: 1 rad/m}'),
     'extends: kachaka\ncalibration: {}',
     'extends: kachaka\ncalibration: {left: 1}',
     'extends: kachaka\nodometry_calibration: {scale: 0.4}',
@@ -224,7 +224,7 @@ CALIBRATIONS = (
     'extends: kachaka\nodometry_calibration: {track: 0.2}',
     'extends: kachaka\nodometry_calibration: {track: 20 m}',
     ('extends: kachaka\nlimits: {max_linear_velocity: 1 m/s, max_angular_velocity: 0.1 rad/s}\n'
-    'odometry_calibration: {wheel_ratio: 1.1, track: 0.2 m}'),
+     'odometry_calibration: {wheel_ratio: 1.1, track: 0.2 m}'),
 )
 #: What is refused below the least that a robot needs, each in one line.
 MORE = (
