@@ -21,7 +21,7 @@ import termios
 
 from kachaka_simple_control.errors import UsageError
 
-#: What lets it drive: Enter alone, or one of these.
+#: The answers that let it drive; the empty one is Enter alone.
 CONSENT = ('', 'y', 'yes')
 
 
@@ -29,7 +29,7 @@ def confirm(floor_size: str, before: str = '') -> None:
     """
     Ask whether a robot may drive; return if it may.
 
-    What was typed before the question is no answer to it.
+    Lines typed before the question do not answer it.
 
     :param floor_size: how much free floor it needs, in words
     :param before: what to do before

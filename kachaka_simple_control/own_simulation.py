@@ -44,7 +44,8 @@ def start_on_this_machine(own: Node) -> None:
     :raises UsageError: if it is too late for that
     """
     if rclpy.ok() and not is_range_chosen():
-        # Of ROS's variables nothing is read any more; a profile is, by the first node.
+        # rclpy has already read its variables; only the DDS profile is read later, by the first
+        # node.
         others = (found for found in gc.get_objects()
                   if issubclass(type(found), Node) and found is not own)
         if not can_still_be_localhost_only() or next(others, None) is not None:

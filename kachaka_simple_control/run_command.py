@@ -50,7 +50,7 @@ def run_command(body: Callable[[], None], name: str = NAME) -> int:
         # After a signal an expected error only says that it stopped the motion.
         if signal_dispatcher.signum is None or not _is_expected(error):
             first = error.__context__
-            # What is wrong with the stop must not hide why there was one.
+            # An error of the stop must not hide why there was a stop.
             with contextlib.suppress(OSError):  # a full disk
                 if isinstance(first, ControlError) and not error.__suppress_context__:
                     print(_message(first, name), file=sys.stderr)

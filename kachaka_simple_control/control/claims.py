@@ -84,7 +84,7 @@ class MachineClaim:
         """
         Take the claim, unless this object holds it already.
 
-        Waits for GUARDIAN_LEAVE_TIMEOUT if the program that held it has ended, for its guardian.
+        If the holder has ended, wait up to GUARDIAN_LEAVE_TIMEOUT for its guardian.
 
         :param name: what is claimed
         :param who: describes this program to others, in one line of at most 1000 bytes

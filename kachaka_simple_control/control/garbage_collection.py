@@ -54,7 +54,7 @@ def old_objects_frozen() -> Iterator[None]:
 
 def _freeze() -> None:
     if gc.get_freeze_count():
-        # What the user has frozen could not be told from the rest afterwards.
+        # Unfreezing would also release the objects that the user has frozen.
         thresholds = gc.get_threshold()
         gc.set_threshold(*thresholds[:2], NEVER)
         _restore.callback(gc.set_threshold, *thresholds)

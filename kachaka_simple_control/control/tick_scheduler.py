@@ -142,7 +142,7 @@ class TickScheduler:
                 if following >= end - TIME_TOLERANCE * period:
                     following = end
                 rest = end - segment.start - number * period if segment.velocity.is_zero else 0.0
-                # What is too short for the resolution of the delayed time is left out.
+                # Leave out a tick that is too short for the resolution of the delayed time.
                 if delay + following > delay + start:
                     yield Tick(segment.velocity, delay + start, delay + following, rest, start)
                 number, start = number + 1, following

@@ -141,7 +141,7 @@ REST_TIMEOUT = 1.0
 #: How long a robot whose odometry is not listed is waited for it.  Chosen: discovery delivers all
 #: topics of a participant within some milliseconds.
 ODOMETRY_WAIT_TIME = 0.1
-#: What was sent longer ago cannot still arrive when the subscription begins.  Chosen; through
+#: A message sent longer ago cannot still arrive when the subscription begins.  Chosen; through
 #: shared memory, which the commands avoid, 0.33 s were measured.
 MAX_TRANSIT_TIME = 0.2
 #: A zero that the guardian was asked for arrives within this time, or was lost.  Chosen.

@@ -124,7 +124,8 @@ class DriveStatus:
     :param odometry: the robot's velocity by odometry; None without odometry
     :param odometry_age: how old that is [s]
     :param factors: the factors below 1, by who asks for less speed
-    :param silent_for: how long a program that should drive has sent nothing [s]; None if it does
+    :param silent_for: how long nothing has been sent although the program should drive [s]; None
+        while it sends
     """
 
     state: DriveState

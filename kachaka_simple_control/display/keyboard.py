@@ -77,7 +77,7 @@ class Keyboard:
     def _run(self) -> None:
         # Blocked, these refuse a read in the background instead of suspending the program.
         signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
-        # What was typed before was not meant for keys that start something.
+        # Keys typed before were not meant to start something.
         ignored = '\n'
         with contextlib.suppress(OSError, termios.error):  # the terminal is gone
             while not self._end.is_set():

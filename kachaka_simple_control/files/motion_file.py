@@ -176,7 +176,7 @@ def _read_fields(document: Document, path: KeyPath, kind: type[Step]) -> Step | 
     for name in ([next(iter(parts))] if is_short else parts):
         place = path if is_short else [*path, name]
         if isinstance(parts[name].kind, StepList):
-            # Also beside what is wrong, so that all that is wrong within is found.
+            # Read nested steps even if this step is invalid, to report all their errors.
             values[name] = read_steps(document, place)
         elif is_good and (is_short or name in node.children):
             values[name] = _read_number(document, place, parts[name].kind)
@@ -255,7 +255,7 @@ def _robot(name_or_path: str | None, source: str) -> str | None:
     if (name_or_path is None or not is_path(name_or_path)
             or PurePath(name_or_path).is_absolute()):
         return name_or_path
-    # As text: a path that begins with ./ is none any more after that is taken away.
+    # Joined as text: PurePath would remove a leading ./, and a word without it is a name.
     return f'{PurePath(source).parent}/{PurePath(name_or_path)}'
 
 

@@ -54,7 +54,7 @@ class RobotProfile:
     """
     The interface and the limits of a robot; names are relative to its ROS namespace.
 
-    :param name: its name, for people
+    :param name: its name, as shown
     :param namespace: its ROS namespace by default, absolute
     :param velocity_topic: the topic on which it takes velocities
     :param odometry_topic: the topic of its odometry; None if it has none
@@ -93,7 +93,7 @@ class RobotProfile:
 
     @property
     def is_calibrated(self) -> bool:
-        """Whether what is sent for a velocity may differ from it."""
+        """Whether commands are corrected by a calibration."""
         return self.calibration is not None or self.odometry_calibration is not None
 
     @property

@@ -59,7 +59,7 @@ def read_schema(path: str) -> dict[str, Any]:
     """
     Return a schema of the package.
 
-    What a quantity may be written as follows from ``QUANTITIES``, not from the file.
+    The notation of quantities is not read from the file: it follows from ``QUANTITIES``.
 
     :param path: its path in the package, as in ``motions/motion.schema.json``
     """

@@ -28,7 +28,7 @@ from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParam
 SDK_MISSING = (
     'the SDK of the robot is missing here ({error}); install it with: '
     "pip install 'kachaka_simple_control[kachaka]' && pip install --no-deps kachaka-api")
-#: Of each option that is a field of ``SimulationParameters``: name, unit, help.
+#: The options that are fields of ``SimulationParameters``: name, unit, help.
 PARAMETER_OPTIONS = (
     ('dead_time', 'S', 'how long after a command the drive begins to follow it'),
     ('lag', 'S', 'time constant of the drive'),

@@ -29,7 +29,7 @@ MIN_GAIN, MAX_GAIN = 0.5, 2.0
 MAX_VEER = 1.0
 #: The longest delay [s]: beyond it neither a plan nor a closed loop is of use.
 MAX_DELAY = 3.0
-#: What rounding may add to a velocity that was planned at its limit.
+#: The part that rounding may add to a velocity that was planned at its limit.
 MARGIN = 1e-9
 
 
@@ -46,8 +46,8 @@ class Calibration:
     :param right_gain: the same to the right
     :param veer: how much it turns to the left on each metre forwards [rad/m]
     :param delay: how late it follows, dead time and lag together [s]; a closed loop needs it
-    :param date: when that was measured, for people
-    :param floor: on which floor that was measured, for people
+    :param date: when that was measured, as shown
+    :param floor: on which floor that was measured, as shown
     """
 
     forward_gain: float = 1.0
@@ -105,7 +105,8 @@ class Calibration:
             max_linear_jerk=limits.max_linear_jerk * linear)
 
         def remaining(name: str, bound: float, drive: float) -> float:
-            # An unlimited drive is a step, and so is what it turns by: no limit can keep that.
+            # An unlimited drive steps, so the turn that it causes steps too; no limit can prevent
+            # that.
             veer = abs(self.veer) * drive if math.isfinite(drive) else 0.0
             if bound * angular <= veer:
                 raise InvalidMotionError(

@@ -57,8 +57,8 @@ class OdometryCalibration:
     :param wheel_ratio: true diameter of the right wheel over that of the left one
     :param track_ratio: true track over the one that odometry uses
     :param track: the track that odometry uses [m]; needed unless ``wheel_ratio`` is 1
-    :param date: when that was measured, for people
-    :param floor: on which floor that was measured, for people
+    :param date: when that was measured, as shown
+    :param floor: on which floor that was measured, as shown
     """
 
     scale: float = 1.0
@@ -127,7 +127,7 @@ class OdometryCalibration:
         own, spin = max(1.0, inverse.linear), max(1.0, inverse.spin)
 
         def remaining(name: str, bound: float, other: float, cross: float, own: float) -> float:
-            # What has no limit is a step, and so is what follows from it: no limit can keep that.
+            # An unlimited axis steps, so the coupled axis steps too; no limit can prevent that.
             lost = abs(cross) * other if math.isfinite(other) else 0.0
             if bound <= lost:
                 raise InvalidMotionError(

@@ -310,9 +310,9 @@ class Motion:
     """
     A named sequence of steps: plain data.
 
-    :param name: its name, for people
+    :param name: its name, as shown
     :param steps: what to do, in order; a list is kept as a tuple
-    :param description: what it is for, for people
+    :param description: what it is for, as shown
     """
 
     name: str

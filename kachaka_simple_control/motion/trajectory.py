@@ -219,7 +219,7 @@ class ConstantVelocity(Trajectory):
         return 1.0
 
     def _rate(self, factor: float) -> float:
-        """Return the rate of the clock: a rest knows no half speed."""
+        """Return how fast plan time passes: the factor; in a rest 1, or 0 while held."""
         return math.ceil(factor) if self.segment.is_rest else factor
 
 

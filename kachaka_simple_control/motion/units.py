@@ -30,7 +30,7 @@ _PARTS = re.compile(f'(?P<number>[-+]?{DIGITS}) *(?P<unit>.*)', re.DOTALL)
 # Matched from the beginning of a text: to search a long one for them would take an hour, too.
 _CLOCK = re.compile('[0-9]*:[0-9]+')
 _DECIMAL_COMMA = re.compile('([-+]?[0-9]+),(?=[0-9])')
-#: What a word processor makes of a hyphen before a number.
+#: The minus sign that a word processor writes for a hyphen before a number.
 MINUS = '\u2212'
 
 

@@ -64,7 +64,7 @@ LEGEND = 0.02
 PATH_LEFT, PATH_RIGHT, PATH_BOTTOM = 0.72, 0.12, 1.12
 #: The proportions of height to width that a map may have.
 FLATTEST, TALLEST = 0.42, 1.15
-#: About so many ticks on a map's longer axis.
+#: About how many ticks a map's longer axis has.
 TICKS = 6.0
 #: The robot where it ended, and where it started.
 AT_END: dict[str, Any] = {
@@ -143,7 +143,7 @@ def _begun(aligned: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[li
         if not aligned.sent:
             yield from steps
             continue
-        # Of a motion that was cut short the first steps began.
+        # If the motion was cut short, only its first steps began.
         for segments, step in zip(steps, start.motion.steps):
             if step.sent:
                 yield segments

@@ -65,7 +65,8 @@ ROW, GAP, KEY = 1.2, 0.18, 0.28
 PERIOD_HEIGHT = 2.0
 #: Names of lines whose value is held until the next point.
 HELD = ('planned', 'sent')
-#: With more points than these a line over time is drawn as a band, of so many parts.
+#: A line over time with more points than the first is drawn as a band of as many parts as the
+#: second.
 MAX_LINE_POINTS, BANDS = 6000, 180
 #: The bars of a histogram on either side of the middle one.
 BARS = 25
@@ -268,7 +269,7 @@ def _label_time(rows: tuple[Axes, Axes], duration: float) -> None:
 
 
 def is_dense(aligned: AlignedDrive) -> bool:
-    """Return whether bands are drawn, for lines of so many points would merge into one area."""
+    """Return whether bands are drawn: lines with that many points would merge into one area."""
     return max(len(aligned.sent), len(aligned.odometry)) > MAX_LINE_POINTS
 
 

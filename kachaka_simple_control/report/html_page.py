@@ -41,7 +41,7 @@ from kachaka_simple_control.report.table_layout import fold, Gap, repeat_labels
 
 T = TypeVar('T')
 
-#: What is not text, or text as somebody wrote it.
+#: Markup, and text that somebody wrote: not changed.
 _FIXED = re.compile('(<style>.*?</style>|<svg.*?</svg>|<pre>.*?</pre>|<[^>]*>)', re.DOTALL)
 _UNIT = re.compile(r'([0-9]) (mm|ms|m|s|deg|rad|Hz|%)(?=[^a-zA-Z0-9]|$)')
 
@@ -52,7 +52,7 @@ StepRow = tuple[int | None, StepResult | None, str]
 UNKNOWN = '-'
 #: A table of more steps is folded, as that of a plan is.
 MAX_ROWS = 20
-#: Of more steps or motions than twice this only so many at each end are on the page.
+#: The page shows at most this many steps or motions at each end, and leaves out the others.
 SHOWN = 500
 #: The outcome's sign, told apart by its shape as well as by its colour: an SVG path.
 SIGNS = {
@@ -62,7 +62,7 @@ SIGNS = {
     OutcomeKind.KILLED: 'M6 6l12 12M18 6L6 18',
     OutcomeKind.NEVER_BEGAN: 'M5 12h14',
 }
-#: Of a drive that is done, but not as it was planned.
+#: The sign of a drive that is done, but not as it was planned.
 LOST_SIGN = 'M12 4v10M12 18v2'
 
 
@@ -189,7 +189,7 @@ def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
     results = summary.steps
     keys = [(result.motion, result.log.planned.path, result.log.step, result.log.is_complete,
              result.log.is_delayed) for result in results]
-    # Of the whole plan: a drive that was cut short began only some of its steps.
+    # Labels follow from the whole plan: a drive that was cut short began only some of its steps.
     repeats = [label for motion in summary.log.motions if motion.has_begun
                for label, step in zip(
                    repeat_labels([step.path for step in motion.plan.steps]), motion.steps)

@@ -26,9 +26,9 @@ from kachaka_simple_control.report.paths import ArcSegment
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: At most so many places of a path have numbers; of more every second, third and so on has some.
+#: At most this many places of a path have numbers; with more places, every second or third has.
 MAX_LABELS = 12
-#: At most so many numbers, or ranges of them, are named at one place; of more the first two are.
+#: At most this many numbers or ranges a label; a longer list is cut after two.
 MAX_PARTS = 3
 #: Between the path and a label beside it, and between two labels [points].
 AWAY, APART = 6.0, 2.0

@@ -37,9 +37,9 @@ BEND = math.radians(4.0)
 SWEEP = math.radians(330.0)
 #: Above this angle further full turns are left out, for they cannot be seen [rad].
 ROUNDS = 2.0 * math.tau
-#: Of a path of more points each line is drawn once.
+#: If a path has more points than this, each of its lines is drawn once.
 MANY_POINTS = 500
-#: At most so many points are drawn.
+#: At most this many points are drawn.
 MAX_POINTS = 10_000
 #: Between two lines that do not touch.
 GAP = (math.nan, math.nan)
@@ -104,7 +104,7 @@ class ArcSegment:
     def _visible_angle(self) -> float:
         if abs(self.angle) <= ROUNDS:
             return self.angle
-        # Of the turns after the first only the end can be seen.
+        # Full turns after the first lie on it: only where the last one ends can be seen.
         return math.copysign(math.tau, self.angle) + math.fmod(self.angle, math.tau)
 
 
@@ -155,7 +155,7 @@ def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
 
 
 def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
-    """Return each line once: an hour of squares looks like one of them."""
+    """Return each line once: a square driven for an hour gives one square."""
     cells = [(round(x / grain), round(y / grain)) for x, y in points]
     seen: set[tuple[Cell, Cell]] = set()
     kept = [points[0]]
@@ -227,13 +227,13 @@ class PoseHistory:
         return distance >= self._spacing or abs(angle) >= min(self._turn, math.pi / 2.0)
 
 
-#: By default, at most so many poses.
+#: The largest number of poses, by default.
 MAX_POSES = 2000
 
 
 def sample_path(plan: Plan, start: Pose = ORIGIN, most: int = MAX_POSES) -> list[Pose]:
     """
-    Return poses of a plan from its start to its end; on curves so many that they look round.
+    Return poses of a plan from its start to its end, enough of them to make curves look round.
 
     :param plan: the plan
     :param start: the pose at t = 0
@@ -252,7 +252,7 @@ def sample_path(plan: Plan, start: Pose = ORIGIN, most: int = MAX_POSES) -> list
 
 
 def _evenly(poses: list[Pose], most: int) -> list[Pose]:
-    """Return at most so many poses, evenly from all, with the first and the last."""
+    """Return at most ``most`` poses, taken evenly, with the first and the last."""
     if len(poses) <= most:
         return poses
     return [poses[number * (len(poses) - 1) // (most - 1)] for number in range(most)]

@@ -74,7 +74,7 @@ def style_axes(axes: Axes, width: float | None = None) -> None:
 
 
 # Maps.
-#: At most so many robots and arrows are drawn on a path.
+#: At most this many robots and arrows are drawn on a path.
 MAX_MARKS = 16
 #: This part of a map's size can hardly be seen.
 MAP_GRAIN = 1.0 / 1500.0
@@ -112,7 +112,7 @@ def round_step(size: float) -> float:
     """
     from matplotlib.ticker import MaxNLocator
 
-    # What is larger by rounding alone is the size itself.
+    # Slightly less, because rounding may have made the size too large.
     locator = MaxNLocator(1, steps=(1, 2, 5, 10), min_n_ticks=1)
     first, second, *_ = locator.tick_values(0.0, size * (1.0 - 1e-9))
     return float(second - first)
@@ -140,7 +140,8 @@ def default_style() -> Iterator[None]:
 
 #: More boundaries between steps than these would merge into one area.
 MAX_BOUNDARIES = 60
-#: Limits more than so many times above what is sent would flatten the curve: they are only named.
+#: A limit further above the sent velocities than this factor would flatten the curve: it is named,
+#: not drawn.
 MAX_LIMIT_RATIO = 5.0
 #: Free part of the span above the highest and below the lowest line, for the labels of limits.
 LABEL_SHARE = 0.25

@@ -52,7 +52,7 @@ TENTHS_FROM = 1000.0
 
 FIGURES = (('takes', '[s]'), ('length', '[m]'), ('x', '[m]'), ('y', '[m]'), ('heading', '[deg]'),
            ('linear', '[m/s]'), ('angular', '[rad/s]'))
-#: What a narrow table of steps does without, first to last: what follows from the rest.
+#: The columns that a narrow table of steps leaves out, in this order: they follow from the rest.
 SPARE_OF_STEPS = ('number', 'start', 'angular', 'linear', 'length', 'heading')
 #: The same for a comparison.
 SPARE_OF_MOTIONS = ('sent', 'angular', 'linear', 'length', 'steps', 'heading', 'rate')

@@ -29,8 +29,8 @@ from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 
-#: Of a service.  The default queue holds ten requests; one that arrives while it is full is lost,
-#: and its client waits forever.
+#: The quality of service of a service.  The default queue holds ten requests; one that arrives
+#: while it is full is lost, and its client waits forever.
 SERVICE_QOS = QoSProfile(depth=1000)
 #: Length of the part of a GID that identifies the participant: one context of one process [bytes].
 PARTICIPANT_LENGTH = 12
@@ -122,7 +122,7 @@ def with_qos_overrides(
             return create(QoSOverridingOptions.with_default_policies(callback=check_all))
     except (InvalidQosOverridesError, ParameterException, RuntimeError, TypeError,
             UserWarning) as error:
-        # Of several lines only the first says what is wrong.
+        # Only the first line says what is wrong.
         text = escaped(str(error).splitlines()[0], 400)
         if isinstance(error, (TypeError, UserWarning)):
             text = f'a quality of service is not possible: {text}; the depth must be {_DEPTHS}'

@@ -30,7 +30,7 @@ from rclpy.subscription import Subscription
 
 #: Best effort matches every publisher; the depth is for a thread that is held up for a moment.
 SUBSCRIPTION_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-#: What the graph has in place of a node name that was not received, as between distributions.
+#: The graph's word for a node name that was not received, as between distributions.
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 
 

@@ -62,7 +62,7 @@ class IntrospectionPublishers:
     """
     The topics beside the velocities: paths, commanded velocity, speed factor, diagnostics.
 
-    What fails is logged once and not published from then on; the drive goes on.
+    If one fails, that is logged once and it publishes nothing from then on; the drive goes on.
 
     :param velocities: the publisher that moves the robot
     :raises UsageError: if a topic is remapped to where it would move the robot

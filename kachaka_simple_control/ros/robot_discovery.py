@@ -99,7 +99,7 @@ class RobotDiscovery:
         """
         if not wait_until(
                 lambda: self._guardian.is_matched and not self._problem(), timeout, check):
-            # What discovery has found meanwhile is the better explanation.
+            # If discovery has found a problem meanwhile, that explains more.
             raise RobotNotFoundError(self._not_found(timeout) if self._problem() else (
                 f'the guardian has matched no subscriber within {timeout:g} s, so nothing moved; '
                 'the parameter guardian:=false drives without one'))

@@ -38,7 +38,8 @@ from kachaka_simple_control.telemetry.events import (
     SessionStarted,
 )
 
-#: What a pipe takes whole or not at all [bytes]: PIPE_BUF of Linux and POSIX's least on others.
+#: The largest write that a pipe takes whole or not at all [bytes]: PIPE_BUF of Linux, and POSIX's
+#: least on others.
 ATOMIC_WRITE_SIZE = 4096
 #: What a chunk of something larger carries [bytes]; the rest of the write is room for its frame.
 CHUNK_SIZE = 3500
