@@ -14,14 +14,9 @@
 """The figures of a package's structure are counted as ``tools/structure.py`` says."""
 
 from pathlib import Path
-import sys
 
 from program import ROOT
 import pytest
-
-sys.path.insert(0, str(ROOT / 'tools'))
-
-from structure import structure  # noqa: I100
 
 #: Rooms: the package itself, its module top, and the folders low, high and deep; empty is none.
 FILES = {
@@ -67,7 +62,9 @@ def package(tmp_path) -> Path:
     return tmp_path / 'package'
 
 
-def test_a_small_package_is_counted_as_the_tool_says(package):
+def test_a_small_package_is_counted_as_the_tool_says(package, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / 'tools')
+    from structure import structure
     # Arrows: package - top - low, top - high - low, high - deep - high.  Floors: high and deep
     # are a circle, so package, top, high, low.
     assert structure(package) == {
