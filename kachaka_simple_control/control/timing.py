@@ -138,9 +138,9 @@ FOREIGN_MESSAGE_MAX_AGE = 1.0
 #: A robot that moves for this long before it is taken is driven by somebody else.  Longer than a
 #: robot rolls on after its last velocity: its command timeout, and a brake from 0.3 m/s.
 REST_TIMEOUT = 1.0
-#: How long a robot whose odometry is not listed is waited for it.  Chosen: discovery delivers all
-#: topics of a participant within some milliseconds.
-ODOMETRY_WAIT_TIME = 0.1
+#: How long a robot whose odometry is not listed is waited for it.  Discovery delivers all topics
+#: of a participant within some milliseconds; what was lost, Fast DDS sends again after 0.35 s.
+ODOMETRY_WAIT_TIME = 0.5
 #: A message sent longer ago cannot still arrive when the subscription begins.  Chosen; through
 #: shared memory, which the commands avoid, 0.33 s were measured.
 MAX_TRANSIT_TIME = 0.2

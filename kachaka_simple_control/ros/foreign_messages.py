@@ -112,10 +112,17 @@ class ForeignMessages:
             # Discovery delivers node names last, and nothing moves yet.
             wait_until(
                 lambda: UNKNOWN_NODE not in self._other_publishers(), FOREIGN_CHECK_TIME, check)
-            raise RobotTakenError(
-                f'{self.describe_sender()} sends velocities on {self._publisher.topic_name}; '
-                'nothing was sent. Stop that program, or set the parameter '
-                'allow_other_publishers to true')
+            raise self.taken(self.describe_sender())
+
+    def taken(self, sender: str) -> RobotTakenError:
+        """
+        Return the error for a robot that another program drives before it is taken.
+
+        :param sender: what ``describe_sender`` returned
+        """
+        return RobotTakenError(
+            f'{sender} sends velocities on {self._publisher.topic_name}; nothing was sent. Stop '
+            'that program, or set the parameter allow_other_publishers to true')
 
     def describe_sender(self) -> str:
         """Return who may have sent the messages of others, as far as the graph knows."""

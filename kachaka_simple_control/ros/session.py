@@ -499,6 +499,10 @@ class Session:
                 f'robot: {self._guardian.stopped_because}')
 
     def _on_foreign_message(self, sender: str) -> None:
+        if self.gate.state is GateState.NOT_OPENED:
+            # Its publisher was found while we waited for something else.
+            self._end_run(self._foreign.taken(sender))
+            return
         self._end_run(RunFaultError(
             f'{sender} sends velocities on {self._publisher.topic_name}, so the motion was given '
             'up; stop that program, or set the parameter allow_other_publishers to true'))

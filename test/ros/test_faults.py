@@ -268,6 +268,25 @@ def test_a_robot_that_moves_already_is_not_taken(listener, tmp_path, velocity, c
         assert listener.answered == []
 
 
+def test_a_publisher_that_is_found_before_the_robot_is_taken_is_left_alone(listener, tmp_path):
+    """As where discovery finds it while the node waits for its guardian, or for odometry."""
+    other = OtherPublisher(listener)
+    other.send()
+    listener.wait_for(lambda velocity: velocity.moves)
+    with script("""
+from kachaka_simple_control.control.waiting import wait_until
+from kachaka_simple_control.ros.foreign_messages import ForeignMessages
+from kachaka_simple_control.ros.session import Session
+ForeignMessages.require_none = lambda self, check: self.update()
+Session._require_at_rest = lambda self: wait_until(lambda: False, 5.0, self._require_wanted)
+""" + BEGIN + 'node.move_robot(0.1, 0.0, 0.3)\n', tmp_path) as started:
+        assert started.end() == 3
+    assert 'nothing was sent' in started.text
+    assert {velocity.linear_x for velocity in listener.received} == {OtherPublisher.SPEED}
+    assert listener.answered == []
+    other.leave()
+
+
 def test_a_robot_that_comes_to_rest_is_taken(listener, tmp_path):
     odometer = Odometer(listener)
     odometer.velocity = 0.2
