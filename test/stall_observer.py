@@ -108,7 +108,7 @@ def describe(stalls: Iterable[Stall]) -> str:
 
 
 def too_many(repeated: int, trials: int) -> bool:
-    """Return whether so many of the trials were repeated that the run is no proof."""
+    """Return whether more trials were repeated than a run may repeat to be proof."""
     return repeated > max(1.0, MAX_REPEATED * trials)
 
 
