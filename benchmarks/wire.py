@@ -21,7 +21,7 @@ from itertools import pairwise
 import math
 from typing import NamedTuple
 
-from kachaka_simple_control.report.message_timing import LATE, LOST
+from kachaka_simple_control.analysis.message_timing import LATE, LOST
 
 
 class Row(NamedTuple):

@@ -22,7 +22,7 @@ from kachaka_simple_control.entry_points import run
 
 def main() -> int:
     """Run the command; return its exit code."""
-    return run('motion_command')
+    return run('commands.drive_or_preview')
 
 
 if __name__ == '__main__':

@@ -37,12 +37,12 @@ def run(module: str) -> int:
 
 def calibrate() -> int:
     """Run the command ``kachaka_calibrate``; return its exit code."""
-    return run('calibrate_command')
+    return run('commands.calibrate')
 
 
 def compare() -> int:
     """Run the command ``kachaka_compare``; return its exit code."""
-    return run('compare_command')
+    return run('commands.compare')
 
 
 def bridge() -> int:

@@ -21,7 +21,7 @@ from difflib import get_close_matches
 from typing import NoReturn
 
 from kachaka_simple_control.errors import InvalidMotionError, RobotNotFoundError, UsageError
-from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.text import escaped
 
 DONE = 0
 #: The run could not go on, or something unexpected happened; the robot was stopped.

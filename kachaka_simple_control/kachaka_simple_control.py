@@ -29,6 +29,7 @@ if __name__ == '__main__':
     # Run as a file, Python looks for packages beside it, and would find the file itself.
     sys.path[0] = __file__.rpartition('/kachaka_simple_control/')[0] or '..'
 
+from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
@@ -40,14 +41,11 @@ from kachaka_simple_control.errors import (
     MotionStoppedError,
     UsageError,
 )
-from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.kachaka.own_simulation import OwnSimulation, start_on_this_machine
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
 from kachaka_simple_control.motion.plan import Plan, plan
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.own_simulation import OwnSimulation, start_on_this_machine
-from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.plan_view import pluralize
 from kachaka_simple_control.ros.dds_transport import use_udp_transport
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
@@ -70,6 +68,7 @@ from kachaka_simple_control.telemetry.events import (
     SpeedFactorChanged,
     VelocitySent,
 )
+from kachaka_simple_control.text import escaped, pluralize
 import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node

@@ -23,10 +23,10 @@ import traceback
 from kachaka_simple_control.control.interrupts import raise_on_interrupt
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import ControlError, InvalidMotionError
-from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
 from kachaka_simple_control.exit_codes import code_of, DONE, SIGNALLED
 from kachaka_simple_control.files.document import FileError, location
 from kachaka_simple_control.files.library import LESSON_FUNCTION
+from kachaka_simple_control.text import escaped, escaped_lines, MAX_LINE_LENGTH
 
 #: The command that most programs belong to.
 NAME = 'kachaka_simple_control'

@@ -30,8 +30,8 @@ from program import Program, ROOT
 
 PROGRAMS = {
     'kachaka_simple_control': 'kachaka_simple_control',
-    'kachaka_calibrate': 'kachaka_simple_control.calibrate_command',
-    'kachaka_compare': 'kachaka_simple_control.compare_command',
+    'kachaka_calibrate': 'kachaka_simple_control.commands.calibrate',
+    'kachaka_compare': 'kachaka_simple_control.commands.compare',
     'kachaka_bridge': 'kachaka_simple_control.kachaka.bridge_command',
     'kachaka_sim': 'kachaka_simple_control.kachaka.sim_command',
 }

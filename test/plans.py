@@ -15,11 +15,11 @@
 
 import math
 
+from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.motion.geometry import Box, Disc
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
-from kachaka_simple_control.report.plan_view import PlanView
 
 #: Without acceleration limits: a step takes its length over its speed.
 ABRUPT = Limits(0.25, 1.0)

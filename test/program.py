@@ -21,6 +21,7 @@ import json
 import os
 from pathlib import Path
 import queue
+import re
 import signal
 import subprocess
 import sys
@@ -269,3 +270,10 @@ def script(text: str, folder: Path, *arguments: str) -> Program:
     file = folder / 'script.py'
     file.write_text(text)
     return program([sys.executable, str(file), *arguments], folder, folder)
+
+
+def final_pose(text: str) -> list[float]:
+    """Return x [m], y [m] and heading [degrees] from what the command printed."""
+    found = re.search(r'x (\S+) m, y (\S+) m, heading (\S+) degrees', text)
+    assert found is not None, text
+    return [float(number) for number in found.groups()]

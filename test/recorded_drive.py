@@ -16,10 +16,10 @@
 import math
 from pathlib import Path
 
+from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.mcap_recorder import McapRecorder
 from kachaka_simple_control.telemetry.events import MotionPlanned, SessionStarted, VelocitySent
 from recordings import sent_velocities, stamp_of

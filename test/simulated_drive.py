@@ -19,6 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 import math
 import random
 
+from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
@@ -26,7 +27,6 @@ from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion
-from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.telemetry.events import (
     Event,
     MotionEnded,

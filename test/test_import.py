@@ -61,7 +61,7 @@ def test_every_public_name_is_there():
 
 def test_without_ros_the_command_says_what_is_missing():
     text = BLOCK.format(blocked=ROS) + """
-from kachaka_simple_control.motion_command import main
+from kachaka_simple_control.commands.drive_or_preview import main
 sys.exit(main([]))
 """
     ended = subprocess.run(
@@ -114,5 +114,5 @@ def test_the_pure_core_imports_only_the_standard_library():
             for name in names:
                 own = name.startswith((
                     'kachaka_simple_control.motion', 'kachaka_simple_control.errors',
-                    'kachaka_simple_control.escaping'))
+                    'kachaka_simple_control.text'))
                 assert own or name.partition('.')[0] in sys.stdlib_module_names, (file, name)

@@ -97,7 +97,7 @@ def test_arguments_for_an_included_file_are_declared_there(path):
 
 
 def test_options_of_the_command_exist():
-    from kachaka_simple_control.cli import parse
+    from kachaka_simple_control.commands.cli import parse
     text = (ROOT / 'launch' / 'lesson.launch.py').read_text()
     options, switches = (ast.literal_eval(re.search(
         rf'^{name} = (\(.*?\))$', text, re.MULTILINE).group(1)) for name in (

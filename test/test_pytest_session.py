@@ -40,11 +40,11 @@ def test_a_plugin_of_ros_that_does_not_know_this_pytest_does_no_harm(tmp_path, n
     paths = [str(tmp_path), str(ROOT), os.environ.get('PYTHONPATH', '')]
     result = subprocess.run(
         [sys.executable, '-m', 'pytest', '-q', '--collect-only', '-p', 'no:cacheprovider',
-         'test/test_escaping.py'],
+         'test/test_text.py'],
         cwd=ROOT, capture_output=True, text=True, check=False,
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths))})
     assert result.returncode == 0, result.stdout + result.stderr
-    assert 'test_escaping.py::' in result.stdout
+    assert 'test_text.py::' in result.stdout
 
 
 def executed_on_import(node: ast.AST) -> Iterator[ast.AST]:

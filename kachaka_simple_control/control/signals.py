@@ -29,8 +29,8 @@ from typing import Any, Protocol
 
 from kachaka_simple_control.control.timing import SIGNAL_DEBOUNCE
 from kachaka_simple_control.errors import ControlError
-from kachaka_simple_control.escaping import escaped, escaped_lines, MAX_LINE_LENGTH
 from kachaka_simple_control.exit_codes import code_of, SIGNALLED
+from kachaka_simple_control.text import escaped, escaped_lines, MAX_LINE_LENGTH
 
 PACKAGE = __name__.partition('.')[0]
 #: Set to anything, it lets an uncaught error of this package print its traceback.

@@ -19,11 +19,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from kachaka_simple_control.analysis.step_results import driven
 from kachaka_simple_control.control.speed_factor import is_hold, product
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Displacement, Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.report.step_results import driven
 from kachaka_simple_control.telemetry.events import (
     Event,
     MotionEnded,

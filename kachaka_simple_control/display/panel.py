@@ -26,9 +26,7 @@ from kachaka_simple_control.display.drive_status import (
     DriveStatus,
 )
 from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.report.plan_view import format_fixed
-from kachaka_simple_control.report.plot_style import BLUE, GREY, ORANGE
-from kachaka_simple_control.report.table_layout import one_line
+from kachaka_simple_control.text import format_fixed, one_line
 from rich.console import Console
 from rich.text import Text
 
@@ -42,6 +40,8 @@ MAX_NAME_WIDTH = 28
 LABEL_WIDTH = 11
 #: By number, for many terminals show a bold "black" as grey.
 WHITE, BLACK = '#ffffff', '#000000'
+#: As in the plots of the report.
+BLUE, GREY, ORANGE = '#0072B2', '#666666', '#D55E00'
 #: Each state has a word; its colours can be told apart by the colour-blind as well.
 _STYLES = {
     DriveState.DRIVING: f'bold {WHITE} on {BLUE}',

@@ -25,8 +25,7 @@ from typing import Protocol
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.drive_status import DriveState, DriveStatus, STEP, StepStatus
 from kachaka_simple_control.motion.units import format_number
-from kachaka_simple_control.report.plan_view import pluralize
-from kachaka_simple_control.report.table_layout import one_line
+from kachaka_simple_control.text import one_line, pluralize
 
 #: Lines do not follow each other faster than this [s].
 MIN_LINE_PERIOD = 0.5

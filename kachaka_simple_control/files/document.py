@@ -22,8 +22,8 @@ import re
 from typing import Any
 
 from kachaka_simple_control.errors import ControlError, InvalidMotionError
-from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.motion.units import Quantity, UnitError
+from kachaka_simple_control.text import quoted
 
 #: How many problems an error message shows.
 MAX_LINES = 20

@@ -25,7 +25,6 @@ import re
 from typing import Any, TypeVar
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
-from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.document import (
     Document,
     FileError,
@@ -45,6 +44,7 @@ from kachaka_simple_control.motion.units import (
     TIME,
     VEER,
 )
+from kachaka_simple_control.text import quoted
 
 _Part = TypeVar('_Part')
 

@@ -24,11 +24,11 @@ import inspect
 import json
 from typing import Any
 
-from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.document import Document, INSTALL, Problem, UnreadableFileError
 from kachaka_simple_control.files.yaml_document import parse_yaml, require_text
 from kachaka_simple_control.motion.step_base import Count, FileField, KINDS, Step
 from kachaka_simple_control.motion.units import QUANTITIES, Quantity, SignRule, UnitError
+from kachaka_simple_control.text import quoted
 
 PACKAGE = 'kachaka_simple_control'
 

@@ -23,7 +23,6 @@ import re
 import stat
 from typing import Any
 
-from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.document import (
     Document,
     format_path,
@@ -34,6 +33,7 @@ from kachaka_simple_control.files.document import (
     UnreadableFileError,
 )
 from kachaka_simple_control.motion.units import DIGITS, point_advice
+from kachaka_simple_control.text import quoted
 
 #: The largest file that is read [bytes].
 MAX_BYTES = 1_000_000

@@ -24,9 +24,9 @@ import time
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.errors import ControlError, RobotNotFoundError
-from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.exit_codes import NO_ROBOT
 from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.text import escaped
 
 #: How long the process may take to end after SIGTERM [s].
 EXIT_TIMEOUT = 2.0

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import json
 from typing import Any
 
-from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.telemetry.diagnosis import Level
+from kachaka_simple_control.text import escaped
 
 SUCCESS = 0
 #: The robot's own codes, in pf-robotics/kachaka-api: error_code.hpp of the bridge for the first,

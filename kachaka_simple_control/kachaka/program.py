@@ -20,9 +20,9 @@ from collections.abc import Callable, Mapping
 import sys
 
 from kachaka_simple_control.control.signals import ShutdownEvent
-from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.exit_codes import DONE
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
+from kachaka_simple_control.text import escaped
 
 #: With --no-deps: the pins of the maker's package would downgrade other packages.
 SDK_MISSING = (

@@ -25,7 +25,6 @@ import threading
 import time
 
 from kachaka_simple_control.control.signals import ShutdownEvent
-from kachaka_simple_control.escaping import escaped, quoted
 from kachaka_simple_control.exit_codes import BAD_USAGE, FAULTED, OneLineParser
 from kachaka_simple_control.kachaka.program import (
     add_parent_option,
@@ -36,6 +35,7 @@ from kachaka_simple_control.kachaka.program import (
     simulation_parameters,
 )
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+from kachaka_simple_control.text import escaped, quoted
 
 PROGRAM = 'kachaka_sim'
 #: Presses the power button: ``kill -USR1`` and the process id.

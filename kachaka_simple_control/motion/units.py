@@ -22,7 +22,7 @@ from numbers import Real
 import re
 
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.escaping import quoted
+from kachaka_simple_control.text import quoted
 
 #: A number without its sign.  A text matches in one way only, or a long one would take hours.
 DIGITS = r'([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][-+]?[0-9]+)?'

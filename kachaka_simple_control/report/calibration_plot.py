@@ -21,10 +21,10 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kachaka_simple_control.analysis.calibration_fit import CalibrationFit
+from kachaka_simple_control.analysis.drive_log import DriveLog
+from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive, DeadReckoning
 from kachaka_simple_control.motion.geometry import Pose
-from kachaka_simple_control.report.calibration_fit import CalibrationFit
-from kachaka_simple_control.report.drive_log import DriveLog
-from kachaka_simple_control.report.odometry_alignment import AlignedDrive, DeadReckoning
 from kachaka_simple_control.report.output_file import save_figure
 from kachaka_simple_control.report.plot_style import (
     add_axes,

@@ -26,7 +26,6 @@ import stat
 from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.motion.geometry import Point
 from kachaka_simple_control.report.drive_path_plot import (
     draw_legend,
@@ -40,7 +39,6 @@ from kachaka_simple_control.report.drive_path_plot import (
 )
 from kachaka_simple_control.report.json_export import FORMAT
 from kachaka_simple_control.report.output_file import save_figure
-from kachaka_simple_control.report.plan_view import format_fixed, pluralize
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     BLUE,
@@ -54,6 +52,7 @@ from kachaka_simple_control.report.plot_style import (
     style_axes,
 )
 from kachaka_simple_control.report.table_layout import columns
+from kachaka_simple_control.text import escaped, format_fixed, pluralize
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,6 +20,9 @@ from itertools import chain, pairwise
 import math
 from typing import Any, TYPE_CHECKING
 
+from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive
+from kachaka_simple_control.analysis.paths import ArcSegment, distinct, simplify, step_segments
+from kachaka_simple_control.analysis.plan_view import Area
 from kachaka_simple_control.motion.geometry import (
     Footprint,
     front_point,
@@ -29,10 +32,7 @@ from kachaka_simple_control.motion.geometry import (
     Pose,
     transform_point,
 )
-from kachaka_simple_control.report.odometry_alignment import AlignedDrive
 from kachaka_simple_control.report.path_marks import draw_arrows, draw_step_numbers, step_places
-from kachaka_simple_control.report.paths import ArcSegment, distinct, simplify, step_segments
-from kachaka_simple_control.report.plan_view import Area
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     GREEN,

@@ -24,10 +24,12 @@ import re
 from typing import Any, TYPE_CHECKING
 import warnings
 
+from kachaka_simple_control.analysis.drive_log import DriveLog
+from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive, OdometrySample
+from kachaka_simple_control.analysis.speed_history import SpeedInterval
+from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.drive_path_plot import draw_drive_path, draw_legend, TOP, WIDTH
-from kachaka_simple_control.report.odometry_alignment import AlignedDrive, OdometrySample
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     ANGULAR,
@@ -48,9 +50,7 @@ from kachaka_simple_control.report.plot_style import (
     time_unit,
     VelocityComponent,
 )
-from kachaka_simple_control.report.speed_history import SpeedInterval
 from kachaka_simple_control.report.speed_table import shade_pauses
-from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.report.time_series import min_max_decimate, StepPoint, velocity_steps
 
 if TYPE_CHECKING:

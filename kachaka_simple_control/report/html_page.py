@@ -22,6 +22,9 @@ import math
 import re
 from typing import Any, TypeVar
 
+from kachaka_simple_control.analysis.sleep_loop import LOOP_OVERHEAD
+from kachaka_simple_control.analysis.step_results import StepResult
+from kachaka_simple_control.analysis.summary import OutcomeKind, Summary
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.drive_plots import (
@@ -31,13 +34,10 @@ from kachaka_simple_control.report.drive_plots import (
     time_span,
 )
 from kachaka_simple_control.report.json_export import start_datetime
-from kachaka_simple_control.report.plan_view import format_fixed, pluralize
 from kachaka_simple_control.report.report_directory import NEEDS_JINJA2
-from kachaka_simple_control.report.sleep_loop import LOOP_OVERHEAD
 from kachaka_simple_control.report.speed_table import speed_rows
-from kachaka_simple_control.report.step_results import StepResult
-from kachaka_simple_control.report.summary import OutcomeKind, Summary
 from kachaka_simple_control.report.table_layout import fold, Gap, repeat_labels
+from kachaka_simple_control.text import format_fixed, pluralize
 
 T = TypeVar('T')
 

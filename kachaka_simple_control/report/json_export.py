@@ -22,14 +22,14 @@ import json
 import math
 from typing import Any
 
+from kachaka_simple_control.analysis.drive_log import MotionLog
+from kachaka_simple_control.analysis.paths import simplify
+from kachaka_simple_control.analysis.quantiles import Quantiles
+from kachaka_simple_control.analysis.step_results import StepResult
+from kachaka_simple_control.analysis.summary import PoseError, signal_name, Summary
 from kachaka_simple_control.motion.geometry import Displacement, Pose
-from kachaka_simple_control.report.drive_log import MotionLog
 from kachaka_simple_control.report.drive_path_plot import path_lines
-from kachaka_simple_control.report.paths import simplify
-from kachaka_simple_control.report.quantiles import Quantiles
 from kachaka_simple_control.report.speed_table import speed_rows
-from kachaka_simple_control.report.step_results import StepResult
-from kachaka_simple_control.report.summary import PoseError, signal_name, Summary
 
 #: Increases when a field is removed or changes its meaning; new fields may be added at any time.
 FORMAT = 1

@@ -22,18 +22,9 @@ import os
 from pathlib import Path
 from typing import Any, cast, NamedTuple, TYPE_CHECKING
 
+from kachaka_simple_control.analysis.paths import sample_path
 from kachaka_simple_control.motion.geometry import ORIGIN
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.report.cdr import (
-    float64,
-    NANO,
-    ODOM,
-    odometry,
-    PathSerializer,
-    twist,
-    twist_stamped,
-)
-from kachaka_simple_control.report.paths import sample_path
 from kachaka_simple_control.report.report_directory import NEEDS_MCAP
 from kachaka_simple_control.report.rosbag2_metadata import (
     bag_information,
@@ -46,6 +37,15 @@ from kachaka_simple_control.report.rosbag2_metadata import (
     Topic,
     TRANSIENT_LOCAL,
     VELOCITY_TYPES,
+)
+from kachaka_simple_control.telemetry.cdr import (
+    float64,
+    NANO,
+    ODOM,
+    odometry,
+    PathSerializer,
+    twist,
+    twist_stamped,
 )
 from kachaka_simple_control.telemetry.events import (
     Event,

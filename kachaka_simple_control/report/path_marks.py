@@ -20,8 +20,8 @@ from itertools import groupby
 import math
 from typing import Any, NamedTuple, TYPE_CHECKING
 
+from kachaka_simple_control.analysis.paths import ArcSegment
 from kachaka_simple_control.motion.geometry import Pose
-from kachaka_simple_control.report.paths import ArcSegment
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

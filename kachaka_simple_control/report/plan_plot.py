@@ -20,6 +20,14 @@ import math
 import os
 from typing import Any, TYPE_CHECKING
 
+from kachaka_simple_control.analysis.paths import (
+    arc_segments,
+    ArcSegment,
+    distinct,
+    polyline,
+    step_segments,
+)
+from kachaka_simple_control.analysis.plan_view import Area, PlanView
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import (
     advance,
@@ -33,14 +41,6 @@ from kachaka_simple_control.motion.geometry import (
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.output_file import check_plot_file, save_figure
 from kachaka_simple_control.report.path_marks import draw_arrows, draw_step_numbers, step_places
-from kachaka_simple_control.report.paths import (
-    arc_segments,
-    ArcSegment,
-    distinct,
-    polyline,
-    step_segments,
-)
-from kachaka_simple_control.report.plan_view import Area, format_fixed, PlanView, pluralize
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     ANGULAR,
@@ -62,7 +62,7 @@ from kachaka_simple_control.report.plot_style import (
     style_axes,
     time_unit,
 )
-from kachaka_simple_control.report.table_layout import one_line
+from kachaka_simple_control.text import format_fixed, one_line, pluralize
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

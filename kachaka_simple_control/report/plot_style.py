@@ -21,10 +21,10 @@ from dataclasses import dataclass
 import math
 from typing import Any, TYPE_CHECKING
 
+from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.units import format_number
-from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.time_series import velocity_steps
 
 if TYPE_CHECKING:

@@ -30,23 +30,23 @@ import threading
 import time
 from typing import BinaryIO, cast
 
+from kachaka_simple_control.analysis.drive_log import DriveLog
+from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.control.latch import shared_state
 from kachaka_simple_control.control.output import make_nonblocking, STDERR
 from kachaka_simple_control.control.processes import lower_priority
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.escaping import escaped, MAX_LINE_LENGTH
 from kachaka_simple_control.motion.geometry import ZERO
-from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.drive_plots import draw_drive_plots, DrivePlots
 from kachaka_simple_control.report.html_page import render_page
 from kachaka_simple_control.report.json_export import run_json
 from kachaka_simple_control.report.mcap_recorder import McapRecorder
 from kachaka_simple_control.report.output_file import write_atomically
 from kachaka_simple_control.report.report_directory import NEEDS_JINJA2, NEEDS_MCAP
-from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.telemetry.events import Event, EventBus, SessionEnded, VelocitySent
 from kachaka_simple_control.telemetry.subscriber_process import decode
+from kachaka_simple_control.text import escaped, MAX_LINE_LENGTH
 
 PAGE, PLOT, FIGURES = 'report.html', 'path.png', 'run.json'
 #: How often events are written to the disk [s].

@@ -18,9 +18,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, TYPE_CHECKING
 
+from kachaka_simple_control.analysis.speed_history import SpeedInterval
+from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.control.speed_factor import describe_factors
-from kachaka_simple_control.report.speed_history import SpeedInterval
-from kachaka_simple_control.report.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

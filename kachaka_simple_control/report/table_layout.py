@@ -20,10 +20,9 @@ from collections.abc import Hashable, Mapping, Sequence
 from itertools import pairwise
 import os
 from typing import NamedTuple
-import unicodedata
 
 from kachaka_simple_control.control.output import STDOUT
-from kachaka_simple_control.report.plan_view import pluralize
+from kachaka_simple_control.text import cut, pluralize, width_of
 
 #: The widest table: what most terminals show without breaking lines.
 WIDEST = 99
@@ -59,7 +58,7 @@ def columns(
     """
     units = tuple(unit for _, unit in head)
     cells = [tuple(name for name, _ in head), *([units] if any(units) else []), *rows]
-    widths = {place: max(_width(row[place]) for row in cells)
+    widths = {place: max(width_of(row[place]) for row in cells)
               for place in range(len(head)) if any(row[place] for row in cells)}
     for place in spare:
         if _total_width(widths) > widest:
@@ -80,32 +79,10 @@ def _total_width(widths: Mapping[int, int]) -> int:
     return sum(widths.values()) + len(SPACE) * (len(widths) - 1)
 
 
-def one_line(text: str, width: int) -> str:
-    """Return a text of any length and characters as one line, cut to a width with an ellipsis."""
-    line = ' '.join(text.split())
-    return _cut(''.join(char if char.isprintable() else '?' for char in line), width)
-
-
-def _cut(text: str, width: int) -> str:
-    if _width(text) <= width:
-        return text
-    end = len(text)
-    while end and _width(text[:end]) > width - 3:
-        end -= 1
-    return text[:end] + '...'
-
-
 def _aligned(text: str, width: int, right: bool) -> str:
-    text = _cut(text, width)
-    pad = ' ' * (width - _width(text))
+    text = cut(text, width)
+    pad = ' ' * (width - width_of(text))
     return pad + text if right else text + pad
-
-
-def _width(text: str) -> int:
-    # Chinese and Japanese letters are twice as wide as others; combining marks take no room.
-    return sum(
-        0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in 'WF')
-        for char in text)
 
 
 class Gap(NamedTuple):

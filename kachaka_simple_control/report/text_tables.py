@@ -20,22 +20,22 @@ import math
 import sys
 import textwrap
 
+from kachaka_simple_control.analysis.drive_log import DriveLog, StepLog
+from kachaka_simple_control.analysis.plan_view import PlanView
+from kachaka_simple_control.analysis.step_results import driven, segment_odometry, sent
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
 from kachaka_simple_control.motion.units import format_number
-from kachaka_simple_control.report.drive_log import DriveLog, StepLog
-from kachaka_simple_control.report.plan_view import format_fixed, PlanView, pluralize
-from kachaka_simple_control.report.step_results import driven, segment_odometry, sent
 from kachaka_simple_control.report.table_layout import (
     columns,
     fold,
     Gap,
-    one_line,
     repeat_labels,
     Row,
     WIDEST,
 )
+from kachaka_simple_control.text import format_fixed, one_line, pluralize
 
 #: About how many lines of text a person reads.
 LINES = 60

@@ -22,7 +22,7 @@ import warnings
 
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.text import escaped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node

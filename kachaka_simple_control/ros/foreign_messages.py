@@ -21,8 +21,8 @@ import time
 from kachaka_simple_control.control.timing import FOREIGN_CHECK_TIME, FOREIGN_MESSAGE_MAX_AGE
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotTakenError
-from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.ros.velocity_publisher import is_zero, VelocityPublisher
+from kachaka_simple_control.text import escaped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy

@@ -23,7 +23,7 @@ from typing import Any
 from kachaka_simple_control.control.timing import REQUEST_RETRY_PERIOD
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotNotFoundError
-from kachaka_simple_control.escaping import escaped
+from kachaka_simple_control.text import escaped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from std_srvs.srv import SetBool

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import re
 
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.escaping import quoted
 from kachaka_simple_control.files.robot_profile import RobotProfile
+from kachaka_simple_control.text import quoted
 
 #: The longest name of a topic or a service: RMW_TOPIC_MAX_NAME_LENGTH, which is what DDS takes
 #: (255) minus the prefixes of ROS [characters].

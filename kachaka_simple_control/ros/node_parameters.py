@@ -25,8 +25,8 @@ from kachaka_simple_control.control.plan_runner import min_rate
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
 from kachaka_simple_control.control.timing import MAX_RATE
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.text import escaped
 
 #: Parameters of every rclpy node.
 ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')

@@ -20,11 +20,11 @@ from collections.abc import Callable
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import RobotNotFoundError, RunFaultError
-from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.ros.endpoints import incompatibility, own_participant, participants
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.text import escaped
 from rclpy.node import Node
 
 HINT = ('. Is its bridge running, in the same ROS_DOMAIN_ID? Compare the name with `ros2 topic '

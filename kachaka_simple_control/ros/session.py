@@ -48,7 +48,6 @@ from kachaka_simple_control.errors import (
     RobotTakenError,
     RunFaultError,
 )
-from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
@@ -63,6 +62,7 @@ from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 from kachaka_simple_control.ros.run_monitor import RosRunMonitor
 from kachaka_simple_control.ros.session_status import StatusReader
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.text import escaped
 from rclpy.node import Node
 
 

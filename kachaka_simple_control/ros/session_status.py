@@ -20,6 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import time
 
+from kachaka_simple_control.analysis.message_timing import LATE
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.speed_factor import is_hold, SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
@@ -27,7 +28,6 @@ from kachaka_simple_control.control.tick_scheduler import Tick, TickScheduler
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.report.message_timing import LATE
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 from kachaka_simple_control.telemetry.diagnosis import Diagnosis, Level

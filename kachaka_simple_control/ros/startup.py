@@ -23,7 +23,6 @@ import re
 
 from kachaka_simple_control.control.output import print_only_on_success
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.escaping import escaped, quoted
 from kachaka_simple_control.ros.names import (
     MAX_NAME_LENGTH,
     MAX_NAMESPACE_LENGTH,
@@ -31,6 +30,7 @@ from kachaka_simple_control.ros.names import (
     require_namespace,
     RobotNames,
 )
+from kachaka_simple_control.text import escaped, quoted
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.expand_topic_name import expand_topic_name

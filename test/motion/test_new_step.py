@@ -23,6 +23,9 @@ from dataclasses import dataclass, field
 import json
 import math
 
+from kachaka_simple_control.analysis.paths import arc_segments, sample_path
+from kachaka_simple_control.analysis.plan_view import PlanView
+from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.display.drive_status import DriveTracker
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import MotionFileError
@@ -36,10 +39,7 @@ from kachaka_simple_control.motion.step_base import in_file, KINDS
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Step, Wait
 from kachaka_simple_control.motion.trajectory import PathSegment
 from kachaka_simple_control.motion.units import format_number, LENGTH, POSITIVE_LINEAR_VELOCITY
-from kachaka_simple_control.report.paths import arc_segments, sample_path
-from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.report_program import write_report
-from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.report.text_tables import drive_table, plan_table
 import pytest
 from simulated_drive import SimulatedDrive

@@ -19,13 +19,13 @@ import math
 
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from kachaka_simple_control.analysis.message_timing import timing
+from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn, Wait
 from kachaka_simple_control.report.html_page import render_page
 from kachaka_simple_control.report.json_export import run_json
-from kachaka_simple_control.report.message_timing import timing
 from kachaka_simple_control.report.report_program import write_report
-from kachaka_simple_control.report.summary import Summary
 from kachaka_simple_control.report.text_tables import drive_table
 from outcome_logs import done
 import pytest

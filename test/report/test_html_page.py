@@ -19,9 +19,9 @@ import math
 from pathlib import Path
 import re
 
+from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.motion.steps import Motion, Move, Repeat, Turn
 from kachaka_simple_control.report.report_program import write_report
-from kachaka_simple_control.report.summary import Summary
 from outcome_logs import done, faulted, killed, lesson, never_began, stopped
 import pytest
 from simulated_drive import SimulatedDrive

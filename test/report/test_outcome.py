@@ -13,10 +13,10 @@
 # limitations under the License.
 """How a drive ended, in words: for every ending."""
 
+from kachaka_simple_control.analysis.drive_log import DriveLog
+from kachaka_simple_control.analysis.summary import outcome, OutcomeKind, Summary
 from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.json_export import fields
-from kachaka_simple_control.report.summary import outcome, OutcomeKind, Summary
 from outcome_logs import (
     done,
     ended_on_request,

@@ -18,10 +18,10 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
+from kachaka_simple_control.analysis.paths import step_segments
+from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Repeat, Turn
 from kachaka_simple_control.report.path_marks import MAX_LABELS, MAX_PARTS, step_places, StepPlace
-from kachaka_simple_control.report.paths import step_segments
-from kachaka_simple_control.report.summary import Summary
 from outcome_logs import done, faulted, lesson, never_began
 from plans import BACK, BOX, EIGHT, HOUR, LESSON, preview, QUARTER, SQUARE, SQUARE_CW
 import pytest

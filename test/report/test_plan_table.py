@@ -18,12 +18,12 @@ import re
 
 from hypothesis import given
 from hypothesis import strategies as st
+from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.motion.geometry import Disc
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
-from kachaka_simple_control.report.plan_view import PlanView
 from kachaka_simple_control.report.table_layout import fold, Gap
 from kachaka_simple_control.report.text_tables import plan_table
 from plans import ABRUPT, BOX, EIGHT, EMPTY, GENTLE, HOUR, LESSON, preview, SPIN, SQUARE, SQUARE_CW

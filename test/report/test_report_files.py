@@ -24,15 +24,15 @@ import time
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from kachaka_simple_control.analysis.drive_log import DriveLog
+from kachaka_simple_control.analysis.summary import outcome, Summary
 from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Repeat, Turn
-from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.html_page import MAX_ROWS, render_page
 from kachaka_simple_control.report.json_export import fields, run_json
 from kachaka_simple_control.report.report_directory import missing_libraries
 from kachaka_simple_control.report.report_program import try_write_report, write_report
-from kachaka_simple_control.report.summary import outcome, Summary
 from kachaka_simple_control.telemetry.events import (
     MotionEnded,
     MotionPlanned,

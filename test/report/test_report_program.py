@@ -21,13 +21,13 @@ import subprocess
 import sys
 import time
 
+from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report import report_program
-from kachaka_simple_control.report.drive_log import DriveLog
 from kachaka_simple_control.report.report_directory import prepare_report_dir, REPORT_MODULE
 from kachaka_simple_control.telemetry.events import (
     EventBus,

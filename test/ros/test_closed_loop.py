@@ -23,9 +23,8 @@ from kachaka_simple_control.errors import MotionRefusedError, RunFaultError, Usa
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Forward, Motion
-from program import COMMAND, program
+from program import COMMAND, final_pose, program
 import pytest
-from test_drive_command import final_pose
 from waiting import wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy', 'nav_msgs', 'jsonschema')]

@@ -126,7 +126,7 @@ def test_zeros_are_sent_for_the_prime_time_first(tmp_path):
 #: Imports once, and runs the command with each list of arguments in a child of its own.
 SERVER = """
 import json, os, sys
-from kachaka_simple_control.motion_command import main
+from kachaka_simple_control.commands.drive_or_preview import main
 import kachaka_simple_control.kachaka_simple_control
 for line in sys.stdin:
     reader, writer = os.pipe()

@@ -17,6 +17,7 @@ import threading
 import time
 from types import SimpleNamespace
 
+from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control import manual_control_lease
 from kachaka_simple_control.control.processes import is_running
 from kachaka_simple_control.errors import (
@@ -27,7 +28,6 @@ from kachaka_simple_control.errors import (
 )
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Move
-from kachaka_simple_control.report.drive_log import DriveLog
 from optional_libraries import optional_imports
 import pytest
 

@@ -19,7 +19,7 @@ import argparse
 from dataclasses import dataclass
 import socket
 
-from kachaka_simple_control.escaping import quoted
+from kachaka_simple_control.text import quoted
 
 #: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).
 PORT = 26400

@@ -22,7 +22,6 @@ from typing import Any
 import grpc
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiStub
-from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts
 from kachaka_simple_control.kachaka.grpc_client.address import (
     Address,
@@ -31,6 +30,7 @@ from kachaka_simple_control.kachaka.grpc_client.address import (
     UnreachableError,
 )
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
+from kachaka_simple_control.text import escaped
 
 #: How long a robot may take to accept a connection, and to respond to each of three calls [s].
 CONNECT_TIMEOUT = 3.0

@@ -22,7 +22,6 @@ import time
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.timing import SHUTDOWN_RPC_TIMEOUT
-from kachaka_simple_control.escaping import escaped
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
@@ -38,6 +37,7 @@ from kachaka_simple_control.kachaka.grpc_client.connection_state import (
     RpcResult,
 )
 from kachaka_simple_control.telemetry.diagnosis import Level
+from kachaka_simple_control.text import escaped
 
 if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.grpc_client.client import RobotClient

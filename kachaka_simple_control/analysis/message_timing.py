@@ -1,0 +1,142 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""How exactly the messages of a drive were timed, compared with its plans."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise, takewhile
+
+from kachaka_simple_control.analysis.drive_log import MotionLog
+from kachaka_simple_control.analysis.plan_timeline import ROUNDING
+from kachaka_simple_control.analysis.plan_view import ticks
+from kachaka_simple_control.analysis.quantiles import Quantiles, quantiles
+from kachaka_simple_control.motion.plan import Plan
+
+#: A tick is late if its message is this part of a period away from its time, or more.
+LATE = 0.25
+#: A tick is lost if no message came within this part of a period of its time.
+LOST = 0.5
+
+
+@dataclass(frozen=True)
+class Timing:
+    """
+    How exactly a drive was timed.
+
+    :param due: how many ticks there were: times at which the plans had a message
+    :param late: how many came, but a quarter of a period or more from their time
+    :param lost: for how many nothing came within half a period of their time
+    :param interval_errors: by how much each interval between two messages was longer than due [s]
+    :param lateness: how far each message was from its time [s]; None if there was none
+    :param jitter: how far each interval was from the due one [s]; None if there was none
+    :param periods: the periods of the plans, each once [s]
+    :param unjudged: how many messages are left out, because from the first on that was not sent
+        as planned no time is due by the plan: after a pause, or at less speed
+    """
+
+    due: int
+    late: int
+    lost: int
+    interval_errors: tuple[float, ...]
+    lateness: Quantiles | None
+    jitter: Quantiles | None
+    periods: tuple[float, ...]
+    unjudged: int = 0
+
+
+def timing(motions: Sequence[MotionLog]) -> Timing:
+    """
+    Compare the messages of motions with their plans, each as far as it was driven as planned.
+
+    Motions that never began do not count.
+    """
+    late = lost = due = unjudged = 0
+    interval_errors: list[float] = []
+    lateness: list[float] = []
+    begun = [motion for motion in motions if motion.has_begun]
+    for motion in begun:
+        period = motion.plan.period
+        messages = motion.own_messages[:-1]
+        as_planned = list(takewhile(lambda message: message.plan_time is None, messages))
+        if len(as_planned) < len(messages):
+            unjudged += len(messages) - len(as_planned)
+            until = as_planned[-1].time - motion.began + ROUNDING if as_planned else 0.0
+        else:
+            until = _timed_until(motion)
+        times = due_times(motion.plan, until)
+        sent_at = _nearest_messages(
+            times, [message.time - motion.began for message in as_planned])
+        errors = [None if time is None else time - at for at, time in zip(times, sent_at)]
+        missed = sum(error is None or abs(error) > LOST * period for error in errors)
+        due, lost = due + len(times), lost + missed
+        late += sum(error is None or abs(error) >= LATE * period for error in errors) - missed
+        lateness += [abs(error) for error in errors if error is not None]
+        interval_errors += _interval_errors(times, sent_at)
+    return Timing(
+        due, late, lost, tuple(interval_errors), quantiles(lateness),
+        quantiles([abs(error) for error in interval_errors]),
+        tuple(dict.fromkeys(motion.plan.period for motion in begun)), unjudged)
+
+
+def due_times(plan: Plan, until: float) -> list[float]:
+    """
+    Return when messages of a plan are due: at each change, and each period in between.
+
+    :param plan: the plan
+    :param until: where to end [s after t = 0]; not included
+    :returns: the times [s after t = 0], in order, without the zero at the end
+    """
+    times = [segment.start + number * plan.period for segment in plan.segments
+             for number in range(ticks(segment, plan.period))]
+    return times[:bisect_left(times, until)]
+
+
+def _timed_until(motion: MotionLog) -> float:
+    if motion.is_complete or not motion.own_messages:
+        return motion.plan.duration
+    # A tick that the stop preceded cannot be late any more.
+    end = motion.own_messages[-1].time - motion.began
+    return min(motion.plan.duration, end - LOST * motion.plan.period)
+
+
+def _nearest_messages(due: Sequence[float], times: Sequence[float]) -> list[float | None]:
+    """
+    Return for each tick the time of its message.
+
+    A message belongs to the tick that is nearest to it; of several the one nearest to its tick.
+
+    :param due: when each tick is due [s after t = 0], in order
+    :param times: when each message was sent [s after t = 0], in order
+    :returns: for each tick the time of its message [s after t = 0]; None if there is none
+    """
+    found: list[float | None] = [None] * len(due)
+    tick = 0
+    for time in times:
+        while tick + 1 < len(due) and due[tick + 1] - time <= time - due[tick]:
+            tick += 1
+        if tick < len(due):
+            before = found[tick]
+            if before is None or abs(time - due[tick]) < abs(before - due[tick]):
+                found[tick] = time
+    return found
+
+
+def _interval_errors(due: Sequence[float], sent_at: Sequence[float | None]) -> list[float]:
+    # After a message the next tick's was due, whether it came or not.
+    messages = [(tick, time) for tick, time in enumerate(sent_at) if time is not None]
+    return [two - one - (due[tick + 1] - due[tick])
+            for (tick, one), (_, two) in pairwise(messages)]

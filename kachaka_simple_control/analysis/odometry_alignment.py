@@ -1,0 +1,229 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A drive in one frame: as planned, as sent and as odometry reported it."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+import math
+from operator import attrgetter
+from typing import NamedTuple
+
+from kachaka_simple_control.analysis.drive_log import DriveLog, MotionLog
+from kachaka_simple_control.motion.geometry import (
+    compose,
+    distance_between,
+    integrate,
+    ORIGIN,
+    Pose,
+    relative_to,
+    Velocity,
+)
+from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySent
+
+
+class DeadReckoning:
+    """
+    The path of a robot that keeps each velocity until the next, up to its command timeout.
+
+    It is at the origin when the first message comes.
+
+    :param messages: what the robot is sent, in order
+    :param command_timeout: how long it keeps a velocity without a new one [s]
+    """
+
+    def __init__(self, messages: Sequence[VelocitySent], command_timeout: float) -> None:
+        #: when its velocity may have changed [s], and where it was
+        self.times: list[float] = []
+        self.poses: list[Pose] = []
+        self._velocities: list[Velocity] = []
+        self._command_timeout = command_timeout
+        for message in messages:
+            if not self.times or message.time >= self.times[-1]:
+                self._add(message)
+
+    def _add(self, message: VelocitySent) -> None:
+        if not self.times:
+            pose = ORIGIN
+        elif self._velocities[-1].is_zero:
+            if message.velocity.is_zero:
+                return
+            pose = self.poses[-1]
+        else:
+            pose = self._pose_after(len(self.times) - 1, message.time)
+        self.times.append(message.time)
+        self.poses.append(pose)
+        self._velocities.append(message.velocity)
+
+    def at(self, time: float) -> Pose:
+        """Return the pose at a time [s]; before the first message it is the origin."""
+        last = len(self.times) - 1
+        index = last if last >= 0 and time >= self.times[last] else (
+            bisect_right(self.times, time) - 1)
+        if index < 0:
+            return ORIGIN
+        return self._pose_after(index, time)
+
+    def _pose_after(self, index: int, time: float) -> Pose:
+        velocity = self._velocities[index]
+        if velocity.is_zero:
+            return self.poses[index]
+        return integrate(
+            self.poses[index], velocity, min(time - self.times[index], self._command_timeout))
+
+    @property
+    def end(self) -> Pose:
+        """
+        Return the last pose: a command timeout after the last message.
+
+        If there is no timeout, the last pose is not known; then it is that of the last message.
+        """
+        if not self.times:
+            return ORIGIN
+        timeout = self._command_timeout
+        return self.at(self.times[-1] + (timeout if math.isfinite(timeout) else 0.0))
+
+
+#: For so long after the last message odometry still belongs to the drive [s].
+MAX_TIME_AFTER_LAST_MESSAGE = 1.0
+#: Odometry with figures beyond this is invalid and left out [m, rad, m/s, rad/s].
+MAX_VALUE = 1e6
+
+
+@dataclass(frozen=True)
+class MotionStart:
+    """
+    Where and when a motion was to start.
+
+    :param motion: the motion
+    :param pose: where, in the frame of the drive
+    :param time: when [s after t = 0 of the drive]; None if it never began
+    """
+
+    motion: MotionLog
+    pose: Pose
+    time: float | None
+
+
+class OdometrySample(NamedTuple):
+    """
+    A sample of odometry in the frame of the drive.
+
+    :param time: when [s after t = 0 of the drive]
+    :param pose: where
+    :param received: the sample as it arrived
+    :param distance: how far the robot was from where the messages should have brought it [m]
+    :param angle: how far it was turned too far to the left [rad]
+    """
+
+    time: float
+    pose: Pose
+    received: OdometryReceived
+    distance: float
+    angle: float
+
+
+class AlignedDrive:
+    """
+    All of a drive in one frame: its origin is the robot's pose at t = 0.
+
+    Odometry has a frame of its own.  It is transformed so that its pose at t = 0, or its first one
+    after that, is where the messages sent by then should have brought the robot.
+    """
+
+    def __init__(self, log: DriveLog) -> None:
+        began = [motion.began for motion in log.motions if motion.has_begun]
+        #: t = 0 [s on the steady clock]; nan if nothing began
+        self.start_time = began[0] if began else math.nan
+        #: every message from t = 0 on
+        self.sent = [message for message in log.sent if message.time >= self.start_time - 1e-6]
+        self.dead_reckoning = DeadReckoning(self.sent, log.command_timeout)
+        #: all motions, in order
+        self.motion_starts = self._motion_starts(log.motions)
+        #: odometry from t = 0 on
+        self.odometry = self._aligned([
+            sample for sample in log.odometry if is_plausible(sample)])
+
+    @property
+    def planned_end(self) -> Pose:
+        """Return where the last motion was to end."""
+        return _end_of(self.motion_starts)
+
+    @property
+    def duration(self) -> float:
+        """Return until when something was sent or planned [s after t = 0]."""
+        planned = [
+            time for start in self.motion_starts if start.time is not None or not self.sent
+            for time in self.planned_times(start, [start.motion.plan.duration])]
+        last = self.sent[-1].time - self.start_time if self.sent else 0.0
+        return max([last, *planned])
+
+    def planned_times(self, start: MotionStart, plan_times: Iterable[float]) -> list[float]:
+        """
+        Return when the plan of a motion was at times of its own.
+
+        :param start: of the motion
+        :param plan_times: the times [s of the plan]
+        :returns: when [s after t = 0 of the drive]
+        """
+        timeline = start.motion.timeline
+        if start.time is None or not timeline.is_delayed:
+            return [(start.time or 0.0) + time for time in plan_times]
+        return [timeline.time(time) - self.start_time for time in plan_times]
+
+    def _motion_starts(self, motions: Sequence[MotionLog]) -> list[MotionStart]:
+        starts: list[MotionStart] = []
+        for motion in motions:
+            pose = _end_of(starts)
+            if starts and motion.has_begun and not starts[-1].motion.is_complete:
+                pose = self.dead_reckoning.at(motion.began)
+            starts.append(MotionStart(
+                motion, pose, motion.began - self.start_time if motion.has_begun else None))
+        return starts
+
+    def _aligned(self, odometry: Sequence[OdometryReceived]) -> list[OdometrySample]:
+        if not self.sent:
+            return []
+        end = self.sent[-1].time + MAX_TIME_AFTER_LAST_MESSAGE
+        first = bisect_left(odometry, self.start_time, key=attrgetter('time'))
+        last = bisect_right(odometry, end, key=attrgetter('time'))
+        if first >= last:
+            return []
+        # The last sample before t = 0, or the first of all, fixes the frame.
+        odometry = odometry[max(0, first - 1):last]
+        frame = compose(self.dead_reckoning.at(odometry[0].time),
+                        relative_to(odometry[0].pose, ORIGIN))
+        samples = []
+        for received in odometry:
+            expected = self.dead_reckoning.at(received.time)
+            pose = compose(frame, received.pose)
+            distance, angle = distance_between(expected, pose)
+            # Headings of odometry are wrapped; the robot may have made several turns.
+            pose = Pose(pose.x, pose.y, expected.theta + angle)
+            samples.append(OdometrySample(
+                received.time - self.start_time, pose, received, distance, angle))
+        return samples
+
+
+def _end_of(starts: Sequence[MotionStart]) -> Pose:
+    return compose(starts[-1].pose, starts[-1].motion.plan.pose) if starts else ORIGIN
+
+
+def is_plausible(sample: OdometryReceived) -> bool:
+    """Return whether a sample of odometry has finite values that a robot may have."""
+    pose, velocity = sample.pose, sample.velocity
+    return math.isfinite(sample.time) and all(abs(value) < MAX_VALUE for value in (
+        pose.x, pose.y, pose.theta, velocity.linear_x, velocity.angular_z))

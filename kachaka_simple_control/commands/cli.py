@@ -1,0 +1,308 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The options of the ``kachaka_simple_control`` command; needs no ROS."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import contextlib
+from dataclasses import dataclass, field
+from glob import escape, glob
+import os
+from pathlib import Path
+import re
+import shlex
+import sys
+from typing import Any, NoReturn
+
+from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
+from kachaka_simple_control.exit_codes import (
+    DONE,
+    FAULTED,
+    HELP,
+    OneLineParser,
+)
+from kachaka_simple_control.kachaka.grpc_client.address import address_argument
+from kachaka_simple_control.kachaka.program import (
+    add_simulation_options,
+    SIMULATION_NAMES,
+    simulation_parameters,
+    simulation_words,
+)
+from kachaka_simple_control.motion.units import point_advice
+from kachaka_simple_control.text import escaped
+
+NAME = 'kachaka_simple_control'
+EXAMPLES = """
+examples:
+  kachaka_simple_control --sim                   the lesson, on a simulated robot
+  kachaka_simple_control square --plan           what a motion will do
+  kachaka_simple_control ./mine.yaml --sim --report run1
+  kachaka_simple_control square --ros-args -p robot_timeout:=30
+"""
+#: A time typed after ``--wait``, which takes none.
+TIME = re.compile(r'\d+(\.\d*)?(s|min)?|inf|forever')
+MAX_REPEATS = 1000
+PRECEDENCE = """
+what wins: an option or -p (they must not differ), then the motion's file, then the
+default of the parameter
+"""
+
+
+@dataclass(frozen=True)
+class Options:
+    """
+    The options of the command.
+
+    :param motions: names or files of motions; none: the lesson
+    :param sim: whether to start the bridge of a simulated robot
+    :param robot: name or file of the robot's profile; None if not given
+    :param rate: how often a velocity is sent [Hz]; None if not given
+    :param closed_loop: whether odometry corrects the velocities; None if not given
+    :param speed: the speed factor to start with, from 0 to 1; None if not given
+    :param list: whether to list the motions that come with the package
+    :param plan: whether to print what a motion will do
+    :param plot: the file to plot what a motion will do to; None for none
+    :param wait: whether to drive only when the service ``~/run`` is called
+    :param ros_arguments: the arguments of ROS, with their marks
+    :param report: the directory for a report; None for no report
+    :param repeat: how many times to drive
+    :param quiet: whether to print only the node's log lines while the robot drives
+    :param address: the real robot to start a bridge for; None for no bridge
+    :param simulation: options of the simulated robot, as they are written
+    :param yes: whether to drive a real robot without asking
+    :param calibrates: whether the drive is one to calibrate by: its log is kept, not printed
+    :param command: the whole command line, for reports
+    """
+
+    motions: tuple[str, ...] = ()
+    sim: bool = False
+    robot: str | None = None
+    rate: float | None = None
+    closed_loop: bool | None = None
+    speed: float | None = None
+    list: bool = False  # noqa: A003
+    plan: bool = False
+    plot: str | None = None
+    wait: bool = False
+    ros_arguments: tuple[str, ...] = ()
+    address: str | None = None
+    report: str | None = None
+    repeat: int = 1
+    quiet: bool = False
+    simulation: tuple[str, ...] = ()
+    yes: bool = False
+    calibrates: bool = False
+    command: str = field(default=NAME, compare=False)
+
+    @property
+    def is_preview(self) -> bool:
+        """Whether the command shows motions and drives none."""
+        return self.list or self.plan or self.plot is not None
+
+    @property
+    def starts_bridge(self) -> bool:
+        """Whether the command starts the bridge of a robot, simulated or real."""
+        return self.sim or self.address is not None
+
+
+def parse(arguments: Sequence[str] | None = None) -> Options:
+    """
+    Parse the arguments of the command.
+
+    :param arguments: without the program's name; None for those of the process
+    :raises SystemExit: with code 2 and one line if they are invalid; with 0 after ``--help``
+    """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    own, ros = split_ros_arguments(arguments)
+    parser = _parser()
+    if '_ARGCOMPLETE' in os.environ:
+        _complete(parser)
+    values = vars(parser.parse_args(own))
+    values.pop('ros_args', None)
+    simulation = take_simulation(parser, values)
+    if values.pop('version'):
+        from kachaka_simple_control.version import installed_version
+        print(f'{NAME} {installed_version()}')
+        raise SystemExit(DONE)
+    options = Options(
+        motions=tuple(values.pop('motions')), ros_arguments=tuple(ros),
+        command=shlex.join([NAME, *arguments]), simulation=simulation, **values)
+    if options.wait and any(map(TIME.fullmatch, options.motions)):
+        parser.error('--wait takes no time; -p robot_timeout:=30, after --ros-args, sets how '
+                     'long to wait for a robot')
+    if options.wait and options.repeat > 1:
+        parser.error('--wait drives as often as it is asked to: leave out --repeat')
+    if len(options.motions) > 1 and not options.is_preview:
+        parser.error('one motion can be driven at a time; --plan and --plot take several')
+    if options.is_preview:
+        for name in ('report', 'repeat', 'sim', 'address', 'wait', 'quiet', 'speed', 'yes'):
+            if getattr(options, name) != getattr(Options, name):
+                parser.error(f'--{name} is about a drive; --list, --plan and --plot drive nothing')
+    return options
+
+
+def take_simulation(parser: OneLineParser, values: dict[str, Any]) -> tuple[str, ...]:
+    """
+    Take the options of the simulated robot out of those of a command; end if one is wrong.
+
+    :param values: the options by name
+    :returns: those that were given, as they are written
+    """
+    simulation = simulation_words(values)
+    if simulation and not values['sim']:
+        parser.error(f'{simulation[0].partition("=")[0]} is about the simulated robot of --sim')
+    simulation_parameters(parser, argparse.Namespace(**values))
+    for name in SIMULATION_NAMES:
+        values.pop(name)
+    return simulation
+
+
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog=NAME, epilog=f'{EXAMPLES}{PRECEDENCE}{HELP}', allow_abbrev=False,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Drive a motion, exactly timed; without a name, the seven movements of the '
+                    'lesson.')
+    parser.add_argument(
+        'motions', nargs='*', metavar='MOTION',
+        help='a motion that comes with the package (see --list), or the path of a file')
+    parser.add_argument(
+        '--list', action='store_true', help='list the motions that come with the package')
+    parser.add_argument(
+        '--plan', action='store_true',
+        help='print what the motions will do, step by step; nothing moves, and no ROS is needed')
+    parser.add_argument(
+        '--plot', metavar='FILE',
+        help='draw what the motions will do, as .png, .svg or .pdf; likewise')
+    parser.add_argument(
+        '--wait', action='store_true',
+        help='stand by: Enter, or the service ~/run, starts the motion; ~/stop ends it')
+    parser.add_argument(
+        '--quiet', action='store_true',
+        help="show nothing while the robot drives but the node's log lines")
+    parser.add_argument(
+        '--speed', type=_speed, metavar='PERCENT',
+        help='drive slower than planned, as in --speed 50%%, on the same path; for a careful '
+             'first drive')
+    parser.add_argument(
+        '--repeat', type=_count, default=1, metavar='N',
+        help='drive so many times, with --report DIR into DIR/1, DIR/2, ..., for kachaka_compare')
+    add_drive_options(parser)
+    parser.add_argument(
+        '--closed-loop', action=argparse.BooleanOptionalAction,
+        help='correct the velocities by odometry; needs a robot that kachaka_calibrate has '
+             'measured (default: what the motion says, or not)')
+    parser.add_argument('--version', action='store_true', help='print the version')
+    return parser
+
+
+def add_drive_options(parser: OneLineParser) -> None:
+    """Add the options of all commands that drive: which robot, at which rate, with a report."""
+    robot = parser.add_mutually_exclusive_group()
+    robot.add_argument(
+        '--sim', action='store_true',
+        help='start a simulated Kachaka, drive it, and print what was requested, sent and driven')
+    robot.add_argument(
+        '--address', type=lambda text: str(address_argument(text)), metavar='HOST',
+        help='do the same with the real Kachaka at this address, HOST or HOST:PORT; it moves when '
+             'somebody has confirmed')
+    parser.add_argument(
+        '--yes', action='store_true',
+        help='drive a real robot without asking; needed without a terminal')
+    parser.add_argument(
+        '--robot', metavar='NAME',
+        help='kachaka, turtlebot3, generic, or the path of a profile (default: what the motion '
+             'says, or kachaka)')
+    parser.add_argument(
+        '--rate', type=float, metavar='HZ',
+        help='how often a velocity is sent (default: what the motion says, or 10)')
+    parser.add_argument(
+        '--report', metavar='DIR',
+        help='write a report and a recording of the drive to this new directory')
+    add_simulation_options(
+        parser.add_argument_group('errors of the simulated robot, with --sim'),
+        'the simulated robot')
+    parser.add_argument(
+        '--ros-args', action='store_true', default=argparse.SUPPRESS,
+        help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')
+
+
+def _speed(text: str) -> float:
+    number = text.strip().removesuffix('%')
+    with contextlib.suppress(ValueError):
+        # A comma is read as a point only to say what to write.
+        percent = float(number.replace(',', '.', 1))
+        has_sign = number != text.strip()
+        if (100.0 * MIN_SPEED_FACTOR if has_sign else 2.0) <= percent <= 100.0:
+            if advice := point_advice(text.strip()):
+                raise argparse.ArgumentTypeError(f'{escaped(text, 60)!r}; {advice}')
+            return percent / 100.0
+        if not has_sign and MIN_SPEED_FACTOR <= percent <= 1.0:
+            # A part of 1 for some, a percentage for others: the robot must not guess.
+            meant = '1% or 100%' if percent == 1.0 else f'{100.0 * percent:g}%'
+            raise argparse.ArgumentTypeError(f'{escaped(text, 60)!r} has no %: write {meant}')
+    raise argparse.ArgumentTypeError(
+        f'{escaped(text, 60)!r} is not from 1% to 100%, as in 50%; to stop, pause')
+
+
+def _count(text: str) -> int:
+    with contextlib.suppress(ValueError):
+        if 1 <= (count := int(text)) <= MAX_REPEATS:
+            return count
+    raise argparse.ArgumentTypeError(
+        f'{escaped(text, 60)!r} is not a whole number from 1 to {MAX_REPEATS}')
+
+
+def _complete(parser: OneLineParser) -> NoReturn:
+    """Tell a shell what the word at its cursor may become; nothing is driven, whatever it is."""
+    try:
+        from argcomplete import autocomplete
+    except ModuleNotFoundError:
+        parser.exit(FAULTED, (
+            f'{NAME}: completion needs argcomplete in the environment of this command: '
+            '`pip install argcomplete` or `apt install python3-argcomplete`\n'))
+    from kachaka_simple_control.files.library import library
+    from kachaka_simple_control.files.robot_profile import robots
+    parser.set_completers({
+        'motions': lambda prefix, **_: [*library(), *_paths(prefix, '.yaml', '.yml')],
+        'robot': lambda prefix, **_: [*robots(), *_paths(prefix, '.yaml', '.yml')],
+        'plot': lambda prefix, **_: _paths(prefix, '.png', '.svg', '.pdf'),
+        'report': lambda prefix, **_: _paths(prefix)})
+    autocomplete(parser, always_complete_options=False)
+    parser.exit()
+
+
+def _paths(prefix: str, *suffixes: str) -> list[str]:
+    """Return the files with one of some suffixes, and the folders, whose path begins so."""
+    found = glob(f'{escape(prefix)}*')  # noqa: PTH207 (a path keeps its ./)
+    return [f'{path}/' if Path(path).is_dir() else path
+            for path in found if path.endswith(suffixes) or Path(path).is_dir()]
+
+
+def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """
+    Split arguments into ours and those of ROS, from ``--ros-args`` to ``--``.
+
+    :returns: ours, and those of ROS with these marks
+    """
+    own: list[str] = []
+    ros: list[str] = []
+    is_for_ros = False
+    for argument in arguments:
+        is_for_ros = is_for_ros or argument == '--ros-args'
+        (ros if is_for_ros else own).append(argument)
+        is_for_ros = is_for_ros and argument != '--'
+    return own, ros

@@ -1,0 +1,303 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Drive a robot as the command's options say; needs ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import contextlib
+from functools import partial
+import os
+import signal
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING
+
+from kachaka_simple_control.commands.cli import Options
+from kachaka_simple_control.commands.settings import (
+    choose_settings,
+    chosen_speed,
+    describe_overrides,
+    NAMES,
+    Settings,
+)
+from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
+from kachaka_simple_control.control.speed_factor import OVERRIDE
+from kachaka_simple_control.display.display_process import DisplayProcess
+from kachaka_simple_control.display.keyboard import is_keyboard, Keyboard
+from kachaka_simple_control.display.terminal import is_terminal, should_display
+from kachaka_simple_control.errors import (
+    ControlError,
+    MotionStoppedError,
+    RunFaultError,
+    UsageError,
+)
+from kachaka_simple_control.files.library import find, lesson_motion
+from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
+from kachaka_simple_control.report.report_directory import (
+    missing_libraries,
+    prepare_report_dir,
+    REPORT_MODULE,
+)
+from kachaka_simple_control.report.table_layout import terminal_columns
+from kachaka_simple_control.report.text_tables import drive_table
+from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
+from kachaka_simple_control.ros.endpoints import SERVICE_QOS
+from kachaka_simple_control.ros.parameters import session_started
+from kachaka_simple_control.ros.startup import start_ros
+from kachaka_simple_control.telemetry.events import SpeedFactorChanged
+from kachaka_simple_control.telemetry.subscriber_process import (
+    SubscriberProcess,
+    SubscriberProcesses,
+)
+import rclpy
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.analysis.drive_log import DriveLog
+    from kachaka_simple_control.control.drive_requests import DriveRequest
+    from kachaka_simple_control.files.motion_file import MotionFile
+    from kachaka_simple_control.kachaka.bridge_process import BridgeProcess
+    from kachaka_simple_control.motion.limits import Limits
+    from kachaka_simple_control.motion.steps import Motion
+
+#: By how much a key changes the speed factor.
+KEY_STEP = 0.1
+
+
+def drive(options: Options) -> DriveLog:
+    """
+    Drive a motion or the lesson, or offer a service that does; return the log of the drive.
+
+    :raises ControlError: if the drive could not be completed; the robot was stopped
+    :raises InvalidMotionError: if the robot cannot do the motion; nothing has moved
+    """
+    make_nonblocking(STDOUT, STDERR)
+    motion_file = _motion_file(options)
+    # A bridge ends when the stack is closed: after its robot was stopped and released.
+    with contextlib.ExitStack() as stack:
+        if options.report is not None:
+            stack.enter_context(prepare_report_dir(options.report))
+        if options.starts_bridge or is_localhost_requested():
+            use_localhost_only()
+        start_ros(options.ros_arguments)
+        robot_control = KachakaSimpleControl(
+            {name: value for name in NAMES
+             if (value := getattr(motion_file, name, None)) is not None},
+            parameter_overrides=[
+                Parameter(name, value=value) for name, value in _parameters(options).items()])
+        subscribers = stack.enter_context(SubscriberProcesses(robot_control.event_bus))
+        try:
+            reporter = _start_subscribers(
+                subscribers, options, motion_file is None, robot_control.session.guardian_file)
+            keys = {} if options.quiet or not is_terminal(STDERR) else _keys(robot_control)
+            for line in describe_overrides(options, motion_file, robot_control.node_parameters):
+                robot_control.get_logger().info(line)
+            robot_control.event_bus.publish(session_started(
+                robot_control, 'lesson' if motion_file is None else motion_file.motion.name,
+                robot_control.profile, robot_control.robot_names, robot_control.node_parameters,
+                command=options.command,
+                has_keys=bool(keys) and is_keyboard(),
+                movement_count=_count_movements() if motion_file is None else None,
+                motion_source='' if motion_file is None else motion_file.source,
+                motion_text=None if motion_file is None else motion_file.text))
+            if factors := robot_control.session.speed_factor.factors:
+                robot_control.event_bus.publish(
+                    SpeedFactorChanged(time.monotonic(), dict(factors)))
+            if options.starts_bridge:
+                bridge = stack.enter_context(
+                    _bridge(options, robot_control.node_parameters.robot_namespace))
+                robot_control.session.require_robot(bridge.require_participant)
+            _run(robot_control, motion_file, options.wait, keys)
+        except KeyboardInterrupt:
+            robot_control.get_logger().info('Program was interrupted')
+        finally:
+            try:
+                robot_control.stop_robot()
+            finally:
+                subscribers.stop_confirmed_after = robot_control.stop_confirmed_after
+                robot_control.destroy_node()
+                rclpy.try_shutdown()
+    log = robot_control.drive_log
+    if options.starts_bridge and not options.calibrates and log.steps:
+        print(drive_table(log, subscribers.stop_confirmed_after, terminal_columns()))
+    if reporter is not None and (reporter.exit_code or reporter.failure is not None):
+        raise RunFaultError(f'the report in {options.report} is incomplete')
+    return log
+
+
+def _start_subscribers(
+        subscribers: SubscriberProcesses, options: Options, is_lesson: bool,
+        guardian_file: int | None) -> SubscriberProcess | None:
+    """Start display and reporter; return the reporter, if there is one."""
+    if not options.quiet and should_display(is_lesson):
+        subscribers.add(DisplayProcess())
+    if options.report is not None:
+        for missing in missing_libraries():
+            print(f'report: {missing}', file=sys.stderr)
+        shared = [] if guardian_file is None else [guardian_file]
+        return subscribers.start(
+            REPORT_MODULE, options.report, *map(str, shared), pass_fds=shared)
+    return None
+
+
+def _bridge(
+        options: Options, namespace: str) -> contextlib.AbstractContextManager[BridgeProcess]:
+    """Return a context manager that starts the bridge of a robot in a child process."""
+    from kachaka_simple_control.kachaka.bridge_process import real_bridge, simulated_bridge
+    if options.address is None:
+        return simulated_bridge(namespace, options.simulation)
+    return real_bridge(options.address, namespace)
+
+
+def _motion_file(options: Options) -> MotionFile | None:
+    """Return the motion, None for the lesson; check it before anything is started."""
+    motion_file = None
+    if options.motions or options.wait:
+        motion_file = find(options.motions[0] if options.motions else 'lesson')
+    settings = choose_settings(options, motion_file)
+    profile = settings.profile
+    if options.starts_bridge and not profile.is_kachaka:
+        raise UsageError(
+            f'--sim and --address start a kachaka, not a {profile.name}: leave out that '
+            'option, or --robot')
+    if motion_file is not None:
+        settings.limits_of(motion_file)
+    elif settings.closed_loop:
+        raise UsageError(
+            'a closed loop is for motions: the lesson calls move_robot(), which odometry '
+            'never corrects; `lesson --closed-loop` drives its movements as a motion')
+    return motion_file
+
+
+def _count_movements() -> int | None:
+    """Return how many movements the lesson has; None if only driving it can tell."""
+    try:
+        return len(lesson_motion().steps)
+    except Exception:  # an edited lesson may do what only the node can
+        return None
+
+
+def _parameters(options: Options) -> dict[str, object]:
+    # Table and report need the odometry that ``summary`` records.
+    summary = (options.starts_bridge or options.calibrates
+               or options.report is not None or None)
+    values = {'robot': options.robot, 'rate': options.rate, 'summary': summary,
+              'closed_loop': options.closed_loop,
+              'speed_factor': chosen_speed(options)}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _run(
+        robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool,
+        keys: dict[str, Callable[[], object]]) -> None:
+    if motion_file is None:
+        with _keyboard(robot_control, keys):
+            play_lesson(robot_control)
+        return
+    used = robot_control.node_parameters
+    limits = Settings(
+        used.robot, used.rate, robot_control.profile, used.closed_loop).limits_of(motion_file)
+    if wait:
+        service = RunService(robot_control, motion_file.motion, limits)
+        with _keyboard(robot_control, {**keys, '\n': service.start}):
+            service.announce()  # now: what was typed before the keyboard is read starts nothing
+            robot_control.session.serve_until_stopped()
+    else:
+        with _keyboard(robot_control, keys):
+            robot_control.run(motion_file.motion, limits)
+
+
+class RunService:
+    """
+    The service ``~/run``, and Enter at a terminal: start a drive in a thread of its own.
+
+    :param node: the node that drives
+    :param motion: the motion to drive
+    :param limits: what to plan it with
+    """
+
+    def __init__(self, node: KachakaSimpleControl, motion: Motion, limits: Limits) -> None:
+        self._node = node
+        self._motion = motion
+        self._limits = limits
+        self._service = node.create_service(
+            Trigger, '~/run', self._on_request, qos_profile=SERVICE_QOS)
+
+    def announce(self) -> None:
+        """Log how to start the motion."""
+        name = self._node.resolve_service_name(self._service.srv_name)
+        how = f'`ros2 service call {name} std_srvs/srv/Trigger` starts the motion'
+        if is_keyboard():
+            how = f'Enter starts the motion, Ctrl+C ends this program; {how}, too'
+        self._node.get_logger().info(f'Standing by: {how}')
+
+    def _on_request(
+            self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        del request
+        try:
+            self._node.speed_control.stop_requests.require_none()
+            self.start()
+            response.success, response.message = True, 'started'
+        except ControlError as error:
+            response.message = str(error)
+        return response
+
+    def start(self) -> None:
+        """
+        Start a drive.
+
+        :raises ControlError: if that is refused now
+        """
+        # Requested here: a stop ends the drive from the return on.
+        drive = self._node.session.request(elsewhere=True)
+        # A drive in a callback would wait for callbacks that wait for it.
+        threading.Thread(target=self._run, args=(drive,), name='drive', daemon=True).start()
+
+    def _run(self, request: DriveRequest) -> None:
+        try:
+            self._node.run(self._motion, self._limits, request)
+        except MotionStoppedError as error:
+            self._node.get_logger().info(str(error))
+        except ControlError as error:
+            self._node.get_logger().error(str(error))
+
+
+def _keys(robot_control: KachakaSimpleControl) -> dict[str, Callable[[], object]]:
+    """Return what each key does while the robot drives."""
+    def change_speed(step: float) -> None:
+        factor = robot_control.session.speed_factor.factors.get(OVERRIDE, 1.0)
+        robot_control.speed_factor = min(1.0, max(KEY_STEP, round(factor + step, 2)))
+
+    slower, faster = partial(change_speed, -KEY_STEP), partial(change_speed, KEY_STEP)
+    return {
+        ' ': robot_control.pause, 'r': robot_control.speed_control.resume_when_confirmed,
+        '-': slower, '+': faster, '=': faster,
+        # As Ctrl+C does.
+        'q': lambda: os.kill(os.getpid(), signal.SIGINT),
+    }
+
+
+def _keyboard(
+        robot_control: KachakaSimpleControl, keys: dict[str, Callable[[], object]]) -> Keyboard:
+    """Return a keyboard whose keys log the error that refuses what they do."""
+    def press(function: Callable[[], object]) -> None:
+        try:
+            function()
+        except ControlError as error:
+            robot_control.get_logger().warning(str(error))
+
+    return Keyboard({key: partial(press, function) for key, function in keys.items()})

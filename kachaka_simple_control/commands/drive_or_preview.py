@@ -1,0 +1,95 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The ``kachaka_simple_control`` command."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import contextlib
+import dataclasses
+from pathlib import Path
+import shlex
+import sys
+from typing import TYPE_CHECKING
+
+from kachaka_simple_control.commands.cli import Options, parse
+from kachaka_simple_control.commands.confirmation import confirm
+from kachaka_simple_control.control.interrupts import exit_on_interrupt, raise_on_interrupt
+from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.run_command import run_command
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.analysis.drive_log import DriveLog
+
+
+def drive(options: Options) -> DriveLog:
+    """
+    Drive, and return the log of the drive; it is empty unless the options ask for one.
+
+    :raises UsageError: if there is no ROS
+    :raises ControlError: if the drive could not be completed; the robot was stopped
+    """
+    try:
+        # Imported here: previews need no ROS.
+        exit_on_interrupt()
+        from kachaka_simple_control.commands.drive import drive as drive_by_ros
+        raise_on_interrupt()
+    except ModuleNotFoundError as error:
+        raise UsageError(
+            f'to drive a robot needs ROS 2, and its {error.name} is not here: source it first, '
+            'as in `source /opt/ros/jazzy/setup.bash`, or use the environment that `make setup` '
+            'makes') from None
+    return drive_by_ros(options)
+
+
+def _run(options: Options) -> None:
+    if options.is_preview:
+        from kachaka_simple_control.commands.preview import preview
+        preview(options)
+        return
+    if options.repeat == 1:
+        _drive_confirmed(options)
+        return
+    from kachaka_simple_control.report.report_directory import prepare_report_dir
+    with contextlib.ExitStack() as stack:
+        if options.report is not None:
+            stack.enter_context(prepare_report_dir(options.report))
+        for number in range(1, options.repeat + 1):
+            print(f'drive {number} of {options.repeat}', file=sys.stderr)
+            _drive_confirmed(dataclasses.replace(
+                options, report=options.report and str(Path(options.report, str(number)))))
+            if signal_dispatcher.signum is not None:
+                return
+    if options.report is not None:
+        print(f'kachaka_compare {shlex.quote(options.report)}/* compares them', file=sys.stderr)
+
+
+def _drive_confirmed(options: Options) -> None:
+    if options.address is not None and not options.yes:
+        from kachaka_simple_control.commands.preview import plan_view
+        view = plan_view(options.motions[0] if options.motions else 'lesson', options)
+        confirm(view.floor_size)
+    drive(options)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """
+    Run the command.
+
+    :param args: arguments without the program's name; None for those of the process
+    :returns: the exit code
+    """
+    options = parse(args)
+    return run_command(lambda: _run(options))

@@ -1,0 +1,97 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Show motions without driving: --list, --plan and --plot; needs no ROS."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from kachaka_simple_control.analysis.plan_view import PlanView
+from kachaka_simple_control.commands.cli import Options
+from kachaka_simple_control.commands.settings import choose_settings, describe_overrides
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.files.library import find, library
+from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.report.output_file import check_plot_file
+from kachaka_simple_control.report.plan_plot import save_plot
+from kachaka_simple_control.report.table_layout import terminal_columns
+from kachaka_simple_control.report.text_tables import plan_table
+from kachaka_simple_control.ros.node_parameters import require_parameters_only
+
+
+def preview(options: Options) -> None:
+    """
+    Print or plot what motions will do.
+
+    :raises InvalidMotionError: if a motion is invalid, or there is none of that name
+    :raises UsageError: if an option is invalid, or the output cannot be written
+    """
+    require_parameters_only(
+        '--plan' if options.plan else '--plot' if options.plot else '--list',
+        options.ros_arguments)
+    if options.plot is not None:
+        check_plot_file(options.plot)
+    if options.list:
+        _print(_listing(options))
+    if options.plan or options.plot is not None:
+        previews = [plan_view(name, options) for name in options.motions or ['lesson']]
+        if options.plan:
+            _print(plan_table(previews, terminal_columns()))
+        if options.plot is not None:
+            save_plot(options.plot, previews)
+
+
+def _listing(options: Options) -> str:
+    """Return a line for each motion of the package: name, duration, description."""
+    rows = []
+    for name in library():
+        preview = plan_view(name, options)
+        rows.append((name, f'{preview.plan.duration:.1f} s', find(name).motion.description))
+    width = max(len(name) for name, _, _ in rows)
+    return '\n'.join(
+        f'{name:{width}}  {duration:>8}  {description}' for name, duration, description in rows)
+
+
+def _print(text: str) -> None:
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        # At exit Python would flush once more, and fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):  # of a reader like `head`
+            raise UsageError(f'it cannot be printed: {error.strerror}') from None
+
+
+def plan_view(name: str, options: Options) -> PlanView:
+    """
+    Return what a motion will do.
+
+    :param name: of the library, or the path of a file
+    :raises InvalidMotionError: if it is invalid, or there is none of that name
+    :raises UsageError: if an option is invalid
+    """
+    motion_file = find(name)
+    settings = choose_settings(options, motion_file)
+    if not options.list:
+        for line in describe_overrides(options, motion_file, settings):
+            print(line, file=sys.stderr)
+    profile = settings.profile
+    limits, motion = settings.limits_of(motion_file), motion_file.motion
+    if settings.closed_loop:
+        limits, motion = limits.scaled(CLOSED_LOOP_SHARE), motion.settled()
+    return PlanView(
+        motion.name, profile.name, plan(motion, limits, settings.rate),
+        limits, profile.footprint)

@@ -1,0 +1,201 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What a motion is planned for: option or ``-p``, else the motion's file, else a default."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import math
+from typing import TYPE_CHECKING
+
+from kachaka_simple_control.control.plan_runner import min_rate
+from kachaka_simple_control.control.timing import MAX_RATE
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
+from kachaka_simple_control.motion.units import point_advice, require_number
+from kachaka_simple_control.ros.node_parameters import NodeParameters, parameter_arguments
+from kachaka_simple_control.text import escaped, quoted
+
+if TYPE_CHECKING:
+    from kachaka_simple_control.commands.cli import Options
+    from kachaka_simple_control.files.motion_file import MotionFile
+    from kachaka_simple_control.motion.limits import Limits
+
+#: What an option, ``-p`` and a motion's file can all say.
+NAMES = ('robot', 'rate', 'closed_loop')
+
+
+@dataclass(frozen=True)
+class Settings:
+    """
+    What a motion is planned for.
+
+    :param robot: name or file of the robot's profile
+    :param rate: how often a velocity is sent [Hz]
+    :param profile: the profile
+    :param closed_loop: whether odometry corrects the velocities
+    """
+
+    robot: str
+    rate: float
+    profile: RobotProfile
+    closed_loop: bool = False
+
+    def limits_of(self, motion_file: MotionFile) -> Limits:
+        """
+        Return the limits of a motion; a closed loop plans it with a part of them.
+
+        :raises MotionFileError: if the robot cannot drive it, with a line for each problem
+        """
+        return motion_file.check(
+            self.profile.planning_limits, self.profile.name, self.closed_loop)
+
+
+def choose_settings(options: Options, motion_file: MotionFile | None) -> Settings:
+    """
+    Choose each value: option or ``-p``, else the motion's file, else the parameter's default.
+
+    :param options: of the command
+    :param motion_file: the motion; None for the lesson
+    :raises UsageError: if an option and ``-p`` differ, or a value is invalid, or the robot cannot
+        be driven in a closed loop
+    :raises MotionFileError: if the rate of the file cannot be used
+    """
+    given = _given(options)
+    values = {'robot': NodeParameters.robot, 'rate': NodeParameters.rate,
+              'closed_loop': NodeParameters.closed_loop, **_in_file(motion_file), **given}
+    robot, rate = str(values['robot']), require_number('rate', values['rate'], 'Hz')
+    profile = find_robot(robot)
+    try:
+        check_rate(rate, profile)
+    except UsageError as error:
+        if motion_file is None or motion_file.rate is None or 'rate' in given:
+            raise
+        raise motion_file.error_at('rate', str(error)) from None
+    closed_loop = bool(values['closed_loop'])
+    if closed_loop:
+        profile.feedback_delay()
+    return Settings(robot, rate, profile, closed_loop)
+
+
+def check_rate(rate: float, profile: RobotProfile) -> None:
+    """
+    Check that a robot can be driven at a rate.
+
+    :param rate: how often a velocity is sent [Hz]
+    :raises UsageError: if it cannot
+    """
+    lowest = min_rate(profile.command_timeout)
+    if not lowest <= rate <= MAX_RATE:
+        raise UsageError(
+            f'rate is {rate:g} Hz; for {profile.name} it must be from {lowest:g} to '
+            f'{MAX_RATE:g} Hz')
+
+
+def describe_overrides(
+        options: Options, motion_file: MotionFile | None,
+        used: Settings | NodeParameters) -> list[str]:
+    """
+    Return a line for each value of the motion's file that something else has overridden.
+
+    :param used: the values that are used
+    """
+    lines = []
+    for name, said in _in_file(motion_file).items():
+        value = getattr(used, name)
+        if value == said:
+            continue
+        source = f'parameter {name}'
+        if getattr(options, name) is not None:
+            source = _option(name, value).partition(' ')[0]
+        unit = ' Hz' if name == 'rate' else ''
+        lines.append(
+            f'{name} is {_text(value)}{unit} by {source}, not {_text(said)}{unit} as in '
+            f'{escaped(motion_file.source if motion_file else "")}')
+    return lines
+
+
+def _in_file(motion_file: MotionFile | None) -> dict[str, object]:
+    """Return the values of NAMES that the motion's file sets."""
+    values = {name: getattr(motion_file, name, None) for name in NAMES}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _given(options: Options) -> dict[str, object]:
+    """Return the values of NAMES that the command line sets."""
+    values: dict[str, object] = {}
+    parameters = parameter_arguments(options.ros_arguments)
+    for name in NAMES:
+        option, parameter = getattr(options, name), None
+        if name in parameters:
+            text = parameters[name].strip().strip('\'"')
+            parameter = _READERS[name](name, text)
+        if option is not None and parameter is not None and option != parameter:
+            raise UsageError(
+                f'{_option(name, option)} and -p {name}:={_text(parameter)} differ: give one')
+        value = option if option is not None else parameter
+        if value is not None:
+            values[name] = value
+    return values
+
+
+def chosen_speed(options: Options) -> float | None:
+    """
+    Return the speed factor of the option ``--speed``; None if it is not given.
+
+    :raises UsageError: if the parameter ``speed_factor`` says something else
+    """
+    text = parameter_arguments(options.ros_arguments).get('speed_factor')
+    if options.speed is not None and text is not None and _number('speed_factor', text) != (
+            options.speed):
+        raise UsageError(
+            f'--speed {100.0 * options.speed:g}% and -p speed_factor:={escaped(text)} differ: '
+            'give one')
+    return options.speed
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        advice = point_advice(text) or 'it must be a number'
+        raise UsageError(f'parameter {name} is {quoted(text, 60)}; {advice}') from None
+
+
+def _boolean(name: str, text: str) -> bool:
+    # As ROS reads it.
+    for value, words in ((True, ('true', 'yes', 'on', 'y')), (False, ('false', 'no', 'off', 'n'))):
+        if text.lower() in words:
+            return value
+    raise UsageError(f'parameter {name} is {quoted(text, 60)}; it must be true or false')
+
+
+#: How the value of a parameter is read from its text.
+_READERS: dict[str, Callable[[str, str], object]] = {
+    'robot': lambda _, text: text, 'rate': _number, 'closed_loop': _boolean}
+
+
+def _option(name: str, value: object) -> str:
+    """Return an option as it is written."""
+    word = name.replace('_', '-')
+    if isinstance(value, bool):
+        return f'--{word}' if value else f'--no-{word}'
+    return f'--{word} {_text(value)}'
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'{value:g}' if isinstance(value, float) and math.isfinite(value) else escaped(value)

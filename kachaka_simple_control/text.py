@@ -1,0 +1,85 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Text for people: what comes from outside made safe to print, counts with their nouns, widths."""
+
+from __future__ import annotations
+
+import unicodedata
+
+#: The longest line that is printed of an error [characters]; a path may be long.
+MAX_LINE_LENGTH = 1000
+
+
+def escaped(text: object, max_length: int = 200) -> str:
+    r"""
+    Return a text in one line that does nothing to a terminal.
+
+    Line breaks, escape sequences and other characters that cannot be printed are written as
+    Python writes them: ``\n``, ``\x1b``.
+
+    :param text: the text, of any length
+    :param max_length: of the result [characters]; a longer text ends with three dots
+    """
+    line = ''.join(
+        sign if sign.isprintable() else sign.encode('unicode_escape').decode('ascii')
+        for sign in str(text)[:max_length + 1])
+    return line if len(line) <= max_length else line[:max_length - 3] + '...'
+
+
+def escaped_lines(error: BaseException) -> str:
+    """Return the text of an error, each line escaped; an invalid file has one for each problem."""
+    return '\n'.join(escaped(line, MAX_LINE_LENGTH) for line in str(error).split('\n'))
+
+
+def quoted(text: str, max_length: int = 40) -> str:
+    """
+    Return a text in quotes, as Python writes it.
+
+    :param max_length: how many of its characters are shown; a longer text ends with three dots
+    """
+    return repr(text if len(text) <= max_length else text[:max_length - 3] + '...')
+
+
+def format_fixed(value: float, digits: int) -> str:
+    """Return a number with some digits behind the point; what rounds to zero has no sign."""
+    return f'{round(value, digits) + 0.0:.{digits}f}'
+
+
+def pluralize(count: int, singular: str, plural: str | None = None) -> str:
+    """Return a count with its noun; the plural is that of the singular with an s by default."""
+    return f'{count} {singular if count == 1 else plural or singular + "s"}'
+
+
+def one_line(text: str, width: int) -> str:
+    """Return a text of any length and characters as one line, cut to a width with an ellipsis."""
+    line = ' '.join(text.split())
+    return cut(''.join(char if char.isprintable() else '?' for char in line), width)
+
+
+def cut(text: str, width: int) -> str:
+    """Return a text cut to a width [columns of a terminal], with an ellipsis if it is longer."""
+    if width_of(text) <= width:
+        return text
+    end = len(text)
+    while end and width_of(text[:end]) > width - 3:
+        end -= 1
+    return text[:end] + '...'
+
+
+def width_of(text: str) -> int:
+    """Return how many columns of a terminal a text takes."""
+    # Chinese and Japanese letters are twice as wide as others; combining marks take no room.
+    return sum(
+        0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in 'WF')
+        for char in text)

@@ -1,0 +1,186 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The displacements of the steps of a drive, and the table of them."""
+
+from dataclasses import replace
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.analysis.drive_log import DriveLog
+from kachaka_simple_control.analysis.step_results import driven, segment_odometry, sent
+from kachaka_simple_control.motion.geometry import (
+    Displacement,
+    integrate,
+    ORIGIN,
+    Pose,
+    Velocity,
+    ZERO,
+)
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Turn, Wait
+from kachaka_simple_control.report.text_tables import drive_table
+from kachaka_simple_control.telemetry.events import (
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    VelocitySent,
+)
+import pytest
+
+STEPS = [Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 2.0),
+         Move(-0.1, 0.5, 2.0), Move(0.0, 0.0, 1.0)]
+LIMITS = Limits(1.0, 2.0)
+
+
+def planned(*steps, limits=LIMITS, rate=10.0):
+    """Return the event before steps are driven in one run."""
+    return MotionPlanned(Motion('test', steps), limits, rate)
+
+
+def record_of(steps, delay=0.004, period=0.02, start=100.0):
+    """Return the record of a robot that follows its velocities after a delay [s]."""
+    record, now, pose, told = DriveLog(), start, ORIGIN, []
+    for step in steps:
+        told.append((now, step.velocity))
+        record.on_event(planned(step))
+        record.on_event(MotionStarted(now))
+        for tick in range(round(step.duration * 10)):
+            record.on_event(VelocitySent(now + tick / 10, step.velocity))
+        now += step.duration
+        record.on_event(VelocitySent(now, ZERO))
+        record.on_event(MotionEnded(now))
+    told.append((now, ZERO))
+    for sample in range(round((now - start + 0.5) / period)):
+        time = start - 0.1 + sample * period
+        pose = ORIGIN
+        for (begin, velocity), (end, _) in zip(told, [*told[1:], (math.inf, ZERO)]):
+            pose = integrate(pose, velocity, min(max(time - delay - begin, 0.0), end - begin))
+        wrapped = Pose(pose.x, pose.y, math.remainder(pose.theta, math.tau))
+        record.on_event(OdometryReceived(time, wrapped))
+    return record
+
+
+def test_each_movement_gets_what_it_moved():
+    """Whatever odometry is late by, and wherever its samples fall."""
+    record = record_of(STEPS)
+    cuts = segment_odometry(record.steps, record.odometry)
+    for movement, begin, end in zip(record.steps, cuts, cuts[1:]):
+        seen, wanted = driven(record.odometry, begin, end), movement.step.displacement
+        assert seen is not None
+        # Where two movements meet without a rest, the cut is blurred by odometry's delay.
+        assert seen.distance == pytest.approx(wanted.distance, abs=0.001)
+        assert seen.angle == pytest.approx(wanted.angle, abs=0.003)
+
+
+def test_odometry_that_comes_during_the_first_rest_is_early_enough():
+    """Its discovery may take longer than that of the subscription to our velocities."""
+    record = record_of(STEPS)
+    del record.odometry[:30]
+    cuts = segment_odometry(record.steps, record.odometry)
+    assert cuts[0] == record.odometry[0].time
+    assert driven(record.odometry, cuts[0], cuts[1]) == Displacement(0.0, 0.0)
+
+
+def test_the_steps_of_one_run_share_its_messages():
+    """What is sent for each is what it asks for, up to rounding of times."""
+    steps = [Forward(0.2), Wait(0.5), Arc(-0.3, 1.0), Turn(-2.0), Move(0.1, 0.2, 0.33)]
+    event = planned(*steps, limits=Limits(0.3, 1.5, 0.5, 2.0, 2.0, 8.0), rate=20.0)
+    whole = plan(event.motion, event.limits, event.rate)
+    record, began = DriveLog(), 1000.0
+    record.on_event(event)
+    for zero in range(10):
+        record.on_event(VelocitySent(began - 0.5 + zero / 25, ZERO))
+    record.on_event(MotionStarted(began))
+    for segment in whole.segments:
+        record.on_event(VelocitySent(began + segment.start, segment.velocity))
+    for zero in range(5):
+        record.on_event(VelocitySent(began + whole.duration + zero / 20, ZERO))
+    record.on_event(MotionEnded(began + whole.duration + 0.1))
+    assert [movement.step for movement in record.steps] == steps
+    assert len(record.motions[0].own_messages) == len(whole.segments) + 1
+    for movement in record.steps:
+        told, wanted = sent(movement.sent), movement.step.displacement
+        assert told.distance == pytest.approx(wanted.distance, abs=1e-9)
+        assert told.angle == pytest.approx(wanted.angle, abs=1e-9)
+
+
+def test_the_cuts_are_in_order():
+    record = record_of([Move(0.0, 0.0, 0.1), Move(0.1, 0.0, 0.1), Move(0.0, 0.0, 0.1)])
+    cuts = segment_odometry(record.steps, record.odometry)
+    assert cuts == sorted(cuts)
+    assert len(cuts) == 4
+
+
+@given(st.lists(st.tuples(st.floats(0.001, 1.0), st.floats(-0.3, 0.3)), min_size=1, max_size=20))
+def test_what_was_sent_is_each_velocity_until_the_next(pairs):
+    now, messages = 0.0, []
+    for interval, speed in pairs:
+        messages.append(VelocitySent(now, Velocity(speed, -speed)))
+        now += interval
+    messages.append(VelocitySent(now, ZERO))
+    wanted = sum(interval * speed for interval, speed in pairs)
+    assert sent(messages) == Displacement(pytest.approx(wanted), pytest.approx(-wanted))
+
+
+def test_odometry_that_does_not_cover_a_movement_gives_no_displacement():
+    assert driven([], 0.0, 1.0) is None
+    assert driven([OdometryReceived(0.5, ORIGIN), OdometryReceived(2.0, ORIGIN)], 0.0, 1.0) is None
+
+
+def test_turning_past_half_a_circle_is_no_jump():
+    odometry = [OdometryReceived(0.1 * k, Pose(0.0, 0.0, math.remainder(0.5 * k, math.tau)))
+                for k in range(21)]
+    seen = driven(odometry, 0.0, 2.0)
+    assert seen.angle == pytest.approx(10.0)
+
+
+def test_the_table_shows_each_movement_and_where_it_ended():
+    lines = drive_table(record_of(STEPS), 0.034).splitlines()
+    assert lines[0].split() == ['movement', 'requested', 'sent', 'odometry']
+    assert lines[3].startswith('0.1 m/s, 0 rad/s for 1 s')
+    assert lines[3].count('0.1000 m') == 3
+    assert len(lines) == 2 + len(STEPS) + 2
+    assert lines[-2] == 'Stop: confirmed by odometry after 0.03 s'
+    assert lines[-1].startswith('Final pose by odometry: x ')
+
+
+@pytest.mark.parametrize('widest, columns', [
+    (None, 'movement requested sent odometry'), (80, 'movement sent odometry'),
+    (60, 'movement odometry'), (40, 'movement odometry')])
+def test_a_narrow_terminal_gets_fewer_columns(widest, columns):
+    lines = drive_table(record_of(STEPS), 0.034, widest).splitlines()
+    assert max(map(len, lines)) <= (widest or 99)
+    assert lines[0].split() == columns.split()
+    assert lines[2 + len(STEPS)].startswith('Stop: confirmed by odometry')
+
+
+def test_what_rounds_to_zero_has_no_minus_in_the_table():
+    log = record_of([Move(-1e-7, -1e-7, 1.0)])
+    log.odometry[:] = [replace(seen, pose=Pose(-1e-6, -1e-6, -1e-6)) for seen in log.odometry]
+    table = drive_table(log, 0.034)
+    _, _, *rows, _, end = table.splitlines()
+    assert end == 'Final pose by odometry: x 0.0000 m, y 0.0000 m, heading 0.00 degrees'
+    assert [row.count(' 0.0000 m') for row in rows] == [3], 'all three columns round to zero'
+    assert '-0.0000' not in table
+
+
+def test_without_odometry_the_table_says_so():
+    record = record_of(STEPS)
+    record.odometry.clear()
+    for told in (drive_table(record, None), drive_table(DriveLog(), None)):
+        assert told.splitlines()[-2:] == [
+            'Stop: sent, not confirmed by odometry', 'Final pose: unknown, no odometry arrived']

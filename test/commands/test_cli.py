@@ -1,0 +1,207 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Arguments and exit codes, without ROS."""
+
+from importlib import metadata
+import os
+from pathlib import Path
+import re
+import subprocess
+
+from golden import answers, compare
+import kachaka_simple_control
+from kachaka_simple_control.commands import drive_or_preview
+from kachaka_simple_control.commands.cli import Options, parse, split_ros_arguments
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.version import ros_distro
+from program import COMMAND, environment
+import pytest
+
+
+def test_without_arguments_it_is_the_lesson_on_a_real_robot():
+    assert parse([]) == Options()
+    assert not parse([]).is_preview
+
+
+def test_several_motions_can_be_shown_and_one_driven():
+    assert parse(['square', 'circle', '--plan']).motions == ('square', 'circle')
+    assert parse(['square', '--sim', '--rate', '50']) == Options(('square',), sim=True, rate=50.0)
+
+
+@pytest.mark.parametrize('arguments', [
+    ['--list'], ['--plan'], ['--plot', 'square.png'], ['--plan', '--rate', '20']])
+def test_previews_move_nothing(arguments):
+    assert parse(arguments).is_preview
+
+
+#: Command lines that are refused.
+REFUSED = (
+    '--fast', '--rate fast', 'square circle', '--plot', '--report', '--report runs --plan',
+    '--report runs --list', '--report runs --plot square.png', '--plan --sim', '--list --wait',
+    '--plot a.png --address robot', '--plan --quiet',
+    # Errors without a simulated robot, or impossible ones.
+    '--lag 0.1', '--address robot --docked', '--sim --lag -1',
+    '--repeat 0', '--repeat x', '--repeat 2 --wait', '--repeat 2 --plan',
+    # A time after --wait is no motion.
+    '--wait 30', '--wait 30s', '--wait 2.5', '--wait inf', '--wait forever',
+    # The nearest option is offered.
+    '--simm', '--raet=3', '--reprot', '--xyzzy',
+    '--speed=0', '--speed=0%', '--speed=150%', '--speed=150', '--speed=1.5', '--speed=0.5%',
+    '--speed=half', '--speed=nan', '--speed=-50%', '--speed=%', '--speed=',
+    # Full speed for one person is a hundredth of it for another.
+    '--speed 1', '--speed 1.0', '--speed 0.5', '--speed 0.01', '--speed 0,5',
+    '--speed 12,5', '--speed 12,5%',
+)
+
+
+def test_bad_usage_is_one_sentence_and_exit_code_2(capsys):
+    def refusal(words: str) -> str:
+        with pytest.raises(SystemExit) as caught:
+            parse(words.split())
+        assert caught.value.code == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        return line
+
+    compare('command_line', answers(REFUSED, refusal))
+
+
+def test_the_errors_of_the_simulated_robot_are_passed_on():
+    options = parse(['--sim', '--linear-gain', '0.95', '--docked', '--seed', '3'])
+    assert options.simulation == ('--docked', '--seed=3', '--linear-gain=0.95')
+    assert parse(['--sim']).simulation == ()
+
+
+def test_a_motion_is_repeated_so_many_times():
+    assert parse(['square']).repeat == 1
+    assert parse(['square', '--repeat', '12']).repeat == 12
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse(['--version'])
+    assert caught.value.code == 0
+    said = f'kachaka_simple_control {kachaka_simple_control.__version__}\n'
+    assert capsys.readouterr().out == said
+    assert re.fullmatch(r'\d+\.\d+\.\d+', kachaka_simple_control.__version__)
+
+
+def test_the_distribution_of_ros_is_known_without_its_variable(monkeypatch):
+    monkeypatch.setenv('ROS_DISTRO', 'rolling')
+    assert ros_distro() == 'rolling'
+    monkeypatch.delenv('ROS_DISTRO')
+    monkeypatch.setattr(metadata, 'version', {'ros-kilted-rclpy': '9.1.2'}.__getitem__)
+    monkeypatch.setattr(metadata, 'PackageNotFoundError', KeyError)
+    assert ros_distro() == 'kilted'
+
+
+def test_the_examples_of_the_help_are_commands(capsys):
+    with pytest.raises(SystemExit):
+        parse(['--help'])
+    examples = re.findall(r'^  kachaka_simple_control (.*?)(?:   .*)?$', capsys.readouterr().out,
+                          re.MULTILINE)
+    assert len(examples) == 4
+    for example in examples:
+        parse(example.split())
+
+
+def test_help_names_the_exit_codes(capsys):
+    with pytest.raises(SystemExit) as caught:
+        parse(['--help'])
+    assert caught.value.code == 0
+    assert '3 no robot listens' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('arguments, own, ros', [
+    (['--sim', '--ros-args', '-r', 'a:=b'], ['--sim'], ['--ros-args', '-r', 'a:=b']),
+    (['--ros-args', '-p', 'x:=1', '--', '--sim'], ['--sim'], ['--ros-args', '-p', 'x:=1', '--']),
+    (['--ros-args', '--', '--sim', '--ros-args', '-p', 'x:=1'], ['--sim'],
+     ['--ros-args', '--', '--ros-args', '-p', 'x:=1']),
+])
+def test_the_arguments_of_ros_are_left_to_ros(arguments, own, ros):
+    assert split_ros_arguments(arguments) == (own, ros)
+
+
+@pytest.mark.parametrize('option', ['--list', '--plan'])
+def test_a_reader_that_closes_the_pipe_is_no_error(option):
+    """As in ``--list | head -1``."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer) as full:
+        ended = subprocess.run(
+            [*COMMAND, option], check=False, stdout=full, stderr=subprocess.PIPE, text=True,
+            timeout=60)
+    assert (ended.returncode, ended.stderr) == (0, '')
+
+
+def test_what_cannot_be_printed_is_one_line():
+    with Path('/dev/full').open('w') as full:
+        ended = subprocess.run(
+            [*COMMAND, '--list'], check=False, stdout=full, stderr=subprocess.PIPE, text=True,
+            timeout=60)
+    assert ended.returncode == 2
+    assert ended.stderr == ('kachaka_simple_control: it cannot be printed: No space left on '
+                            'device\n')
+
+
+@pytest.mark.needs('yaml', 'jsonschema')
+@pytest.mark.parametrize('text', [
+    'steps: [wait: 1 s', 'steps: [{wait: 2 m}]\nrate: x\n',
+    'steps: [turn: {angle: 90 deg, speed: 9 rad/s}]', 'steps: [wait: 1 s]\nrobot: ./bad.yaml'])
+def test_the_errors_of_a_file_begin_with_file_and_line(text, tmp_path):
+    """At the start of a line, where editors make a link of it."""
+    (tmp_path / 'bad.yaml').write_text('name: bad\nlimit: 1\n')
+    (tmp_path / 'mine.yaml').write_text(text)
+    ended = subprocess.run(
+        [*COMMAND, './mine.yaml', '--plan'], cwd=tmp_path, env=environment(), capture_output=True,
+        text=True, check=False)
+    assert ended.returncode == 2
+    lines = ended.stderr.splitlines()
+    assert lines
+    assert all(re.match(r'(\./)?(mine|bad)\.yaml:\d+: ', line) for line in lines), lines
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Return a function that runs the command; it tells the exit code, questions and drives."""
+    def run(*arguments, is_refused=False):
+        floors, driven = [], []
+
+        def confirm(floor_size):
+            floors.append(floor_size)
+            if is_refused:
+                raise UsageError('not confirmed: nothing was driven')
+
+        monkeypatch.setattr(drive_or_preview, 'confirm', confirm)
+        monkeypatch.setattr(drive_or_preview, 'drive', driven.append)
+        return drive_or_preview.main(arguments), floors, len(driven)
+
+    return run
+
+
+@pytest.mark.needs('yaml', 'jsonschema')
+@pytest.mark.parametrize(('words', 'questions', 'drives'), [
+    (['--address', 'robot'], 1, 1),
+    (['--address', 'robot', '--yes'], 0, 1),
+    (['--address', 'robot', '--wait'], 1, 1),
+    (['--address', 'robot', '--repeat', '2'], 2, 2),
+    (['--address', 'robot', '--repeat', '2', '--yes'], 0, 2),
+    (['--sim'], 0, 1),
+    ([], 0, 1)])
+def test_before_a_real_robot_of_its_own_it_asks_with_the_floor(asked, words, questions, drives):
+    assert asked('square', *words) == (0, questions * ['1.04 m x 1.04 m'], drives)
+
+
+@pytest.mark.needs('yaml', 'jsonschema')
+def test_what_is_refused_is_not_driven(asked):
+    assert asked('--address', 'robot', '--repeat', '2', is_refused=True)[::2] == (2, 0)

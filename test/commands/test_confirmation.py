@@ -1,0 +1,65 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The question before a robot drives, at a terminal."""
+
+import sys
+
+import pytest
+from terminals import at_terminal
+
+pytestmark = pytest.mark.real_time
+
+ASK = """
+import sys, time
+from kachaka_simple_control.commands.confirmation import confirm
+from kachaka_simple_control.run_command import run_command
+print('begun', flush=True)
+time.sleep(float(sys.argv[1]))
+sys.exit(run_command(lambda: confirm('1.00 m x 2.00 m', 'Mark it.  ') or print('drives')))
+"""
+
+
+def asked(pause=0.0):
+    """Return a terminal at which somebody is asked after a pause [s]."""
+    return at_terminal([sys.executable, '-c', ASK, str(pause)], 100, 20)
+
+
+@pytest.mark.parametrize('typed', [b'\r', b'y\r', b'Yes\r', b' yes \r'])
+def test_consent_drives(typed):
+    with asked() as shown:
+        shown.wait_for_text('The robot needs 1.00 m x 2.00 m of free floor.  Mark it.  Enter')
+        shown.press(typed)
+        assert shown.end() == 0
+        assert 'drives' in shown.screen.above
+
+
+@pytest.mark.parametrize('typed, code', [
+    (b'n\r', 2), (b'no\r', 2), (b'q\r', 2), (b'x\r', 2), (b'\x04', 2), (b'\x03', 130)])
+def test_everything_else_refuses(typed, code):
+    with asked() as shown:
+        shown.wait_for_text('of free floor')
+        shown.press(typed)
+        assert shown.end() == code
+        assert 'drives' not in shown.screen.above
+
+
+def test_what_was_typed_before_the_question_is_no_answer():
+    with asked(pause=0.5) as shown:
+        shown.wait_for_text('begun')
+        shown.press(b'\r\ryes\r')
+        shown.wait_for_text('of free floor')
+        shown.read_for(0.5)
+        assert shown.process.poll() is None
+        shown.press(b'n\r')
+        assert shown.end() == 2
