@@ -31,6 +31,12 @@ if __name__ == '__main__':
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control.drive_requests import DriveRequest
+from kachaka_simple_control.control.events import (
+    MotionEnded,
+    MotionPlanned,
+    OdometryReceived,
+    SpeedFactorChanged,
+)
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import MAX_LATENESS
@@ -58,16 +64,8 @@ from kachaka_simple_control.ros.speed_control import SpeedControl
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.run_command import run_command
+from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.event_file import EventFile
-from kachaka_simple_control.telemetry.events import (
-    EventBus,
-    MotionEnded,
-    MotionPlanned,
-    MotionStarted,
-    OdometryReceived,
-    SpeedFactorChanged,
-    VelocitySent,
-)
 from kachaka_simple_control.text import escaped, pluralize
 import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -153,21 +151,20 @@ class KachakaSimpleControl(Node):
                 self, self.robot_names, self._on_odometry, self._introspection.set_frame)
             if parameters.closed_loop and not is_subscribed:
                 raise UsageError('a closed loop needs odometry, and nav_msgs is not installed')
+        self.event_bus = EventBus(self.get_logger().warning)
         self.session = Session(
-            self, self.publisher, self.profile, self.robot_names, self.node_parameters)
+            self, self.publisher, self.profile, self.robot_names, self.node_parameters,
+            self.event_bus.publish)
         if sim:
             self._simulation = OwnSimulation(
                 self.profile, self.node_parameters.robot_namespace)
             self.session.require_robot(self._simulation.require_participant)
-        self.event_bus = EventBus()
         self._event_file = EventFile() if self.node_parameters.summary else None
         if self._event_file is not None:
-            self.event_bus.subscribe(self._event_file.send)
+            self.event_bus.subscribe(self._event_file.send, self._event_file.fail)
         self._introspection.attach(self.event_bus, self.session.status_reader)
-        #: whether stop_robot() has logged its line since the newest movement began
-        self._is_stop_logged = False
-        self.session.gate.on_sent = self._on_sent
-        self.session.gate.on_began = self._on_began
+        #: the run whose stop stop_robot() has logged; itself before the first
+        self._logged_stop_of: object = self
         self.session.speed_factor.on_change = self._on_speed_factor
         self.speed_control = SpeedControl(
             self, self.session, self.node_parameters.speed_factor)
@@ -248,8 +245,9 @@ class KachakaSimpleControl(Node):
         was_stopped = self.session.is_stopped
         is_taken = self.session.stop(
             MotionStoppedError(f'the movement was ended by {caller}'))
-        if is_taken and not self._is_stop_logged:
-            self._is_stop_logged = True
+        run = self.session.gate.run
+        if is_taken and self._logged_stop_of is not run:
+            self._logged_stop_of = run
             self.get_logger().info('Robot has stopped')
         if not is_taken:
             return 'nothing was sent: this node has not taken a robot'
@@ -293,6 +291,7 @@ class KachakaSimpleControl(Node):
         """Return the log of all drives so far; it is empty without the parameter ``summary``."""
         log = DriveLog()
         if self._event_file is not None:
+            self.event_bus.flush()
             for event in self._event_file.events():
                 log.on_event(event)
         return log
@@ -337,15 +336,17 @@ class KachakaSimpleControl(Node):
                 # The gate would refuse such a velocity in mid-motion.
                 for velocity in {segment.velocity for segment in planned.segments}:
                     allowed.check(velocity)
-            self._introspection.on_plan(planned)
+            self.session.robot_drive.request(motion.name, planned)
             self.event_bus.publish(MotionPlanned(
                 motion, limits, self.node_parameters.rate, time.monotonic()))
             try:
                 self.session.drive(planned, request, corrected)
             except BaseException as error:
                 is_fault = not isinstance(error, (MotionRefusedError, KeyboardInterrupt))
+                self.session.robot_drive.finish(_reason(error))
                 self.event_bus.publish(MotionEnded(time.monotonic(), _reason(error), is_fault))
                 raise
+            self.session.robot_drive.finish()
             self.event_bus.publish(MotionEnded(time.monotonic()))
         return planned
 
@@ -356,18 +357,8 @@ class KachakaSimpleControl(Node):
         is_delayed = took > driven.duration + driven.period + MAX_LATENESS
         return f' planned, driven in {took:.3f}' if is_delayed else ''
 
-    def _on_sent(self, now: float, velocity: Velocity, plan_time: float | None) -> None:
-        if self.event_bus:
-            self.event_bus.publish(VelocitySent(
-                now, velocity, plan_time,
-                self.profile.expected(velocity) if self.profile.is_calibrated else None))
-
     def _on_speed_factor(self, now: float, factors: Mapping[str, float]) -> None:
         self.event_bus.publish(SpeedFactorChanged(now, dict(factors)))
-
-    def _on_began(self, now: float) -> None:
-        self._is_stop_logged = False
-        self.event_bus.publish(MotionStarted(now))
 
     async def _on_stop(
             self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -393,8 +384,7 @@ class KachakaSimpleControl(Node):
 
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity, is_new: bool) -> None:
         self.session.on_odometry(now, pose, velocity, is_new)
-        if self.event_bus:
-            self.event_bus.publish(OdometryReceived(now, pose, velocity))
+        self.event_bus.publish(OdometryReceived(now, pose, velocity))
 
     def _stop_on_every_exit(self) -> None:
         # rclpy's own handlers would shut the context down before anything could be published.
@@ -413,6 +403,7 @@ class KachakaSimpleControl(Node):
     def _close(self) -> None:
         """Stop the robot and release it; end the simulated one."""
         self.session.close()
+        self.event_bus.close()
         if self._event_file is not None:
             self._event_file.close()
         if self._simulation is not None:

@@ -13,9 +13,9 @@
 # limitations under the License.
 """Logs of drives with every outcome, in simulated time."""
 
+from kachaka_simple_control.control.events import MotionEnded, MotionPlanned
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.steps import Motion, Repeat
-from kachaka_simple_control.telemetry.events import MotionEnded, MotionPlanned
 from plans import LESSON, SQUARE
 from simulated_drive import SimulatedDrive
 

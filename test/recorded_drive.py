@@ -17,11 +17,12 @@ import math
 from pathlib import Path
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
+from kachaka_simple_control.control.events import MotionPlanned, SessionStarted
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.mcap_recorder import McapRecorder
-from kachaka_simple_control.telemetry.events import MotionPlanned, SessionStarted, VelocitySent
+from messages import of_plan
 from recordings import sent_velocities, stamp_of
 
 LIMITS = Limits(0.3, 1.5)
@@ -51,7 +52,7 @@ class RecordedDrive:
 
     def send(self, first, count, velocity=0.1):
         """Publish velocities, one every 0.1 s."""
-        self.publish(*(VelocitySent(first + number / 10.0, Velocity(velocity, 0.0))
+        self.publish(*(of_plan(first + number / 10.0, Velocity(velocity, 0.0))
                        for number in range(count)))
 
     def expected(self, until=math.inf):

@@ -18,7 +18,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from kachaka_simple_control.telemetry.events import SessionStarted, VelocitySent
+from kachaka_simple_control.control.events import SessionStarted, VelocitySent
 import pytest
 
 

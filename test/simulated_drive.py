@@ -20,14 +20,7 @@ import math
 import random
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
-from kachaka_simple_control.control.tick_scheduler import TickScheduler
-from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
-from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
-from kachaka_simple_control.motion.geometry import Velocity, ZERO
-from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.motion.steps import Motion
-from kachaka_simple_control.telemetry.events import (
+from kachaka_simple_control.control.events import (
     Event,
     MotionEnded,
     MotionPlanned,
@@ -36,8 +29,16 @@ from kachaka_simple_control.telemetry.events import (
     SessionEnded,
     SessionStarted,
     SpeedFactorChanged,
+    VelocityKind,
     VelocitySent,
 )
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
+from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
+from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Motion
 
 #: A robot with constant errors.
 IMPERFECT = SimulationParameters(lag=0.05, linear_gain=0.985, angular_gain=1.012)
@@ -98,11 +99,10 @@ class SimulatedDrive:
         planned = plan(motion, self.limits, self._rate)
         self.publish(MotionPlanned(motion, self.limits, self._rate))
         for _ in range(0 if self._count else 10):
-            self._send(self.now + 0.05, ZERO)
+            self._send(self.now + 0.05, ZERO, VelocityKind.PRIME)
         start = self.now + 0.0005
         began = False
-        scheduler, due, factor, plan_time = TickScheduler(planned), 0.0, 1.0, None
-        is_delayed = False
+        scheduler, due, factor = TickScheduler(planned), 0.0, 1.0
         changes = list(factors)
         while due < until:
             while changes and changes[0][0] <= due:
@@ -119,9 +119,8 @@ class SimulatedDrive:
                     self._pass(start)
                     self.publish(MotionStarted(start))
                     began = True
-                is_delayed = is_delayed or tick.plan_time != tick.start
-                plan_time = tick.plan_time if is_delayed else None
-                self._send(start + due + late, tick.velocity, plan_time)
+                self._send(start + due + late, tick.velocity, VelocityKind.PLAN, tick.start,
+                           tick.plan_time)
             due = tick.deadline
         is_cut = due >= until
         if is_cut and reason is None:
@@ -129,8 +128,8 @@ class SimulatedDrive:
         if is_cut:
             self.stop(start + until)
         else:
-            self._send(start + due + self._late(self._count), ZERO,
-                       None if plan_time is None else planned.duration)
+            self._send(start + due + self._late(self._count), ZERO, VelocityKind.PLAN, due,
+                       planned.duration)
             self._is_stopped = False
         self.publish(MotionEnded(self.now, reason, is_fault))
 
@@ -138,7 +137,7 @@ class SimulatedDrive:
         """Send all zeros of a stop."""
         self._is_stopped = True
         for after in STOP:
-            self._send(max(self.now, time + after + 0.0002), ZERO)
+            self._send(max(self.now, time + after + 0.0002), ZERO, VelocityKind.STOP)
 
     def close(self, stop_confirmed_after: float | None = 0.12, signal: int | None = None,
               error: str | None = None, rest: float = 0.4) -> DriveLog:
@@ -149,7 +148,8 @@ class SimulatedDrive:
         self.publish(SessionEnded(self.now, stop_confirmed_after, signal, error))
         return self.drive_log
 
-    def _send(self, time: float, velocity: Velocity, plan_time: float | None = None) -> None:
+    def _send(self, time: float, velocity: Velocity, kind: VelocityKind,
+              due: float | None = None, plan_time: float | None = None) -> None:
         self._pass(time)
         self._count += 1
         limits = KACHAKA.limits
@@ -157,7 +157,7 @@ class SimulatedDrive:
         self._robot.set_robot_velocity(
             velocity.linear_x / limits.max_linear_velocity,
             velocity.angular_z / limits.max_angular_velocity, self.now)
-        self.publish(VelocitySent(self.now, velocity, plan_time))
+        self.publish(VelocitySent(self.now, velocity, kind, due, plan_time))
 
     def _pass(self, time: float) -> None:
         while self._odometry <= time:

@@ -22,10 +22,10 @@ from typing import NamedTuple
 
 from kachaka_simple_control.analysis.drive_log import DriveLog, StepLog
 from kachaka_simple_control.analysis.odometry_alignment import DeadReckoning, is_plausible
+from kachaka_simple_control.control.events import OdometryReceived
 from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.motion.calibration import Calibration, MAX_GAIN, MIN_GAIN
 from kachaka_simple_control.motion.geometry import Displacement, Pose
-from kachaka_simple_control.telemetry.events import OdometryReceived
 
 #: The motion of the library that is driven.
 MOTION = 'calibration'

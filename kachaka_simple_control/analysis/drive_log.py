@@ -19,11 +19,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 import math
+from operator import attrgetter
 
 from kachaka_simple_control.analysis.plan_timeline import PlanTimeline, ROUNDING
-from kachaka_simple_control.motion.plan import Plan, plan, PlannedStep
-from kachaka_simple_control.motion.steps import Step
-from kachaka_simple_control.telemetry.events import (
+from kachaka_simple_control.control.events import (
     Event,
     MotionEnded,
     MotionPlanned,
@@ -34,6 +33,8 @@ from kachaka_simple_control.telemetry.events import (
     SpeedFactorChanged,
     VelocitySent,
 )
+from kachaka_simple_control.motion.plan import Plan, plan, PlannedStep
+from kachaka_simple_control.motion.steps import Step
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class StepLog:
     @property
     def is_delayed(self) -> bool:
         """Return whether any of it was not driven as planned, by a pause or at less speed."""
-        return any(message.plan_time is not None for message in self.sent)
+        return any(message.is_of_run and message.is_delayed for message in self.sent)
 
     @property
     def driven_duration(self) -> float:
@@ -76,7 +77,7 @@ class MotionLog:
     :param planned: what was to be driven
     :param sent: every message since it was planned, in order: zeros after connecting, its own,
         the zeros of the stop
-    :param began: when its first own message was sent [s on the steady clock]; nan before
+    :param began: its t = 0 [s on the steady clock]; nan before
     :param ended: when it ended [s on the steady clock]; None before
     :param reason: why it ended early; None if it was driven to its end
     :param is_fault: whether it ended early by a fault, and not on request
@@ -88,10 +89,19 @@ class MotionLog:
     ended: float | None = None
     reason: str | None = None
     is_fault: bool = True
+    #: the index of its first own message, and of its last; None before the first
+    _own: tuple[int, int] | None = None
+
+    def add(self, message: VelocitySent) -> None:
+        """Add a message that was sent."""
+        if message.is_of_run:
+            first = self._own[0] if self._own else len(self.sent)
+            self._own = first, len(self.sent)
+        self.sent.append(message)
 
     @property
     def has_begun(self) -> bool:
-        """Return whether its first own message was sent."""
+        """Return whether it began."""
         return not math.isnan(self.began)
 
     @property
@@ -107,66 +117,44 @@ class MotionLog:
     @property
     def timeline(self) -> PlanTimeline:
         """Return when it was where on its plan."""
-        return PlanTimeline(self.began, self.sent)
+        return PlanTimeline(self.began, self.own_messages)
 
     @property
     def own_messages(self) -> Sequence[VelocitySent]:
-        """Return its own messages, from t = 0 to the zero that ended it."""
-        if not self.has_begun:
+        """Return its own messages, from its first to the zero that ended it."""
+        if self._own is None:
             return ()
-        timeline = self.timeline
-        return self.sent[timeline.first(0.0):self._last(timeline) + 1]
+        first, last = self._own
+        # The first zero of the stop ends a motion that was cut short.
+        return self.sent[first:last + (1 if self.is_complete else 2)]
 
     @property
     def steps(self) -> list[StepLog]:
         """Return its steps that were begun, in order."""
-        if not self.has_begun or not self.sent:
+        own = self.own_messages
+        if not own:
             return []
-        timeline = self.timeline
-        last = self._last(timeline)
-        reached = self._reached(timeline, last)
+        timeline = PlanTimeline(self.began, own)
+        reached = timeline.reached
         steps = [step for step in self.plan.steps
                  if self.is_complete or self._begins_by(step, reached, timeline.is_delayed)]
         starts = [timeline.first(step.start) for step in steps]
         return [
-            StepLog(step, timeline.time(step.start), tuple(self.sent[first:following + 1]),
+            StepLog(step, timeline.time(step.start), tuple(own[first:following + 1]),
                     self.is_complete or step.end <= reached + ROUNDING)
-            for step, first, following in zip(steps, starts, [*starts[1:], last])]
+            for step, first, following in zip(steps, starts, [*starts[1:], len(own) - 1])]
 
     @property
     def reached(self) -> float:
         """Return how far on its plan it came, to a period if it was delayed [s of the plan]."""
-        if not self.has_begun or not self.sent:
-            return 0.0
-        timeline = self.timeline
-        return self._reached(timeline, self._last(timeline))
-
-    @staticmethod
-    def _reached(timeline: PlanTimeline, last: int) -> float:
-        # If the plan was delayed, the plan time of the stop's first zero is unknown.
-        if timeline.is_delayed:
-            last = max(timeline.last_delayed, last - 1)
-        return timeline.message_plan_time(last)
+        own = self.own_messages
+        return PlanTimeline(self.began, own).reached if own else 0.0
 
     @staticmethod
     def _begins_by(step: PlannedStep, reached: float, is_delayed: bool) -> bool:
         # A rest begins with a zero, which may be the first of the stop.
         rests = step.max_linear_velocity == step.max_angular_velocity == 0.0
         return step.start < reached + (ROUNDING if rests or is_delayed else -ROUNDING)
-
-    def _is_zero_after_start(self, sent: VelocitySent) -> bool:
-        return sent.velocity.is_zero and sent.time > self.began
-
-    def _last(self, timeline: PlanTimeline) -> int:
-        """Return the index of the message that ended it."""
-        end = len(self.sent) - 1
-        if self.is_complete:
-            return min(end, max(timeline.last_delayed, timeline.first(self.plan.duration)))
-        # All zeros at the end but the first belong to the stop, unless they are the plan's.
-        least = timeline.last_delayed + 1
-        while end > least and self._is_zero_after_start(self.sent[end - 1]):
-            end -= 1
-        return end
 
 
 @dataclass
@@ -179,6 +167,7 @@ class DriveLog:
     :param odometry: every pose that arrived, in order
     :param speed_changes: changes of the speed factor, in order; it is 1 before the first
     :param session_ended: its end; None while it goes on, or if the program was killed
+    :param other_messages: messages of no motion: before the first, or of a run without a plan
     """
 
     session_started: SessionStarted | None = None
@@ -186,6 +175,9 @@ class DriveLog:
     odometry: list[OdometryReceived] = field(default_factory=list)
     speed_changes: list[SpeedFactorChanged] = field(default_factory=list)
     session_ended: SessionEnded | None = None
+    other_messages: list[VelocitySent] = field(default_factory=list)
+    #: the motion under way; None before the first, and in a run without a plan
+    _motion: MotionLog | None = None
 
     @property
     def steps(self) -> list[StepLog]:
@@ -195,7 +187,8 @@ class DriveLog:
     @property
     def sent(self) -> list[VelocitySent]:
         """Return every message, in order."""
-        return [message for motion in self.motions for message in motion.sent]
+        of_motions = [message for motion in self.motions for message in motion.sent]
+        return sorted([*self.other_messages, *of_motions], key=attrgetter('time'))
 
     @property
     def command_timeout(self) -> float:
@@ -204,26 +197,39 @@ class DriveLog:
         return math.inf if started is None else started.command_timeout
 
     def on_event(self, event: Event) -> None:
-        """Log an event; no velocity comes before the first plan."""
+        """Log an event."""
         match event:
             case VelocitySent():
-                # The report compares displacements: what the robot should do, not the calibrated
-                # command.
-                self.motions[-1].sent.append(
-                    event if event.expected is None else replace(event, velocity=event.expected))
+                self._on_velocity(event)
             case OdometryReceived():
                 self.odometry.append(event)
             case SpeedFactorChanged():
                 self.speed_changes.append(event)
             case MotionPlanned():
-                self.motions.append(MotionLog(event))
+                self._motion = MotionLog(event)
+                self.motions.append(self._motion)
             case MotionStarted():
-                self.motions[-1].began = event.time
-            case MotionEnded():
-                motion = self.motions[-1]
-                motion.ended, motion.reason = event.time, event.reason
-                motion.is_fault = event.is_fault
+                self._on_start(event)
+            case MotionEnded() if self._motion is not None:
+                self._motion.ended, self._motion.reason = event.time, event.reason
+                self._motion.is_fault = event.is_fault
             case SessionStarted():
                 self.session_started = event
             case SessionEnded():
                 self.session_ended = event
+
+    def _on_velocity(self, event: VelocitySent) -> None:
+        if event.expected is not None:
+            # The report compares displacements: what the robot should do, not the calibrated
+            # command.
+            event = replace(event, velocity=event.expected)
+        if self._motion is None:
+            self.other_messages.append(event)
+        else:
+            self._motion.add(event)
+
+    def _on_start(self, event: MotionStarted) -> None:
+        if not event.has_plan:
+            self._motion = None
+        elif self._motion is not None:
+            self._motion.began = event.time

@@ -24,6 +24,7 @@ from kachaka_simple_control.analysis.drive_log import MotionLog
 from kachaka_simple_control.analysis.plan_timeline import ROUNDING
 from kachaka_simple_control.analysis.plan_view import ticks
 from kachaka_simple_control.analysis.quantiles import Quantiles, quantiles
+from kachaka_simple_control.control.events import VelocitySent
 from kachaka_simple_control.motion.plan import Plan
 
 #: A tick is late if its message is this part of a period away from its time, or more.
@@ -70,16 +71,17 @@ def timing(motions: Sequence[MotionLog]) -> Timing:
     begun = [motion for motion in motions if motion.has_begun]
     for motion in begun:
         period = motion.plan.period
-        messages = motion.own_messages[:-1]
-        as_planned = list(takewhile(lambda message: message.plan_time is None, messages))
+        messages = [message for message in motion.own_messages if message.is_of_run]
+        if motion.is_complete and messages:
+            messages.pop()  # the zero at its end is no tick
+        as_planned = list(takewhile(lambda message: not message.is_delayed, messages))
         if len(as_planned) < len(messages):
             unjudged += len(messages) - len(as_planned)
             until = as_planned[-1].time - motion.began + ROUNDING if as_planned else 0.0
         else:
             until = _timed_until(motion)
         times = due_times(motion.plan, until)
-        sent_at = _nearest_messages(
-            times, [message.time - motion.began for message in as_planned])
+        sent_at = _sent_at(times, as_planned, motion.began)
         errors = [None if time is None else time - at for at, time in zip(times, sent_at)]
         missed = sum(error is None or abs(error) > LOST * period for error in errors)
         due, lost = due + len(times), lost + missed
@@ -113,25 +115,22 @@ def _timed_until(motion: MotionLog) -> float:
     return min(motion.plan.duration, end - LOST * motion.plan.period)
 
 
-def _nearest_messages(due: Sequence[float], times: Sequence[float]) -> list[float | None]:
+def _sent_at(
+        due: Sequence[float], messages: Sequence[VelocitySent], began: float,
+) -> list[float | None]:
     """
     Return for each tick the time of its message.
 
-    A message belongs to the tick that is nearest to it; of several the one nearest to its tick.
-
     :param due: when each tick is due [s after t = 0], in order
-    :param times: when each message was sent [s after t = 0], in order
+    :param messages: the messages, in order
+    :param began: t = 0 [s on the steady clock]
     :returns: for each tick the time of its message [s after t = 0]; None if there is none
     """
     found: list[float | None] = [None] * len(due)
-    tick = 0
-    for time in times:
-        while tick + 1 < len(due) and due[tick + 1] - time <= time - due[tick]:
-            tick += 1
+    for message in messages:
+        tick = bisect_left(due, (message.due or 0.0) - ROUNDING)
         if tick < len(due):
-            before = found[tick]
-            if before is None or abs(time - due[tick]) < abs(before - due[tick]):
-                found[tick] = time
+            found[tick] = message.time - began
     return found
 
 

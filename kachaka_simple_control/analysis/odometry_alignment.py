@@ -23,6 +23,7 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from kachaka_simple_control.analysis.drive_log import DriveLog, MotionLog
+from kachaka_simple_control.control.events import OdometryReceived, VelocitySent
 from kachaka_simple_control.motion.geometry import (
     compose,
     distance_between,
@@ -32,7 +33,6 @@ from kachaka_simple_control.motion.geometry import (
     relative_to,
     Velocity,
 )
-from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySent
 
 
 class DeadReckoning:

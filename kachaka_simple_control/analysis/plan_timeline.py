@@ -16,11 +16,11 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import accumulate
 from operator import attrgetter
 
-from kachaka_simple_control.telemetry.events import VelocitySent
+from kachaka_simple_control.control.events import VelocitySent
 
 #: A message is not early if it is by less than this [s]: times are sums, and rounded.
 ROUNDING = 1e-6
@@ -33,39 +33,42 @@ class PlanTimeline:
     Between two messages time is interpolated.  A plan that was held at a time of its own is there
     at the first of the times on the clock.
 
-    :param began: when the first message of the motion was sent [s on the steady clock]
-    :param messages: every message since it was planned, in order
+    :param began: t = 0 of the motion [s on the steady clock]
+    :param messages: its messages, in order, to the zero that ended it; at least one
     """
 
     def __init__(self, began: float, messages: Sequence[VelocitySent]) -> None:
         self._began = began
         self._messages = messages
-        delayed = [index for index, message in enumerate(messages)
-                   if message.plan_time is not None]
         #: whether any of it was not driven as planned
-        self.is_delayed = bool(delayed)
-        #: the index of the last message that was not sent as planned; -1 if there is none
-        self.last_delayed = delayed[-1] if delayed else -1
+        self.is_delayed = any(
+            message.is_of_run and message.is_delayed for message in messages)
         # A motion as planned needs no lists, however long it is.
         self._times: list[float] = []
         self._plan_times: list[float] = []
-        if delayed:
+        if self.is_delayed:
             self._times = [message.time for message in messages]
             # Plan times come from a bisection and are rounded, so they may decrease slightly.
-            self._plan_times = list(accumulate(self._message_plan_times(), max))
+            self._plan_times = list(accumulate(map(self._message_plan_time, messages), max))
 
-    def _message_plan_times(self) -> Iterator[float]:
-        moving = max((index for index, message in enumerate(self._messages)
-                      if message.plan_time is None and not message.velocity.is_zero), default=-1)
-        last = self._messages[self.last_delayed]
-        for index, message in enumerate(self._messages):
-            if message.plan_time is not None:
-                yield message.plan_time
-            elif index > self.last_delayed > moving and last.plan_time is not None:
-                # The zeros of the stop, from where the plan was left.
-                yield last.plan_time + message.time - last.time
-            else:
-                yield message.time - self._began
+    def _message_plan_time(self, message: VelocitySent) -> float:
+        if message.plan_time is not None:
+            return message.plan_time
+        # The first zero of the stop: from where the plan was left.
+        last = self._messages[-2] if len(self._messages) > 1 else None
+        if last is None or last.plan_time is None:
+            return message.time - self._began
+        return last.plan_time + message.time - last.time
+
+    @property
+    def reached(self) -> float:
+        """Return how far on the plan it came, to a period if it was delayed [s of the plan]."""
+        last = self._messages[-1]
+        if not self.is_delayed:
+            return last.time - self._began
+        if not last.is_of_run and len(self._messages) > 1:
+            last = self._messages[-2]
+        return self._message_plan_time(last)
 
     def first(self, plan_time: float) -> int:
         """
@@ -78,12 +81,6 @@ class PlanTimeline:
             return bisect_left(self._plan_times, plan_time - ROUNDING)
         return bisect_left(
             self._messages, self._began + plan_time - ROUNDING, key=attrgetter('time'))
-
-    def message_plan_time(self, index: int) -> float:
-        """Return where on the plan a message was sent [s of the plan], by its index."""
-        if self.is_delayed:
-            return self._plan_times[index]
-        return self._messages[index].time - self._began
 
     def time(self, plan_time: float) -> float:
         """

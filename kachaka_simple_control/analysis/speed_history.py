@@ -20,9 +20,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from kachaka_simple_control.analysis.drive_log import DriveLog, MotionLog
+from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.speed_factor import product
 from kachaka_simple_control.motion.plan import PlannedStep
-from kachaka_simple_control.telemetry.events import SpeedFactorChanged
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ import math
 from operator import attrgetter
 
 from kachaka_simple_control.analysis.drive_log import StepLog
+from kachaka_simple_control.control.events import OdometryReceived, VelocitySent
 from kachaka_simple_control.motion.geometry import Displacement, Pose
-from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySent
 
 #: After this time odometry shows a velocity that was sent [s]: more than two of its samples.
 ODOMETRY_DELAY = 0.06
@@ -90,7 +90,7 @@ def segment_odometry(
 
 def _begins_at_rest(step: StepLog) -> bool:
     first = step.sent[0]
-    is_held = first.plan_time is not None and first.velocity.is_zero
+    is_held = first.is_of_run and first.is_delayed and first.velocity.is_zero
     return step.step.is_rest or is_held
 
 

@@ -33,6 +33,7 @@ from kachaka_simple_control.commands.settings import (
     NAMES,
     Settings,
 )
+from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
 from kachaka_simple_control.control.speed_factor import OVERRIDE
 from kachaka_simple_control.display.display_process import DisplayProcess
@@ -57,7 +58,6 @@ from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.parameters import session_started
 from kachaka_simple_control.ros.startup import start_ros
-from kachaka_simple_control.telemetry.events import SpeedFactorChanged
 from kachaka_simple_control.telemetry.subscriber_process import (
     SubscriberProcess,
     SubscriberProcesses,

@@ -20,8 +20,7 @@ from dataclasses import dataclass
 import math
 from typing import TYPE_CHECKING
 
-from kachaka_simple_control.control.plan_runner import min_rate
-from kachaka_simple_control.control.timing import MAX_RATE
+from kachaka_simple_control.control.timing import MAX_RATE, min_rate
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.motion.units import point_advice, require_number

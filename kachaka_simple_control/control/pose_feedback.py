@@ -40,7 +40,7 @@ from kachaka_simple_control.motion.geometry import (
 )
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
-from kachaka_simple_control.motion.plan import Plan
+from kachaka_simple_control.motion.plan import Plan, PlannedStep
 
 #: The largest correction at the largest velocity, as a part of that.
 MAX_CORRECTION = 0.2
@@ -135,7 +135,7 @@ class PoseFeedback:
 
     def begin(self, plan: Plan, limits: Limits) -> None:
         """
-        Begin a run; ``on_odometry`` has had a sample.
+        Begin a run; at least one sample must have come before, by ``on_odometry``.
 
         :param plan: the plan, made with ``CLOSED_LOOP_SHARE`` of the limits
         :param limits: no velocity and no acceleration beyond them comes out
@@ -241,13 +241,17 @@ class PoseFeedback:
 
     def _is_settling(self, tick: Tick) -> bool:
         """Return whether a settle is under way, held or not."""
-        return self._plan.steps[self._plan.step_index(tick.plan_time)].step.settles
+        return self._step(tick).step.settles
 
     def _settle_time(self, tick: Tick) -> float:
         """Return how long the heading may still be corrected at rest [s]."""
         if tick.rest == math.inf or not self._is_settling(tick):
             return 0.0
-        return self._plan.steps[self._plan.step_index(tick.plan_time)].end - tick.plan_time
+        return self._step(tick).end - (tick.plan_time or 0.0)
+
+    def _step(self, tick: Tick) -> PlannedStep:
+        """Return the step of the plan that a tick of it belongs to."""
+        return self._plan.steps[self._plan.step_index(tick.plan_time or 0.0)]
 
     def _limited(self, tick: Tick, wanted: Velocity) -> Velocity:
         """Return what is nearest to a velocity within the limits of velocity and acceleration."""

@@ -74,7 +74,8 @@ class PausePose:
         self._standstill = StandstillDetector()
         self._paused = False
         self._pose: Pose | None = None
-        self._newest: Pose | None = None
+        #: the newest pose by odometry; None before the first
+        self.newest: Pose | None = None
 
     def on_sent(self, is_paused: bool) -> None:
         """
@@ -91,7 +92,7 @@ class PausePose:
 
         :param now: when it arrived [s]
         """
-        self._newest = pose
+        self.newest = pose
         if not self._paused or self._pose is not None:
             return
         self._standstill.on_odometry(now, velocity)
@@ -102,13 +103,13 @@ class PausePose:
     def accept(self) -> None:
         """Take where the robot is now for the place where it was paused."""
         if self._pose is not None:
-            self._pose = self._newest
+            self._pose = self.newest
 
     def moved(self) -> tuple[float, float]:
         """Return how far [m] and by what angle [rad] it was moved; 0 if that is unknown."""
-        if self._pose is None or self._newest is None:
+        if self._pose is None or self.newest is None:
             return 0.0, 0.0
-        distance, angle = distance_between(self._pose, self._newest)
+        distance, angle = distance_between(self._pose, self.newest)
         return distance, abs(angle)
 
     def require_not_moved(self) -> None:

@@ -21,6 +21,7 @@ import threading
 import time
 from typing import Protocol
 
+from kachaka_simple_control.control.events import Event, StopBegan, StopConfirmed
 from kachaka_simple_control.control.timing import (
     STOP_BURST_COUNT,
     STOP_CONFIRM_TIMEOUT,
@@ -79,6 +80,7 @@ class StopController:
     :param still_moving: returns whether the robot is seen to move although nobody drives it
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
+    :param publish: puts an event into a queue, and returns at once
     """
 
     def __init__(
@@ -88,8 +90,10 @@ class StopController:
             guardian: GuardianClient,
             still_moving: Callable[[], bool] = lambda: False,
             clock: Callable[[], float] = time.monotonic,
-            sleep: Callable[[float], None] = time.sleep) -> None:
+            sleep: Callable[[float], None] = time.sleep,
+            publish: Callable[[Event], None] = lambda _: None) -> None:
         self._gate = gate
+        self._publish = publish
         self._command_timeout = command_timeout
         self._guardian = guardian
         self._still_moving = still_moving
@@ -143,11 +147,14 @@ class StopController:
             if self._stopped is run:
                 return
             self.stop_started = self._clock()
+            self._publish(StopBegan(self.stop_started))
             send_zero = partial(self._send_zero, run)
             if send_stop(send_zero, self._command_timeout, self._clock, self._sleep):
-                self._repeat_until_still(run)
+                is_still = self._repeat_until_still(run)
                 self._stopped = run
                 self._guardian.report_stopped()
+                if is_still:
+                    self._publish(StopConfirmed(self._clock()))
 
     def _send_zero(self, run: Run | None) -> bool:
         # Reported before: if this process hangs before its last zero, the guardian must not take
@@ -155,8 +162,15 @@ class StopController:
         self._guardian.report_stopping()
         return self._gate.send_zero(run)
 
-    def _repeat_until_still(self, run: Run | None) -> None:
-        """Send more zeros while the robot moves: a lossy link may have lost the others."""
+    def _repeat_until_still(self, run: Run | None) -> bool:
+        """
+        Send more zeros while the robot moves: a lossy link may have lost the others.
+
+        :returns: whether it no longer moves, as far as that is known
+        """
         end = self._clock() + STOP_CONFIRM_TIMEOUT
-        while self._still_moving() and self._clock() < end and self._send_zero(run):
+        while self._still_moving():
+            if self._clock() >= end or not self._send_zero(run):
+                return False
             self._sleep(STOP_REPEAT_PERIOD)
+        return True

@@ -20,7 +20,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 import math
 from operator import attrgetter
+from typing import Protocol
 
+from kachaka_simple_control.control.events import VelocityKind
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.replanning import PathState, Replanned
@@ -40,14 +42,38 @@ class Tick:
     :param deadline: when the next tick is due [s after t = 0]
     :param rest: how long the robot stays at rest from the start of this tick [s]; 0 while moving
     :param plan_time: where on the plan it begins [s of the plan]; the start, if nothing has
-        delayed the plan
+        delayed the plan; None if it is of no plan
     """
 
     velocity: Velocity
     start: float
     deadline: float
     rest: float
-    plan_time: float
+    plan_time: float | None = None
+
+
+class VelocitySource(Protocol):
+    """
+    Tells which velocity is due: a plan, or what somebody wants now.
+
+    :ivar kind: what its velocities are sent for
+    :ivar skipped: how many velocities the newest call of ``due`` left out, for their time had
+        passed
+    :ivar plan_duration: where on its plan it ends [s of the plan]; None without a plan
+    """
+
+    kind: VelocityKind
+    skipped: int
+    plan_duration: float | None
+
+    def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
+        """
+        Return the tick that is due; called at 0 first, then at each deadline, or earlier.
+
+        :param elapsed: time since t = 0 [s], never less than before
+        :param factor: the speed factor from the start of the returned tick on, from 0 to 1
+        :returns: the tick; None when the source has ended
+        """
 
 
 class TickScheduler:
@@ -64,8 +90,14 @@ class TickScheduler:
     :param plan: the plan to walk
     """
 
+    kind = VelocityKind.PLAN
+
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
+        #: where the plan ends [s of the plan]
+        self.plan_duration: float | None = plan.duration
+        #: how many ticks the newest call of ``due`` left out, for their time had passed
+        self.skipped = 0
         self._factor = 1.0
         #: the trajectory under way while it is not driven as planned; None otherwise
         self._replanned: _ReplannedTrajectory | None = None
@@ -80,8 +112,11 @@ class TickScheduler:
         :param factor: the speed factor from the start of the returned tick on, from 0 to 1
         :returns: the tick; None when the plan is over
         """
+        passed = 0
         while self._tick is not None and self._tick.deadline <= elapsed:
             self._pass(self._tick)
+            passed += 1
+        self.skipped = max(0, passed - 1)
         if self._tick is not None and factor != self._factor:
             self._change_factor(self._tick, factor)
         return self._tick
@@ -94,6 +129,7 @@ class TickScheduler:
     def _change_factor(self, tick: Tick, factor: float) -> None:
         """Plan the trajectory under way anew, from the start of a tick."""
         self._factor = factor
+        assert tick.plan_time is not None
         if self._replanned is None:
             self._replanned = _at_plan_time(self._plan, tick.plan_time)
         if not self._replanned.has_begun:

@@ -24,8 +24,10 @@ control lasts (60 s) are properties of the robot: ``files/robot_profile.py``.
 
 # --- Sending velocities -----------------------------------------------------------------------
 
-#: Longest time without a check of stop, heartbeat and faults in the thread that drives.  Chosen:
-#: a fifth of HEARTBEAT_TIMEOUT.
+#: Longest time without a heartbeat and a look for faults in the thread that drives; a stop wakes
+#: it at once.  Chosen: a third of HEARTBEAT_TIMEOUT.
+CHECK_PERIOD = 0.03
+#: How often a wait that nothing wakes looks whether it is over.  Chosen.
 POLL_PERIOD = 0.02
 #: How late a velocity may be, beyond one period, before the run is given up.  Chosen: as long as
 #: the guardian waits for a heartbeat, so that node and guardian agree on who is too late.
@@ -61,10 +63,10 @@ SIGNAL_DEBOUNCE = 3.0
 
 # --- Guardian -----------------------------------------------------------------------------------
 
-#: Heartbeats are at least this far apart.  Chosen: below POLL_PERIOD, so each check sends one.
+#: Heartbeats are at least this far apart.  Chosen: half a CHECK_PERIOD, so each check sends one.
 HEARTBEAT_PERIOD = 0.015
-#: Without a heartbeat for this long in a run, the guardian stops the robot.  Chosen: five times
-#: POLL_PERIOD; SIGSTOP to the first zero stays below 0.15 s (measured: 0.102 s).
+#: Without a heartbeat for this long in a run, the guardian stops the robot.  Chosen: three times
+#: CHECK_PERIOD; SIGSTOP to the first zero stays below 0.15 s (measured: 0.102 s).
 HEARTBEAT_TIMEOUT = 0.1
 #: The same from the zero at the end of a run to the last zero of its stop.  The node waits up to
 #: 0.2 s for a next movement, and DDS may hold it up for PUBLISH_TIMEOUT; the robot has had a zero.
@@ -197,3 +199,24 @@ MAX_CONSECUTIVE_TIMEOUTS = 3
 SHUTDOWN_RPC_TIMEOUT = 0.3
 #: A robot that answered nothing for this long, though it was asked, is out of reach.  Chosen.
 CONNECTION_TIMEOUT = 1.0
+
+
+def max_gap(period: float | None, command_timeout: float) -> float:
+    """
+    Return the longest time between two messages that is no fault [s].
+
+    :param period: time between two messages in good conditions [s]; None if it is not known
+    :param command_timeout: how long the robot keeps a velocity [s]; the gap is never longer
+    """
+    if period is None:
+        return command_timeout
+    return min(period + MAX_LATENESS, command_timeout)
+
+
+def min_rate(command_timeout: float) -> float:
+    """
+    Return the lowest rate at which a late message still finds the robot moving [Hz].
+
+    :param command_timeout: how long the robot keeps a velocity [s]
+    """
+    return 1.0 / (command_timeout - MAX_LATENESS)

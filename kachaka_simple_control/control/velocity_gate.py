@@ -21,6 +21,7 @@ import math
 import threading
 import time
 
+from kachaka_simple_control.control.events import Event, VelocityKind, VelocitySent
 from kachaka_simple_control.control.latch import Latch, SharedFlag
 from kachaka_simple_control.control.processes import boottime
 from kachaka_simple_control.control.signals import signal_dispatcher
@@ -59,14 +60,26 @@ class Run:
             self, max_gap: float = math.inf, command_timeout: float = math.inf) -> None:
         self.max_gap = max_gap
         self.command_timeout = command_timeout
-        #: when the first message left [s on the steady clock]: t = 0; nan before
+        #: t = 0 [s on the steady clock]; nan before it begins
         self.began = math.nan
         #: when DDS had taken the last one [s on the clock for gaps]; None before
         self.last_sent: float | None = None
-        #: time spent in DDS since then [s]
-        self.waited = 0.0
+        #: time that the thread which drives had spent in ports by then [s]
+        self.waited_before = 0.0
         #: why the run was ended; None as long as it may send
         self.ended_by: ControlError | None = None
+
+
+class PortTime:
+    """
+    How long the thread that drives has spent in ports, such as DDS: for one robot or for many.
+
+    What one robot's port takes is no gap of another that the same thread drives.
+    """
+
+    def __init__(self) -> None:
+        #: the sum so far [s]
+        self.total = 0.0
 
 
 def _unchanged(velocity: Velocity) -> Velocity:
@@ -110,13 +123,14 @@ class VelocityGate:
         self._state = GateState.NOT_OPENED
         self._has_logged_guardian = False
         self._run: Run | None = None
+        #: puts an event into a queue, and returns at once
+        self.publish: Callable[[Event], None] = lambda _: None
+        #: the time in ports of the thread that drives; one for all that it drives
+        self.port_time = PortTime()
+        #: makes the thread that drives look at once whether its run was ended
+        self.wake: Callable[[], None] = lambda: None
         #: a run that was prepared and has not begun: it waits for the robot, for example
         self._pending: Run | None = None
-        #: called with the time [s on the clock] and the velocity of each message sent, and where
-        #: on the plan that is [s of the plan]; None: as planned, or no message of a plan
-        self.on_sent: Callable[[float, Velocity, float | None], None] = lambda *_: None
-        #: called with the time [s on the clock] of a run's first message: t = 0
-        self.on_began: Callable[[float], None] = lambda *_: None
 
     @property
     def state(self) -> GateState:
@@ -148,14 +162,15 @@ class VelocityGate:
 
     def begin(
             self, max_gap: float, run: Run | None = None,
-            command_timeout: float = math.inf) -> Run:
+            command_timeout: float = math.inf, began: float = math.nan) -> Run:
         """
         Begin a run; the run before it may send no more.
 
-        :param max_gap: longest time between two messages, without the time that DDS takes [s]
+        :param max_gap: longest time between two messages, without the time that ports take [s]
         :param run: what ``prepare`` returned; None for a new run
         :param command_timeout: how long the robot keeps a velocity [s]: a longer gap ends the run
             whatever caused it, for the robot has stopped by itself
+        :param began: t = 0 of the run [s on the clock]
         :returns: the run, for ``send``
         :raises ControlError: if the run was cancelled, the gate is not open or the latch is set
         """
@@ -164,16 +179,22 @@ class VelocityGate:
             if run.ended_by is not None:
                 raise run.ended_by
             self._require_permission()
-            run.max_gap, run.command_timeout = max_gap, command_timeout
+            run.max_gap, run.command_timeout, run.began = max_gap, command_timeout, began
             self._run, self._pending = run, None
         return run
 
-    def send(self, run: Run, velocity: Velocity, plan_time: float | None = None) -> None:
+    def send(
+            self, run: Run, velocity: Velocity, kind: VelocityKind = VelocityKind.PLAN,
+            due: float | None = None, plan_time: float | None = None, skipped: int = 0) -> float:
         """
         Publish a velocity of a run.
 
         :param velocity: what the robot is to do; what is sent follows by its calibration
-        :param plan_time: where on the plan that is [s of the plan]; None: as planned
+        :param kind: what it is sent for
+        :param due: when it is due [s after t = 0]
+        :param plan_time: where on the plan that is [s of the plan]; None without a plan
+        :param skipped: how many velocities before it were left out
+        :returns: when it was sent [s on the clock]
         :raises ControlError: if the run may not send any more or the gap was too long, or the
             velocity is beyond the limits; nothing was published
         """
@@ -183,22 +204,31 @@ class VelocityGate:
             self._require_limits(command)
             self._check(run)
             self._require_no_gap(run)
-            sent = self._publish(command, plan_time)
-            if run.last_sent is None:
-                run.began = sent
-                self.on_began(sent)
-            # After publishing: what DDS takes while a node joins the graph, 0.3 s at worst, does
-            # not mean that this program was held up.
-            run.last_sent, run.waited = self._gap_clock(), 0.0
+            # The time is read directly before: DDS stamps a message when it takes it.
+            now, before = self._clock(), self._gap_clock()
+            self._sending.set()
+            try:
+                self._transmit(command)
+            finally:
+                self._sending.clear()
+                # What DDS takes while a node joins the graph, 0.3 s at worst, does not mean that
+                # this program was held up.
+                after = self._gap_clock()
+                self.port_time.total += after - before
+            self._publish_guardian_stop(now)
+            self.publish(VelocitySent(
+                now, command, kind, due, plan_time, skipped,
+                None if command is velocity else velocity))
+            run.last_sent, run.waited_before = after, self.port_time.total
             # A program that was frozen while DDS had the message has been stopped by now.  Without
             # this check it would wait for the next tick before its own stop.
             self._check(run)
+            return now
 
-    def wait_for_dds(self, run: Run, ask: Callable[[], None]) -> None:
+    def wait_for_dds(self, ask: Callable[[], None]) -> None:
         """
         Call a function that may have to wait for DDS, and do not count that time as a gap.
 
-        :param run: the run in whose thread it is called
         :param ask: the function; measured: 0.17 s to ask the graph while nodes join or leave
         """
         began = self._gap_clock()
@@ -207,7 +237,7 @@ class VelocityGate:
             ask()
         finally:
             self._sending.clear()
-            run.waited += self._gap_clock() - began
+            self.port_time.total += self._gap_clock() - began
 
     def check(self, run: Run) -> None:
         """
@@ -229,39 +259,37 @@ class VelocityGate:
             for run in (self._run, self._pending):
                 if run is not None and run.ended_by is None:
                     run.ended_by = reason
-            return self._run
+            cancelled = self._run
+        self.wake()
+        return cancelled
 
-    def send_zero(self, after: Run | None) -> bool:
+    def send_zero(self, after: Run | None, kind: VelocityKind = VelocityKind.STOP) -> bool:
         """
         Publish a zero, unless the gate is not open or a newer run has begun.
 
         :param after: the run that this zero follows; None before the first
+        :param kind: what it is sent for
         :returns: whether it was published
         """
         with self._lock, signal_dispatcher.deferred():
             if self._state is not GateState.OPEN or self._run is not after:
                 return False
-            self._publish(ZERO)
+            now = self._clock()
+            self._sending.set()
+            try:
+                self._transmit(ZERO)
+            finally:
+                self._sending.clear()
+            self._publish_guardian_stop(now)
+            self.publish(VelocitySent(now, ZERO, kind))
             return True
 
-    def _publish(self, velocity: Velocity, plan_time: float | None = None) -> float:
-        # The time is read directly before: DDS stamps a message when it takes it.
-        now = self._clock()
-        self._sending.set()
-        try:
-            self._transmit(velocity)
-        finally:
-            self._sending.clear()
-        self._log_guardian_stop(now)
-        self.on_sent(now, velocity, plan_time)
-        return now
-
-    def _log_guardian_stop(self, now: float) -> None:
-        """Take the guardian's first zero for one of ours that was sent, in its order."""
+    def _publish_guardian_stop(self, now: float) -> None:
+        """Publish the guardian's first zero as an event, in its order."""
         stopped = self._latch.guardian_stop_time
         if stopped is not None and not self._has_logged_guardian and stopped < now:
             self._has_logged_guardian = True
-            self.on_sent(stopped, ZERO, None)
+            self.publish(VelocitySent(stopped, ZERO, VelocityKind.GUARDIAN))
 
     def _check(self, run: Run) -> None:
         if run.ended_by is not None:
@@ -293,7 +321,8 @@ class VelocityGate:
         gap = self._gap_clock() - run.last_sent
         # DDS may take no longer than the guardian allows, and the robot's command timeout bounds
         # the sum.
-        allowed = min(run.max_gap + min(run.waited, PUBLISH_TIMEOUT), run.command_timeout)
+        waited = self.port_time.total - run.waited_before
+        allowed = min(run.max_gap + min(waited, PUBLISH_TIMEOUT), run.command_timeout)
         if gap > allowed:
             raise RunFaultError(
                 f'nothing was sent for {gap * 1e3:.0f} ms, more than the {allowed * 1e3:.0f} '

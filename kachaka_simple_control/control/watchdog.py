@@ -18,9 +18,9 @@ from __future__ import annotations
 from enum import Enum
 
 from kachaka_simple_control.control.timing import (
+    CHECK_PERIOD,
     GUARDIAN_TIMEOUT,
     HEARTBEAT_TIMEOUT,
-    POLL_PERIOD,
     PUBLISH_TIMEOUT,
     STOPPING_TIMEOUT,
     WATCHDOG_PERIOD,
@@ -147,7 +147,7 @@ class GuardianWatch:
         :param count: how many heartbeats it has served, in any numbers that change with each
         """
         if count == self._count:
-            self._silent += min(now - self._checked, 2.0 * POLL_PERIOD)
+            self._silent += min(now - self._checked, 2.0 * CHECK_PERIOD)
         else:
             self._count, self._silent = count, 0.0
         self._checked = now

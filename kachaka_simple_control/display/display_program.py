@@ -28,6 +28,7 @@ import termios
 import threading
 import time
 
+from kachaka_simple_control.control.events import Event, VelocitySent
 from kachaka_simple_control.control.output import make_blocking, STDERR
 from kachaka_simple_control.control.processes import (
     is_in_background,
@@ -37,7 +38,6 @@ from kachaka_simple_control.control.processes import (
 from kachaka_simple_control.display.drive_status import DriveTracker
 from kachaka_simple_control.display.keyboard import set_line_modes
 from kachaka_simple_control.display.renderers import Renderer, renderer_for
-from kachaka_simple_control.telemetry.events import Event, VelocitySent
 from kachaka_simple_control.telemetry.subscriber_process import decode
 
 #: How long a process that was killed may take to be gone [s].

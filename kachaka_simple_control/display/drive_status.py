@@ -20,29 +20,27 @@ from dataclasses import dataclass
 from enum import Enum
 
 from kachaka_simple_control.analysis.step_results import driven
-from kachaka_simple_control.control.speed_factor import is_hold, product
-from kachaka_simple_control.control.standstill import StandstillDetector
-from kachaka_simple_control.motion.geometry import Displacement, Velocity, ZERO
-from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.telemetry.events import (
+from kachaka_simple_control.control.events import (
     Event,
     MotionEnded,
     MotionPlanned,
     MotionStarted,
     OdometryReceived,
-    PlanClock,
     SessionEnded,
     SessionStarted,
     SpeedFactorChanged,
+    StopBegan,
     VelocitySent,
 )
+from kachaka_simple_control.control.speed_factor import is_hold, product
+from kachaka_simple_control.control.standstill import StandstillDetector
+from kachaka_simple_control.motion.geometry import Displacement, Velocity
+from kachaka_simple_control.motion.plan import Plan, plan
 
 #: When the steps are due does not depend on the rate [Hz], and single velocities are not shown.
 PLAN_RATE = 0.001
 #: The zeros of a stop follow each other more closely than this [s].
 MAX_ZERO_PERIOD = 0.1
-#: A stop begins with ten zeros at once; no plan sends as many as these within a period.
-MIN_BURST_COUNT = 4
 #: Odometry older than this [s] does not show how far the robot is.
 DISPLAY_ODOMETRY_MAX_AGE = 0.5
 #: A program that drives sends something more often than this [s], or is held up.
@@ -171,26 +169,24 @@ class StepOdometer:
     The displacement since the step under way began, summed up from one source.
 
     :param plan: the plan of the motion
-    :param clock: where on the plan the motion is
     """
 
-    def __init__(self, plan: Plan, clock: PlanClock) -> None:
-        self._plan, self._clock = plan, clock
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
         self._step, self._sum = 0, NO_DISPLACEMENT
 
-    def update(self, since: float, until: float, displacement: Displacement) -> None:
+    def update(self, duration: float, plan_time: float, displacement: Displacement) -> None:
         """
         Add a displacement; of one over two steps only the share of the later one counts.
 
-        :param since: from when [s on the steady clock]
-        :param until: until when [s on the steady clock]
+        :param duration: how long it took [s]
+        :param plan_time: where on the plan it ends [s of the plan]
         """
-        plan_time = self._clock.plan_time(until)
         step = self._plan.step_index(plan_time)
         share = 1.0
         if step != self._step:
             inside = plan_time - self._plan.steps[step].start
-            share = min(1.0, max(0.0, inside / max(until - since, 1e-9)))
+            share = min(1.0, max(0.0, inside / max(duration, 1e-9)))
             self._step, self._sum = step, NO_DISPLACEMENT
         self._sum = Displacement(self._sum.distance + share * displacement.distance,
                                  self._sum.angle + share * displacement.angle)
@@ -201,19 +197,19 @@ class StepOdometer:
 
 
 class DriveTracker:
-    """Follows the events of one program; they may come in any order."""
+    """Follows the events of one program, in their order."""
 
     def __init__(self) -> None:
         self._session: SessionStarted | None = None
         self._planned: MotionPlanned | None = None
         self._plan: Plan | None = None
         self._started: float | None = None
-        self._clock = PlanClock(0.0)
+        #: the newest message of the run under way
+        self._own: VelocitySent | None = None
         self._factors: Mapping[str, float] = {}
         self._ended: MotionEnded | None = None
         self._motion_count = 0
         self._sent: VelocitySent | None = None
-        self._zero_count = 0
         self._stop_time: float | None = None
         self._odometry: OdometryReceived | None = None
         self._commanded_odometer: StepOdometer | None = None
@@ -231,10 +227,11 @@ class DriveTracker:
                 self._on_odometry(event)
             case MotionPlanned():
                 self._on_plan(event)
-            case MotionStarted() if self._plan is not None and self._plan.steps:
-                self._started, self._clock = event.time, PlanClock(event.time)
-                self._commanded_odometer = StepOdometer(self._plan, self._clock)
-                self._driven_odometer = StepOdometer(self._plan, self._clock)
+            case MotionStarted():
+                self._on_start(event)
+            case StopBegan():
+                # If a motion is ended early, MotionEnded comes after its whole stop, 0.4 s later.
+                self._stop_time = event.time
             case SpeedFactorChanged():
                 self._factors = event.factors
             case MotionEnded():
@@ -286,29 +283,39 @@ class DriveTracker:
 
     def _on_plan(self, event: MotionPlanned) -> None:
         self._planned, self._started, self._ended = event, None, None
-        self._zero_count, self._stop_time = 0, None
+        self._stop_time = None
         self._plan = plan(event.motion, event.limits, PLAN_RATE)
         self._commanded_odometer = self._driven_odometer = None
         self._motion_count += 1
 
+    def _on_start(self, event: MotionStarted) -> None:
+        if not event.has_plan:
+            self._planned = self._plan = self._ended = None
+        self._started, self._stop_time, self._own = event.time, None, None
+        self._commanded_odometer = self._driven_odometer = None
+        if self._plan is not None and self._plan.steps:
+            self._commanded_odometer = StepOdometer(self._plan)
+            self._driven_odometer = StepOdometer(self._plan)
+
     def _on_velocity(self, event: VelocitySent) -> None:
         before, self._sent = self._sent, event
-        if before is None or not self.is_under_way:
+        if not self.is_under_way:
             return
-        self._clock.on_sent(event)
-        self._detect_stop(before, event)
+        if event.is_of_run:
+            self._own = event
+        if before is None:
+            return
         if self._commanded_odometer is not None:
             held, velocity = event.time - before.time, before.expected or before.velocity
-            self._commanded_odometer.update(before.time, event.time, Displacement(
+            self._commanded_odometer.update(held, self._plan_time(event.time), Displacement(
                 velocity.linear_x * held, velocity.angular_z * held))
 
-    def _detect_stop(self, before: VelocitySent, event: VelocitySent) -> None:
-        # If a motion is ended early, MotionEnded comes after its whole stop, 0.4 s later.
-        period = 1.0 / self._planned.rate if self._planned is not None else 0.0
-        is_next = event.velocity == ZERO and event.time - before.time < 0.5 * period
-        self._zero_count = self._zero_count + 1 if is_next else 1
-        if self._zero_count >= MIN_BURST_COUNT and self._stop_time is None:
-            self._stop_time = event.time
+    def _plan_time(self, now: float) -> float:
+        """Return where on the plan the motion is, to a period while it is delayed."""
+        own = self._own
+        if own is None or own.plan_time is None:
+            return 0.0
+        return own.plan_time + now - own.time
 
     def _on_odometry(self, event: OdometryReceived) -> None:
         before, self._odometry = self._odometry, event
@@ -317,11 +324,11 @@ class DriveTracker:
             return
         if before.time < event.time:
             self._driven_odometer.update(
-                before.time, event.time,
+                event.time - before.time, self._plan_time(event.time),
                 driven((before, event), before.time, event.time) or NO_DISPLACEMENT)
 
     def _state(self, now: float) -> DriveState:
-        if self._planned is None:
+        if self._planned is None and self._started is None:
             return DriveState.READY
         if self._ended is None:
             if self._stop_time is not None:
@@ -359,7 +366,7 @@ class DriveTracker:
             now = min(now, self._ended.time)
         if self._stop_time is not None:
             now = min(now, self._stop_time)
-        return min(max(0.0, self._clock.plan_time(now)), self._plan.duration)
+        return min(max(0.0, self._plan_time(now)), self._plan.duration)
 
     def _title(self) -> str:
         if self._session is not None:

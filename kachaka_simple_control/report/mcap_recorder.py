@@ -23,6 +23,15 @@ from pathlib import Path
 from typing import Any, cast, NamedTuple, TYPE_CHECKING
 
 from kachaka_simple_control.analysis.paths import sample_path
+from kachaka_simple_control.control.events import (
+    Event,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    SessionStarted,
+    SpeedFactorChanged,
+    VelocitySent,
+)
 from kachaka_simple_control.motion.geometry import ORIGIN
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.report_directory import NEEDS_MCAP
@@ -46,15 +55,6 @@ from kachaka_simple_control.telemetry.cdr import (
     PathSerializer,
     twist,
     twist_stamped,
-)
-from kachaka_simple_control.telemetry.events import (
-    Event,
-    MotionPlanned,
-    MotionStarted,
-    OdometryReceived,
-    SessionStarted,
-    SpeedFactorChanged,
-    VelocitySent,
 )
 
 if TYPE_CHECKING:
@@ -291,7 +291,7 @@ class McapRecorder:
             case OdometryReceived() if 'odometry' in self._topics:
                 time = self._stamp(event.time)
                 self._add('odometry', time, odometry(event.pose, event.velocity, time))
-            case MotionStarted():
+            case MotionStarted() if event.has_plan:
                 time = self._stamp(event.time)
                 self._add('path', time, self._planned_path(time))
 

@@ -32,6 +32,13 @@ from typing import BinaryIO, cast
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.summary import Summary
+from kachaka_simple_control.control.events import (
+    Event,
+    EventHandler,
+    SessionEnded,
+    VelocityKind,
+    VelocitySent,
+)
 from kachaka_simple_control.control.latch import shared_state
 from kachaka_simple_control.control.output import make_nonblocking, STDERR
 from kachaka_simple_control.control.processes import lower_priority
@@ -44,7 +51,6 @@ from kachaka_simple_control.report.json_export import run_json
 from kachaka_simple_control.report.mcap_recorder import McapRecorder
 from kachaka_simple_control.report.output_file import write_atomically
 from kachaka_simple_control.report.report_directory import NEEDS_JINJA2, NEEDS_MCAP
-from kachaka_simple_control.telemetry.events import Event, EventBus, SessionEnded, VelocitySent
 from kachaka_simple_control.telemetry.subscriber_process import decode
 from kachaka_simple_control.text import escaped, MAX_LINE_LENGTH
 
@@ -144,12 +150,30 @@ def read_events(stream: BinaryIO) -> Iterator[Event | None]:
         yield event
 
 
-def record_events(stream: BinaryIO, event_bus: EventBus, recorder: McapRecorder) -> None:
-    """Publish all events of a stream on a bus, and flush the recorder now and then."""
+class EventHandlers:
+    """Calls handlers with events; one that fails gets no more, and the others go on."""
+
+    def __init__(self, *handlers: EventHandler) -> None:
+        self._handlers = [*handlers]
+        #: why handlers failed
+        self.failures: list[Exception] = []
+
+    def on_event(self, event: Event) -> None:
+        """Call the handlers with an event."""
+        for handler in [*self._handlers]:
+            try:
+                handler(event)
+            except Exception as error:  # noqa: PERF203 (the rest of the report is of use)
+                self.failures.append(error)
+                self._handlers.remove(handler)
+
+
+def record_events(stream: BinaryIO, handlers: EventHandlers, recorder: McapRecorder) -> None:
+    """Handle all events of a stream, and flush the recorder now and then."""
     due = time.monotonic() + FLUSH_PERIOD
     for event in read_events(stream):
         if event is not None:
-            event_bus.publish(event)
+            handlers.on_event(event)
         now = time.monotonic()
         if now >= due:
             recorder.flush(now - MAX_EVENT_DELAY)
@@ -186,7 +210,7 @@ def guardian_stop(file: int) -> VelocitySent | None:
     latch, _, _ = shared_state(memoryview(mmap.mmap(file, mmap.PAGESIZE)))
     wait_until(lambda: latch.is_set, GUARDIAN_STOP_TIMEOUT)
     time_ = latch.guardian_stop_time
-    return None if time_ is None else VelocitySent(time_, ZERO)
+    return None if time_ is None else VelocitySent(time_, ZERO, VelocityKind.GUARDIAN)
 
 
 def print_line(text: str) -> None:
@@ -217,24 +241,23 @@ def main() -> int:
     # Files are written relative to the folder that was checked, whatever takes its name meanwhile.
     name, directory = sys.argv[1], Path()
     os.chdir(name)
-    event_bus, recorder = EventBus(), McapRecorder(directory)
-    event_bus.subscribe(recorder.on_event)
+    recorder = McapRecorder(directory)
     # What the report needs waits there for the end of the drive: a log in memory would grow.
     with tempfile.TemporaryFile() as events:
-        event_bus.subscribe(lambda event: pickle.dump(event, events, pickle.HIGHEST_PROTOCOL))
         ended = threading.Event()
-        event_bus.subscribe(
+        handlers = EventHandlers(
+            recorder.on_event, lambda event: pickle.dump(event, events, pickle.HIGHEST_PROTOCOL),
             lambda event: ended.set() if isinstance(event, SessionEnded) else None)
-        record_events(sys.stdin.buffer, event_bus, recorder)
+        record_events(sys.stdin.buffer, handlers, recorder)
         if sys.argv[2:] and not ended.is_set():
             stop = guardian_stop(int(sys.argv[2]))
             if stop is not None:
-                event_bus.publish(stop)
+                handlers.on_event(stop)
         recording = recorder.finish()
-        for text in filter(None, (recording, *map(repr, event_bus.failures))):
+        for text in filter(None, (recording, *map(repr, handlers.failures))):
             print_line(text)
         failure = try_write_report(_log_of(cast('BinaryIO', events)), directory, recording)
     print_line(failure or str(Path(name) / PAGE))
     texts = [text for text in (recording, failure)
              if text is not None and not text.endswith((NEEDS_JINJA2, NEEDS_MCAP))]
-    return int(bool(texts or event_bus.failures))
+    return int(bool(texts or handlers.failures))

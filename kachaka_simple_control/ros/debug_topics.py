@@ -19,15 +19,16 @@ from collections.abc import Callable
 from functools import partial
 from queue import SimpleQueue
 import threading
+import time
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
+from kachaka_simple_control.control.events import Event, VelocitySent
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros.endpoints import with_qos_overrides
 from kachaka_simple_control.ros.names import COMMANDED_VELOCITY, SPEED_FACTOR
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
-from kachaka_simple_control.telemetry.events import Event, VelocitySent
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -167,9 +168,8 @@ class CommandedVelocityPublisher:
     """
     Publishes velocities after they were sent, as long as there are subscribers.
 
-    The thread that moves the robot only counts subscribers now and then, and puts a velocity into
-    a queue.  Best effort: for a plot the newest counts, and a reliable writer has more to do for
-    readers that are slow, gone or frozen.
+    Best effort: for a plot the newest counts, and a reliable writer has more to do for readers
+    that are slow, gone or frozen.
 
     :param velocities: the publisher that moves the robot
     :param frame: the frame of the robot
@@ -191,7 +191,7 @@ class CommandedVelocityPublisher:
         self._check_time = float('-inf')
 
     def on_sent(self, event: Event) -> None:
-        """Publish the velocity of a ``VelocitySent``, which left just now."""
+        """Publish the velocity of a ``VelocitySent``, with the time when it left."""
         if not isinstance(event, VelocitySent):
             return
         if event.time - self._check_time >= SUBSCRIBER_COUNT_PERIOD:
@@ -199,7 +199,8 @@ class CommandedVelocityPublisher:
             self._has_subscribers = self._publisher.get_subscription_count() > 0
         if self._has_subscribers:
             self._thread.publish(self._publisher, partial(
-                self._serialize, event.velocity, self._clock.now().nanoseconds))
+                self._serialize, event.velocity,
+                self._clock.now().nanoseconds - round((time.monotonic() - event.time) * 1e9)))
 
     def _serialize(self, velocity: Velocity, time: int) -> bytes:
         message = self._message

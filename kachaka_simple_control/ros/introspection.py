@@ -19,8 +19,15 @@ from collections.abc import Callable
 import time
 from typing import Any, TYPE_CHECKING
 
+from kachaka_simple_control.control.events import (
+    Event,
+    EventHandler,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+    SpeedFactorChanged,
+)
 from kachaka_simple_control.files.robot_profile import RobotProfile
-from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.ros.debug_topics import (
     CommandedVelocityPublisher,
     PublisherThread,
@@ -33,28 +40,21 @@ from kachaka_simple_control.ros.names import (
     PLANNED_PATH,
     SPEED_FACTOR,
 )
-from kachaka_simple_control.ros.session_status import diagnose, StatusReader, TickStatistics
+from kachaka_simple_control.ros.session_status import diagnose, StatusReader
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.telemetry.diagnosis import Diagnosis
-from kachaka_simple_control.telemetry.events import (
-    Event,
-    EventBus,
-    EventHandler,
-    MotionStarted,
-    OdometryReceived,
-    SpeedFactorChanged,
-)
+from kachaka_simple_control.telemetry.event_bus import EventBus
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 if TYPE_CHECKING:
-    from kachaka_simple_control.ros.diagnostics import DiagnosticsPublisher
+    from kachaka_simple_control.ros.path_topics import PlannedPathPublisher
 
 #: How often a diagnosis is made [s].
 DIAGNOSTICS_PERIOD = 1.0
 
-#: Takes a plan, a frame or an event.
+#: Takes a frame or an event.
 Handler = Callable[[Any], None]
 
 
@@ -70,11 +70,9 @@ class IntrospectionPublishers:
 
     def __init__(self, node: Node, velocities: VelocityPublisher, profile: RobotProfile) -> None:
         self._node = node
-        self._statistics = TickStatistics()
         self._status_reader: StatusReader | None = None
         self._thread = PublisherThread(lambda: self._is_open, self._log_error)
         self._failed: set[str] = set()
-        self._on_plan: list[Handler] = []
         self._on_frame: list[Handler] = []
         #: by type of event; called only while the session is open
         self._on_event: dict[type, list[Handler]] = {}
@@ -94,11 +92,6 @@ class IntrospectionPublishers:
         for handler in (*self._always, self._handle):
             event_bus.subscribe(handler)
         self._speed_factor.publish(1.0)
-
-    def on_plan(self, plan: Plan) -> None:
-        """Publish a plan that is driven next."""
-        for handler in self._on_plan:
-            handler(plan)
 
     def set_frame(self, frame: str) -> None:
         """Use the frame that odometry is in."""
@@ -130,13 +123,19 @@ class IntrospectionPublishers:
             return
         planned = PlannedPathPublisher(self._node, velocities, self._thread)
         driven = DrivenPathPublisher(self._node, velocities, self._thread)
-        self._on_plan.append(self._failing_once(PLANNED_PATH, planned.on_plan))
+        self._on_event[MotionPlanned] = [
+            self._failing_once(PLANNED_PATH, lambda _: self._publish_plan(planned))]
         self._on_frame += [self._failing_once(PLANNED_PATH, planned.set_frame),
                            self._failing_once(DRIVEN_PATH, driven.set_frame)]
         self._on_event[MotionStarted] = [
             self._failing_once(PLANNED_PATH, planned.on_motion_started)]
         self._on_event[OdometryReceived] = [self._failing_once(PLANNED_PATH, planned.on_odometry),
                                             self._failing_once(DRIVEN_PATH, driven.on_odometry)]
+
+    def _publish_plan(self, publisher: PlannedPathPublisher) -> None:
+        plan = None if self._status_reader is None else self._status_reader.progress.plan
+        if plan is not None:
+            publisher.on_plan(plan)
 
     def _add_diagnostics(self, velocities: VelocityPublisher, robot: str) -> None:
         try:
@@ -145,23 +144,17 @@ class IntrospectionPublishers:
             return
         diagnostics = DiagnosticsPublisher(
             self._node, velocities, self._thread, robot, self._diagnose)
-        self._on_plan.append(self._statistics.on_plan)
-        self._always.append(self._statistics.on_event)
         # A timer would otherwise follow /clock, which may stand still while the robot drives.
         self._timer = self._node.create_timer(
             DIAGNOSTICS_PERIOD,
-            self._failing_once(DIAGNOSTICS, lambda _: self._publish_diagnosis(diagnostics)),
+            self._failing_once(DIAGNOSTICS, lambda _: diagnostics.publish()),
             clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def _publish_diagnosis(self, diagnostics: DiagnosticsPublisher) -> None:
-        self._statistics.process()
-        diagnostics.publish()
 
     def _diagnose(self) -> Diagnosis | None:
         if self._status_reader is None or self._status_reader.is_closed:
             return None
-        now = time.monotonic()
-        return diagnose(self._statistics, self._status_reader.read(now), now)
+        return diagnose(
+            self._status_reader.progress, self._status_reader.read(time.monotonic()))
 
     def _failing_once(self, name: str, handler: Handler) -> Handler:
         """Return a handler that logs its first error, and does nothing from then on."""

@@ -21,9 +21,8 @@ from difflib import get_close_matches
 from itertools import pairwise
 from typing import Any
 
-from kachaka_simple_control.control.plan_runner import min_rate
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
-from kachaka_simple_control.control.timing import MAX_RATE
+from kachaka_simple_control.control.timing import MAX_RATE, min_rate
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.text import escaped

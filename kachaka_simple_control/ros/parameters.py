@@ -21,13 +21,12 @@ import platform
 import time
 from typing import Any
 
-from kachaka_simple_control.control.plan_runner import min_rate
-from kachaka_simple_control.control.timing import MAX_RATE
+from kachaka_simple_control.control.events import SessionStarted
+from kachaka_simple_control.control.timing import MAX_RATE, min_rate
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.node_parameters import NodeParameters
-from kachaka_simple_control.telemetry.events import SessionStarted
 from kachaka_simple_control.text import escaped, quoted
 from kachaka_simple_control.version import installed_version, ros_distro
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor

@@ -16,13 +16,13 @@
 from __future__ import annotations
 
 from kachaka_simple_control.analysis.paths import MAX_POSES, PoseHistory, sample_path
+from kachaka_simple_control.control.events import MotionStarted, OdometryReceived
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.ros.debug_topics import create_debug_publisher, PublisherThread
 from kachaka_simple_control.ros.names import DRIVEN_PATH, PLANNED_PATH
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.telemetry.cdr import PathSerializer
-from kachaka_simple_control.telemetry.events import MotionStarted, OdometryReceived
 from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile

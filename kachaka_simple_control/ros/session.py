@@ -17,19 +17,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 import contextlib
+from functools import partial
 import threading
 import time
 
 from kachaka_simple_control.control import processes
+from kachaka_simple_control.control.drive_loop import DriveLoop
 from kachaka_simple_control.control.drive_requests import DriveRequest, DriveRequests
+from kachaka_simple_control.control.events import Event, VelocityKind
 from kachaka_simple_control.control.garbage_collection import old_objects_frozen
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
-from kachaka_simple_control.control.plan_runner import run_plan
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
+from kachaka_simple_control.control.robot_drive import RobotDrive
+from kachaka_simple_control.control.run_monitor import RunMonitor
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.stop import StopController
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.control.timing import (
     FEEDBACK_MAX_AGE,
     FEEDBACK_START_TIMEOUT,
@@ -59,7 +64,6 @@ from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.node_parameters import NodeParameters
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
-from kachaka_simple_control.ros.run_monitor import RosRunMonitor
 from kachaka_simple_control.ros.session_status import StatusReader
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.text import escaped
@@ -78,13 +82,14 @@ class Session:
     :param profile: the kind of robot
     :param names: the names of this robot
     :param parameters: the node's parameters
+    :param publish: puts an event into a queue, and returns at once
     """
 
     def __init__(
             self, node: Node, publisher: VelocityPublisher, profile: RobotProfile,
-            names: RobotNames, parameters: NodeParameters) -> None:
+            names: RobotNames, parameters: NodeParameters,
+            publish: Callable[[Event], None]) -> None:
         self._node = node
-        self._command_timeout = profile.command_timeout
         #: the odometry topic; None if odometry is not checked
         self._odometry_topic = names.odometry if parameters.odometry_timeout else None
         self._parameters = parameters
@@ -102,6 +107,7 @@ class Session:
         self.gate = VelocityGate(
             publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending,
             command=profile.command)
+        self.gate.publish = publish
         self._manual_control = ManualControlClient(
             node, names.manual_control, self._require_wanted, profile.manual_control_timeout)
         self._discovery = RobotDiscovery(
@@ -113,16 +119,22 @@ class Session:
             lambda: self._guardian.latch.is_set and self._stopped_by is None,
             self._on_foreign_message)
         self._stopper = StopController(
-            self.gate, profile.command_timeout, self._guardian, self._disobeys)
+            self.gate, profile.command_timeout, self._guardian, self._is_still_moving,
+            publish=publish)
         self._lease = LeaseRenewer(
             lambda: self._manual_control.request(True),
             response_timeout=profile.command_timeout - 1.0 / parameters.rate)
         #: the speed relative to the plan, and who wants it slower
         self.speed_factor = SpeedFactor()
-        self._monitor = RosRunMonitor(
+        self._monitor = RunMonitor(
             self._guardian, self._lease if self._manual_control.is_needed else None,
             self._discovery, self._foreign, self.odometry, parameters, self.speed_factor)
         self._monitor.on_kept_hold = node.get_logger().warning
+        #: the newest run: what is driven, how far it is, why it ended
+        self.robot_drive = RobotDrive(
+            self.gate, self._monitor, self.speed_factor, profile.command_timeout)
+        self._loop = DriveLoop()
+        self.gate.wake = partial(self._loop.wake, self.robot_drive)
         self._executor = BackgroundExecutor(node, self._on_callback_error)
         self._requests = DriveRequests(self.gate, 1.0 / parameters.rate)
         self._request: DriveRequest | None = None
@@ -136,8 +148,8 @@ class Session:
         self._has_reported = False
         #: the state of the session, for diagnostics
         self.status_reader = StatusReader(
-            self.gate, self._discovery, self._guardian, self.odometry, self._manual_control,
-            lambda: self._stopped_by, self.speed_factor)
+            self.robot_drive, self._discovery, self._guardian, self.odometry,
+            self._manual_control, lambda: self._stopped_by)
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
         """
@@ -200,8 +212,10 @@ class Session:
                 self._node.get_logger().info(
                     f'Slower than planned: {self.speed_factor.describe()}')
             with old_objects_frozen():
-                run = run_plan(
-                    plan, self.gate, self._command_timeout, self._monitor, prepared=request.run)
+                run = self.robot_drive.begin(
+                    TickScheduler(plan), time.monotonic(), plan.period, request.run,
+                    self._monitor.pause_pose.newest)
+                self._loop.run([self.robot_drive])
             self._guardian.report_stopping()
             self._stopper.stop_after_idle(run, within=plan.period)
         except BaseException as error:
@@ -439,7 +453,7 @@ class Session:
         end, count = time.monotonic() + self._parameters.prime_time, self._guardian.prime_count
         while time.monotonic() < end:
             self._require_wanted()
-            self.gate.send_zero(after=self.gate.run)
+            self.gate.send_zero(self.gate.run, VelocityKind.PRIME)
             self._publisher.sent.record_guardian_zero(time.monotonic())
             self._guardian.prime()
             count += 1
@@ -461,7 +475,7 @@ class Session:
                 f'The robot did not confirm within {RELEASE_TIMEOUT:g} s that manual control is '
                 'off; it goes off by itself')
 
-    def _disobeys(self) -> bool:
+    def _is_still_moving(self) -> bool:
         """Return whether more zeros are needed: the robot moves, or its odometry is lost."""
         now = time.monotonic()
         # A dead link keeps messages in the kernel for 3 s, velocities included.  They must be gone
@@ -516,9 +530,7 @@ class Session:
         # Without a drive nothing of ours moves, and another program is not to be disturbed.
         if not self._requests.is_busy:
             return
-        run = self.gate.cancel(reason)
-        if run is not None and run.ended_by is reason:
-            self.gate.send_zero(after=run)
+        self.robot_drive.end(reason)
 
     def _on_callback_error(self, error: BaseException) -> None:
         self.stop_permanently(

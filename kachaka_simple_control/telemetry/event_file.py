@@ -21,8 +21,8 @@ import os
 import sys
 import tempfile
 
+from kachaka_simple_control.control.events import Event
 from kachaka_simple_control.control.waiting import wait_until
-from kachaka_simple_control.telemetry.events import Event
 from kachaka_simple_control.telemetry.subscriber_process import decode, SubscriberProcess
 
 #: Copies standard input to a file; it needs no module of ours, and keeps nothing.
@@ -48,7 +48,7 @@ class EventFile:
         self._file = tempfile.TemporaryFile()  # noqa: SIM115 (as long as the object)
         self._process = SubscriberProcess(
             [sys.executable, '-I', '-S', '-c', COPY], stdout=self._file)
-        self.send = self._process.send
+        self.send, self.fail = self._process.send, self._process.fail
 
     @property
     def failure(self) -> str | None:

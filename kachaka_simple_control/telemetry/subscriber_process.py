@@ -28,15 +28,15 @@ import time
 from typing import Any, BinaryIO, IO
 
 from kachaka_simple_control.control import processes
-from kachaka_simple_control.control.output import has_room
-from kachaka_simple_control.control.signals import signal_dispatcher
-from kachaka_simple_control.telemetry.events import (
+from kachaka_simple_control.control.events import (
     Event,
-    EventBus,
     MotionPlanned,
     SessionEnded,
     SessionStarted,
 )
+from kachaka_simple_control.control.output import has_room
+from kachaka_simple_control.control.signals import signal_dispatcher
+from kachaka_simple_control.telemetry.event_bus import EventBus
 
 #: The largest write that a pipe takes whole or not at all [bytes]: PIPE_BUF of Linux, and POSIX's
 #: least on others.
@@ -149,6 +149,10 @@ class SubscriberProcess:
         except OSError as error:
             self.failure = f'it is gone ({error.strerror})'
 
+    def fail(self, reason: str) -> None:
+        """Send nothing more."""
+        self.failure = self.failure or reason
+
     def close(self, timeout: float) -> int | None:
         """
         Close the pipe and wait for the process to exit.
@@ -197,7 +201,7 @@ class SubscriberProcesses:
     """
     The subscriber processes of one program, a context manager.
 
-    Its end publishes ``SessionEnded`` and waits until they have exited.
+    Its end sends them ``SessionEnded`` and waits until they have exited.
     """
 
     def __init__(self, event_bus: EventBus) -> None:
@@ -217,7 +221,7 @@ class SubscriberProcesses:
     def add(self, subscriber: SubscriberProcess) -> None:
         """Subscribe a process that was started; they are closed in the order of their adding."""
         self._subscribers.append(subscriber)
-        self._event_bus.subscribe(subscriber.send)
+        self._event_bus.subscribe(subscriber.send, subscriber.fail)
 
     def __enter__(self) -> SubscriberProcesses:
         """Return itself."""
@@ -225,16 +229,19 @@ class SubscriberProcesses:
 
     def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         """
-        Publish how the program ended, and wait for the processes.
+        Tell the processes how the program ended, and wait for them.
 
         :param error: why the program failed; None if it did not
         """
-        self._event_bus.publish(SessionEnded(
+        self._event_bus.flush()
+        ended = SessionEnded(
             time.monotonic(), self.stop_confirmed_after, signal_dispatcher.signum,
-            str(error) if isinstance(error, Exception) else None))
+            str(error) if isinstance(error, Exception) else None)
         timeout = (FINISH_TIMEOUT if signal_dispatcher.signum is None
                    else FINISH_TIMEOUT_WHEN_STOPPED)
         for subscriber in self._subscribers:
+            # Not by the bus: that of a node that was destroyed passes nothing on any more.
+            subscriber.send(ended)
             subscriber.close(timeout)
             if subscriber.failure is not None:
                 _print_error(f'what was shown or reported ends early: {subscriber.failure}')

@@ -22,11 +22,11 @@ from kachaka_simple_control.analysis.calibration_fit import (
     fit_calibration,
     MOTION,
 )
+from kachaka_simple_control.control.events import OdometryReceived
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.report.calibration_plot import save_calibration_plot
-from kachaka_simple_control.telemetry.events import OdometryReceived
 import pytest
 from simulated_drive import SimulatedDrive
 

@@ -17,17 +17,17 @@ import re
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.summary import Summary
-from kachaka_simple_control.motion.geometry import Velocity, ZERO
-from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report.text_tables import drive_table
-from kachaka_simple_control.telemetry.events import (
+from kachaka_simple_control.control.events import (
     MotionEnded,
     MotionPlanned,
     MotionStarted,
     SessionEnded,
-    VelocitySent,
 )
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.report.text_tables import drive_table
+from messages import of_plan, of_prime, of_stop
 from outcome_logs import done
 from outcome_logs import stopped as stopped_square
 import pytest
@@ -41,13 +41,13 @@ def stopped(after, reason='stopped by SIGINT'):
     record, ticks = DriveLog(), round(after * 10)
     record.on_event(MotionPlanned(MOTION, Limits(0.3, 1.5), 10.0))
     for zero in range(3):
-        record.on_event(VelocitySent(99.5 + zero / 10, ZERO))
+        record.on_event(of_prime(99.5 + zero / 10))
     record.on_event(MotionStarted(100.0))
     for tick in range(ticks):
         step = MOTION.steps[min(tick // 10, 2)]
-        record.on_event(VelocitySent(100.0 + tick / 10, step.velocity))
+        record.on_event(of_plan(100.0 + tick / 10, step.velocity, 100.0))
     for zero in range(5):
-        record.on_event(VelocitySent(100.0 + after - 0.03 + zero / 20, ZERO))
+        record.on_event(of_stop(100.0 + after - 0.03 + zero / 20))
     if reason:
         record.on_event(MotionEnded(100.5 + after, reason))
     return record
@@ -68,7 +68,7 @@ def test_a_stopped_motion_has_the_steps_that_were_begun(after, wholes, reason):
 
 def test_the_zero_of_the_stop_ends_the_step_it_fell_into():
     movement = stopped(0.5).steps[-1]
-    assert movement.sent[-1] == VelocitySent(pytest.approx(100.47), ZERO)
+    assert movement.sent[-1] == of_stop(pytest.approx(100.47))
     assert {sent.velocity for sent in movement.sent[:-1]} == {Velocity(0.1, 0.0)}
 
 
@@ -102,9 +102,9 @@ def test_a_calibrated_drive_is_logged_as_what_the_robot_makes_of_it():
     log.on_event(MotionStarted(100.0))
     for tick in range(31):
         velocity = MOTION.steps[min(tick // 10, 2)].velocity if tick < 30 else ZERO
-        log.on_event(VelocitySent(
-            100.0 + tick / 10, Velocity(velocity.linear_x / 0.8, velocity.angular_z), None,
-            velocity))
+        log.on_event(of_plan(
+            100.0 + tick / 10, Velocity(velocity.linear_x / 0.8, velocity.angular_z), 100.0,
+            expected=velocity))
     log.on_event(MotionEnded(103.0))
     assert '0.1000 m  0.0000 rad   0.1000 m  0.0000 rad' in drive_table(log, 0.1)
 

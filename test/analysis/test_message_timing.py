@@ -21,17 +21,17 @@ from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.message_timing import due_times, timing
 from kachaka_simple_control.analysis.quantiles import Quantiles, quantiles
 from kachaka_simple_control.analysis.sleep_loop import estimate_sleep_loop, LOOP_OVERHEAD
+from kachaka_simple_control.control.events import (
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+)
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.drive_plots import histogram
-from kachaka_simple_control.telemetry.events import (
-    MotionEnded,
-    MotionPlanned,
-    MotionStarted,
-    VelocitySent,
-)
+from messages import of_plan, of_stop
 from plans import LESSON
 import pytest
 from strategies import MOTIONS
@@ -46,8 +46,10 @@ def sent_at(*times, motion=SECOND, reason=None):
     record.on_event(MotionPlanned(motion, LIMITS, 10.0))
     record.on_event(MotionStarted(100.0))
     for moment in times:
-        record.on_event(VelocitySent(100.0 + moment, Velocity(0.1, 0.0)))
-    record.on_event(VelocitySent(101.0 if reason is None else 100.0 + max(times) + 0.5, ZERO))
+        due = math.floor(moment * 10 + 1e-6) / 10
+        record.on_event(of_plan(100.0 + moment, Velocity(0.1, 0.0), due=due))
+    record.on_event(of_plan(101.0, ZERO, 100.0) if reason is None
+                    else of_stop(100.0 + max(times) + 0.5))
     record.on_event(MotionEnded(101.1, reason))
     return record.motions
 

@@ -20,6 +20,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.step_results import driven, segment_odometry, sent
+from kachaka_simple_control.control.events import (
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    OdometryReceived,
+)
 from kachaka_simple_control.motion.geometry import (
     Displacement,
     integrate,
@@ -32,13 +38,7 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Turn, Wait
 from kachaka_simple_control.report.text_tables import drive_table
-from kachaka_simple_control.telemetry.events import (
-    MotionEnded,
-    MotionPlanned,
-    MotionStarted,
-    OdometryReceived,
-    VelocitySent,
-)
+from messages import of_plan, of_prime, of_stop
 import pytest
 
 STEPS = [Move(0.0, 0.0, 1.0), Move(0.1, 0.0, 1.0), Move(0.0, 0.0, 1.0), Move(0.0, 0.5, 2.0),
@@ -59,9 +59,9 @@ def record_of(steps, delay=0.004, period=0.02, start=100.0):
         record.on_event(planned(step))
         record.on_event(MotionStarted(now))
         for tick in range(round(step.duration * 10)):
-            record.on_event(VelocitySent(now + tick / 10, step.velocity))
+            record.on_event(of_plan(now + tick / 10, step.velocity, now))
+        record.on_event(of_plan(now + step.duration, ZERO, now))
         now += step.duration
-        record.on_event(VelocitySent(now, ZERO))
         record.on_event(MotionEnded(now))
     told.append((now, ZERO))
     for sample in range(round((now - start + 0.5) / period)):
@@ -103,12 +103,13 @@ def test_the_steps_of_one_run_share_its_messages():
     record, began = DriveLog(), 1000.0
     record.on_event(event)
     for zero in range(10):
-        record.on_event(VelocitySent(began - 0.5 + zero / 25, ZERO))
+        record.on_event(of_prime(began - 0.5 + zero / 25))
     record.on_event(MotionStarted(began))
     for segment in whole.segments:
-        record.on_event(VelocitySent(began + segment.start, segment.velocity))
+        record.on_event(of_plan(began + segment.start, segment.velocity, began))
+    record.on_event(of_plan(began + whole.duration, ZERO, began))
     for zero in range(5):
-        record.on_event(VelocitySent(began + whole.duration + zero / 20, ZERO))
+        record.on_event(of_stop(began + whole.duration + zero / 20))
     record.on_event(MotionEnded(began + whole.duration + 0.1))
     assert [movement.step for movement in record.steps] == steps
     assert len(record.motions[0].own_messages) == len(whole.segments) + 1
@@ -129,9 +130,9 @@ def test_the_cuts_are_in_order():
 def test_what_was_sent_is_each_velocity_until_the_next(pairs):
     now, messages = 0.0, []
     for interval, speed in pairs:
-        messages.append(VelocitySent(now, Velocity(speed, -speed)))
+        messages.append(of_plan(now, Velocity(speed, -speed)))
         now += interval
-    messages.append(VelocitySent(now, ZERO))
+    messages.append(of_plan(now, ZERO))
     wanted = sum(interval * speed for interval, speed in pairs)
     assert sent(messages) == Displacement(pytest.approx(wanted), pytest.approx(-wanted))
 

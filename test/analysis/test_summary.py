@@ -29,7 +29,7 @@ from kachaka_simple_control.motion.geometry import (
 )
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report.json_export import fields
-from kachaka_simple_control.telemetry.events import VelocitySent
+from messages import of_plan
 from outcome_logs import done, HELD_UP, lesson
 from plans import SQUARE
 import pytest
@@ -84,7 +84,7 @@ def test_a_relative_pose_can_be_converted_back(frame, pose):
 
 def test_a_velocity_counts_for_the_command_timeout_at_most():
     way = DeadReckoning(
-        [VelocitySent(1.0, Velocity(0.2, 0.0)), VelocitySent(3.0, Velocity(0.2, 0.0))], 0.3)
+        [of_plan(1.0, Velocity(0.2, 0.0)), of_plan(3.0, Velocity(0.2, 0.0))], 0.3)
     assert way.at(0.0) == ORIGIN
     assert way.at(1.1).x == pytest.approx(0.02)
     assert way.at(2.9).x == pytest.approx(0.06)

@@ -20,6 +20,7 @@ import threading
 
 from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control import signals
+from kachaka_simple_control.control.events import VelocityKind, VelocitySent
 from kachaka_simple_control.control.latch import Latch, SharedFlag
 from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import HELD_UP_ADVICE, MotionRefusedError, RunFaultError
@@ -81,7 +82,7 @@ def test_what_is_sent_follows_by_the_calibration(time, wire, latch):
     gate = VelocityGate(wire.transmit, Limits(0.3, 1.57), latch, None, time.clock, time.clock,
                         command=calibration.command)
     logged = []
-    gate.on_sent = lambda _, velocity, plan_time: logged.append(velocity)
+    gate.publish = lambda event: logged.append(event.velocity)
     gate.open()
     run = gate.begin(0.2)
     velocities = [Velocity(0.19, 0.0), Velocity(-0.18, -0.5), Velocity(0.0, 0.97), ZERO]
@@ -173,15 +174,17 @@ def test_the_first_message_of_a_run_has_no_gap_before_it(gate, time, wire):
 
 
 def test_each_sent_velocity_is_reported_with_its_time(gate, time):
-    noted = []
-    gate.on_sent = lambda at, velocity, plan_time: noted.append((at, velocity, plan_time))
+    published = []
+    gate.publish = published.append
     gate.open()
+    gate.send_zero(None, VelocityKind.PRIME)
     run = gate.begin(0.2)
-    gate.send(run, FORWARD)
-    gate.send(run, FORWARD, 0.25)
+    gate.send(run, FORWARD, VelocityKind.CORRECTION, 0.5, 0.25, 2)
     gate.send_zero(after=run)
-    assert noted == [
-        (time.now, FORWARD, None), (time.now, FORWARD, 0.25), (time.now, ZERO, None)]
+    assert published == [
+        VelocitySent(time.now, ZERO, VelocityKind.PRIME),
+        VelocitySent(time.now, FORWARD, VelocityKind.CORRECTION, 0.5, 0.25, 2),
+        VelocitySent(time.now, ZERO, VelocityKind.STOP)]
 
 
 def test_no_motion_follows_the_first_zero_of_a_stop_in_another_thread():
@@ -221,14 +224,13 @@ def test_the_flag_is_set_during_a_dds_query_and_cleared_if_it_fails(gate):
     flag, seen = SharedFlag(), []
     gate = VelocityGate(lambda _: None, Limits(0.3, 1.57), Latch(), flag)
     gate.open()
-    run = gate.begin(0.2)
 
     def ask():
         seen.append(flag.is_set)
         raise RunFaultError('the robot left')
 
     with pytest.raises(RunFaultError, match='the robot left'):
-        gate.wait_for_dds(run, ask)
+        gate.wait_for_dds(ask)
     assert seen == [True]
     assert not flag.is_set
 
@@ -241,7 +243,7 @@ def test_time_of_dds_queries_is_no_gap_within_a_bound(gate, time, wire, waits, e
     run = gate.begin(0.12)
     gate.send(run, FORWARD)
     for wait in waits:
-        gate.wait_for_dds(run, lambda wait=wait: time.sleep(wait))
+        gate.wait_for_dds(lambda wait=wait: time.sleep(wait))
     if ends:
         with pytest.raises(RunFaultError, match='nothing was sent for .* more than the 620 ms'):
             gate.send(run, FORWARD)
@@ -254,7 +256,7 @@ def test_a_wait_for_dds_does_not_extend_the_gap_after_the_next_message(gate, tim
     gate.open()
     run = gate.begin(0.12)
     gate.send(run, FORWARD)
-    gate.wait_for_dds(run, lambda: time.sleep(0.3))
+    gate.wait_for_dds(lambda: time.sleep(0.3))
     gate.send(run, FORWARD)
     time.sleep(0.2)
     with pytest.raises(RunFaultError, match='more than the 120 ms'):
@@ -319,7 +321,7 @@ def test_ctrl_c_while_a_velocity_leaves_loses_no_event(gate, wire, monkeypatch):
     monkeypatch.setattr(signals.signal_dispatcher, '_first', None)
     monkeypatch.setattr(signals.signal_dispatcher, 'signum', None)
     logged = []
-    gate.on_sent = lambda _, velocity, plan_time: logged.append(velocity)
+    gate.publish = lambda event: logged.append(event.velocity)
     gate.open()
     run = gate.begin(0.2)
     transmit = wire.transmit
@@ -340,7 +342,7 @@ def test_ctrl_c_while_a_velocity_leaves_loses_no_event(gate, wire, monkeypatch):
 
 def test_a_stop_of_the_guardian_is_logged_before_the_zeros_after_it(time, gate, latch):
     logged = []
-    gate.on_sent = lambda when, velocity, plan_time: logged.append((when, velocity))
+    gate.publish = lambda event: logged.append((event.time, event.velocity, event.kind))
     gate.open()
     run = gate.begin(1.0)
     time.now = 5.0
@@ -351,7 +353,9 @@ def test_a_stop_of_the_guardian_is_logged_before_the_zeros_after_it(time, gate, 
         gate.send(run, FORWARD)
     gate.send_zero(after=run)
     gate.send_zero(after=run)
-    assert logged == [(5.0, FORWARD), (5.1, ZERO), (7.0, ZERO), (7.0, ZERO)]
+    assert logged == [
+        (5.0, FORWARD, VelocityKind.PLAN), (5.1, ZERO, VelocityKind.GUARDIAN),
+        (7.0, ZERO, VelocityKind.STOP), (7.0, ZERO, VelocityKind.STOP)]
 
 
 def test_a_stop_of_the_node_itself_is_no_stop_of_the_guardian(latch):

@@ -23,6 +23,12 @@ import time
 import types
 
 from kachaka_simple_control.control import processes
+from kachaka_simple_control.control.events import (
+    MotionEnded,
+    MotionPlanned,
+    MotionStarted,
+    SessionEnded,
+)
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.display_process import DISPLAY_MODULE
 from kachaka_simple_control.display.display_program import TerminalDisplay
@@ -31,14 +37,8 @@ from kachaka_simple_control.display.renderers import LineRenderer, PanelRenderer
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Wait
-from kachaka_simple_control.telemetry.events import (
-    MotionEnded,
-    MotionPlanned,
-    MotionStarted,
-    SessionEnded,
-    VelocitySent,
-)
 from kachaka_simple_control.telemetry.subscriber_process import encode
+from messages import of_plan
 from program import COMMAND, program
 import pytest
 from terminals import at_terminal, Screen
@@ -48,14 +48,15 @@ pytestmark = [pytest.mark.real_time, pytest.mark.needs('rich')]
 #: Publishes a drive in real time, and writes log lines meanwhile, each of them in two halves.
 PUBLISHER = """
 import os, sys, time
-from kachaka_simple_control.telemetry.events import EventBus
+from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcesses
 from kachaka_simple_control.display.display_process import DisplayProcess
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
-from kachaka_simple_control.telemetry.events import MotionEnded, MotionPlanned, MotionStarted
-from kachaka_simple_control.telemetry.events import SessionStarted, VelocitySent
+from kachaka_simple_control.control.events import MotionEnded, MotionPlanned, MotionStarted
+from kachaka_simple_control.control.events import SessionStarted
+from messages import of_plan
 
 limits = Limits(0.25, 1.0)
 event_bus, slowest = EventBus(), 0.0
@@ -65,17 +66,18 @@ with SubscriberProcesses(event_bus) as subscribers:
         'there', 'kachaka', limits, 0.3, 0.0, 'cmd_vel', None, settings={'guardian': True}))
     event_bus.publish(MotionPlanned(Motion('there', (Forward(DISTANCE),)), limits, 50.0))
     sys.stdin.readline()  # until there is somebody to see it
-    event_bus.publish(MotionStarted(time.monotonic()))
+    began = time.monotonic()
+    event_bus.publish(MotionStarted(began))
     for tick in range(round(200 * DISTANCE)):
         before = time.monotonic()
-        event_bus.publish(VelocitySent(before, Velocity(0.25)))
+        event_bus.publish(of_plan(before, Velocity(0.25), began))
         if tick % 10 == 0:
             os.write(2, b'[INFO] line %d ' % tick)
             time.sleep(0.001)
             os.write(2, b'is whole\\n')
         slowest = max(slowest, time.monotonic() - before)
         time.sleep(0.02)
-    event_bus.publish(VelocitySent(time.monotonic(), ZERO))
+    event_bus.publish(of_plan(time.monotonic(), ZERO, began))
     event_bus.publish(MotionEnded(time.monotonic()))
     ended = time.monotonic()
 print(f'slowest {slowest:.3f} closed {time.monotonic() - ended:.3f}')
@@ -208,7 +210,7 @@ def test_frames_are_drawn_while_the_robot_s_thread_sleeps(monkeypatch):
         display.start()
         for _ in range(25):
             sent.append(time.monotonic())
-            os.write(writer, encode(VelocitySent(sent[-1], Velocity(0.1)))[0])
+            os.write(writer, encode(of_plan(sent[-1], Velocity(0.1)))[0])
             time.sleep(0.08)
         os.close(writer)
         display.join()
@@ -222,8 +224,8 @@ def test_a_display_that_starts_late_writes_all_lines():
     velocity = Velocity(0.25)
     motion = Motion('there', (Forward(0.25), Wait(1.0)))
     events = [MotionPlanned(motion, Limits(0.25, 1.0), 10.0)]
-    events += [event for tick in range(20) for event in (
-        VelocitySent(100.0 + tick / 10, velocity), *([MotionStarted(100.0)] if tick == 0 else []))]
+    events.append(MotionStarted(100.0))
+    events += [of_plan(100.0 + tick / 10, velocity, 100.0) for tick in range(20)]
     events += [MotionEnded(102.0), SessionEnded(102.5)]
     ended = subprocess.run(
         processes.python_command(DISPLAY_MODULE), env=processes.child_environment(),

@@ -20,14 +20,7 @@ import math
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from kachaka_simple_control.display.drive_status import DriveState, DriveTracker, PLAN_RATE
-from kachaka_simple_control.display.renderers import LineRenderer, MIN_LINE_PERIOD, StepLogger
-from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
-from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn, Wait
-from kachaka_simple_control.telemetry.events import (
+from kachaka_simple_control.control.events import (
     MotionEnded,
     MotionPlanned,
     MotionStarted,
@@ -35,8 +28,18 @@ from kachaka_simple_control.telemetry.events import (
     SessionEnded,
     SessionStarted,
     SpeedFactorChanged,
+    StopBegan,
+    VelocityKind,
     VelocitySent,
 )
+from kachaka_simple_control.display.drive_status import DriveState, DriveTracker, PLAN_RATE
+from kachaka_simple_control.display.renderers import LineRenderer, MIN_LINE_PERIOD, StepLogger
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Forward, Motion, Move, Turn, Wait
+from messages import of_plan, of_prime, of_stop
 import pytest
 from strategies import LIMITS, MOTIONS
 
@@ -50,7 +53,9 @@ VELOCITIES = st.builds(Velocity, st.floats(-1.0, 1.0), st.floats(-2.0, 2.0))
 EVENTS = st.one_of(
     st.just(STARTED), st.builds(MotionPlanned, st.just(THREE), st.just(ABRUPT), st.just(10.0)),
     st.just(MotionPlanned(Motion('empty', ()), ABRUPT, 10.0)),
-    st.builds(MotionStarted, TIMES), st.builds(VelocitySent, TIMES, VELOCITIES),
+    st.builds(MotionStarted, TIMES, st.booleans()), st.builds(StopBegan, TIMES),
+    st.builds(VelocitySent, TIMES, VELOCITIES, st.sampled_from(VelocityKind), TIMES,
+              st.none() | TIMES),
     st.builds(OdometryReceived, TIMES, st.builds(Pose, st.floats(-9, 9), st.floats(-9, 9)),
               VELOCITIES),
     st.builds(MotionEnded, TIMES, st.none() | st.text()), st.builds(SessionEnded, TIMES))
@@ -60,7 +65,7 @@ def started(motion=THREE, limits=ABRUPT, session=STARTED):
     """Return the tracker of a motion whose first velocity was sent."""
     tracker = DriveTracker()
     for event in (session, MotionPlanned(motion, limits, 10.0),
-                  VelocitySent(START, Velocity(0.25)), MotionStarted(START)):
+                  MotionStarted(START), of_plan(START, Velocity(0.25), START)):
         tracker.on_event(event)
     return tracker
 
@@ -72,7 +77,7 @@ def driven(until, step=0.1, gain=1.0):
         elapsed = tick * step
         velocity = Velocity(0.25) if elapsed < 2.0 - 1e-9 else (
             Velocity(0.0, 1.0) if elapsed < 3.0 - 1e-9 else ZERO)
-        tracker.on_event(VelocitySent(START + elapsed, velocity))
+        tracker.on_event(of_plan(START + elapsed, velocity, START))
         pose = Pose(0.25 * gain * min(elapsed, 2.0), 0.0, max(0.0, min(elapsed - 2.0, 1.0)))
         tracker.on_event(OdometryReceived(START + elapsed, pose, velocity))
     return tracker
@@ -140,7 +145,7 @@ def test_the_remaining_distance_is_by_odometry_while_that_is_new():
     remaining = tracker.status_at(START + 1.0).step.remaining
     assert (remaining.distance, remaining.by_odometry) == (pytest.approx(0.375), True)
     for tick in range(11, 18):
-        tracker.on_event(VelocitySent(START + tick / 10, Velocity(0.25)))
+        tracker.on_event(of_plan(START + tick / 10, Velocity(0.25), START))
     remaining = tracker.status_at(START + 1.7).step.remaining
     assert (remaining.distance, remaining.by_odometry) == (pytest.approx(0.075), False)
 
@@ -148,8 +153,8 @@ def test_the_remaining_distance_is_by_odometry_while_that_is_new():
 def test_by_commands_a_calibrated_robot_does_what_was_planned():
     tracker = started()
     for tick in range(11):
-        tracker.on_event(VelocitySent(
-            START + tick / 10, Velocity(0.3), expected=Velocity(0.25)))
+        tracker.on_event(of_plan(
+            START + tick / 10, Velocity(0.3), START, expected=Velocity(0.25)))
     status = tracker.status_at(START + 1.0)
     assert status.step.remaining.distance == pytest.approx(0.25)
     assert status.commanded == Velocity(0.3)
@@ -168,12 +173,12 @@ def test_states_follow_the_events():
     tracker.on_event(STARTED)
     tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
     assert tracker.status_at(1.0).state is DriveState.WAITING
-    tracker.on_event(VelocitySent(2.0, ZERO))
+    tracker.on_event(of_prime(2.0))
     assert tracker.status_at(2.05).state is DriveState.CONNECTING
-    tracker.on_event(VelocitySent(2.1, Velocity(0.25)))
     tracker.on_event(MotionStarted(2.1))
+    tracker.on_event(of_plan(2.1, Velocity(0.25), 2.1))
     assert tracker.status_at(2.1).state is DriveState.DRIVING
-    tracker.on_event(VelocitySent(6.1, ZERO))
+    tracker.on_event(of_plan(6.1, ZERO, 2.1))
     tracker.on_event(MotionEnded(6.1))
     assert tracker.status_at(6.15).state is DriveState.STOPPING
     assert tracker.status_at(6.3).state is DriveState.STOPPED
@@ -183,15 +188,35 @@ def test_states_follow_the_events():
 def test_a_stop_is_shown_from_its_first_zeros():
     """Its MotionEnded comes 0.4 s later; until then no further step must be shown."""
     tracker = driven(1.9)
-    for number in range(10):
-        tracker.on_event(VelocitySent(START + 1.95 + 0.0001 * number, ZERO))
-    tracker.on_event(VelocitySent(START + 1.99, ZERO))
+    tracker.on_event(StopBegan(START + 1.95))
+    tracker.on_event(of_stop(START + 1.95))
     status = tracker.status_at(START + 2.03)
     assert status.state is DriveState.STOPPING
     assert status.step.number == 1
     assert StepLogger().update(status, START + 2.03) == []
     tracker.on_event(MotionEnded(START + 2.35, 'stopped by SIGINT'))
     assert tracker.status_at(START + 2.5).state is DriveState.CUT_SHORT
+
+
+def test_the_stop_of_the_movement_before_is_none_of_the_next():
+    """It may begin when the next one is planned already."""
+    tracker = driven(1.0)
+    tracker.on_event(MotionEnded(START + 1.0))
+    tracker.on_event(MotionPlanned(THREE, ABRUPT, 10.0))
+    tracker.on_event(StopBegan(START + 1.1))
+    tracker.on_event(MotionStarted(START + 2.0))
+    tracker.on_event(of_plan(START + 2.0, Velocity(0.25), START + 2.0))
+    assert tracker.status_at(START + 2.1).state is DriveState.DRIVING
+
+
+def test_a_run_without_a_plan_is_driving_in_no_step():
+    tracker = driven(1.0)
+    tracker.on_event(MotionEnded(START + 1.0))
+    tracker.on_event(MotionStarted(START + 5.0, has_plan=False))
+    tracker.on_event(VelocitySent(START + 5.0, Velocity(0.1), VelocityKind.HAND, 0.0))
+    status = tracker.status_at(START + 5.1)
+    assert (status.state, status.step, status.duration) == (DriveState.DRIVING, None, None)
+    assert status.commanded == Velocity(0.1)
 
 
 def test_zeros_of_a_plan_are_no_stop():

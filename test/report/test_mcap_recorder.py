@@ -19,16 +19,17 @@ import tempfile
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.geometry import Pose, Velocity
-from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.report.mcap_recorder import stamp
-from kachaka_simple_control.report.rosbag2_metadata import definition
-from kachaka_simple_control.telemetry.events import (
+from kachaka_simple_control.control.events import (
     MotionStarted,
     OdometryReceived,
     SpeedFactorChanged,
     VelocitySent,
 )
+from kachaka_simple_control.motion.geometry import Pose, Velocity
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.report.mcap_recorder import stamp
+from kachaka_simple_control.report.rosbag2_metadata import definition
+from messages import of_plan
 import pytest
 from recorded_drive import LIMITS, PLANNED, RecordedDrive, STAMPED, TWIST
 from recordings import header_stamp, read_with_rosbags, READERS, stamp_of, velocities
@@ -115,7 +116,7 @@ def test_the_path_leads_from_where_the_robot_is_to_where_the_plan_ends(read, tmp
     drive = RecordedDrive(tmp_path)
     start = Pose(1.0, -2.0, math.pi / 2.0)
     drive.publish(
-        OdometryReceived(9.9, start), VelocitySent(10.0, Velocity(0.1, 0.5)), MotionStarted(10.0))
+        OdometryReceived(9.9, start), MotionStarted(10.0), of_plan(10.0, Velocity(0.1, 0.5), 10.0))
     assert drive.recorder.finish() is None
     (path,) = [one for one in read(drive.file) if one.topic == PATH]
     first, last = path.message.poses[0], path.message.poses[-1]
@@ -194,7 +195,7 @@ def test_a_minute_at_50_hz_takes_little_space(tmp_path):
     drive = RecordedDrive(tmp_path)
     for second, tick in itertools.product(range(60), range(50)):
         time = 10.0 + second + tick / 50.0
-        drive.publish(VelocitySent(time, Velocity(0.1, 0.001 * tick)),
+        drive.publish(of_plan(time, Velocity(0.1, 0.001 * tick)),
                       OdometryReceived(time, Pose(time, 0.0, 0.1)))
         if tick == 0:
             drive.recorder.flush(time)

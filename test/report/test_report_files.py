@@ -26,14 +26,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.summary import outcome, Summary
-from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, ZERO
-from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.steps import Forward, Motion, Move, Repeat, Turn
-from kachaka_simple_control.report.html_page import MAX_ROWS, render_page
-from kachaka_simple_control.report.json_export import fields, run_json
-from kachaka_simple_control.report.report_directory import missing_libraries
-from kachaka_simple_control.report.report_program import try_write_report, write_report
-from kachaka_simple_control.telemetry.events import (
+from kachaka_simple_control.control.events import (
     MotionEnded,
     MotionPlanned,
     MotionStarted,
@@ -41,6 +34,13 @@ from kachaka_simple_control.telemetry.events import (
     SessionEnded,
     VelocitySent,
 )
+from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Forward, Motion, Move, Repeat, Turn
+from kachaka_simple_control.report.html_page import MAX_ROWS, render_page
+from kachaka_simple_control.report.json_export import fields, run_json
+from kachaka_simple_control.report.report_directory import missing_libraries
+from kachaka_simple_control.report.report_program import try_write_report, write_report
 from outcome_logs import done, faulted, hour, killed, lesson, never_began, stopped
 from plans import EMPTY, LESSON, SQUARE
 import pytest

@@ -23,14 +23,7 @@ import time
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control import processes
-from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.motion.geometry import Pose, Velocity
-from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.report import report_program
-from kachaka_simple_control.report.report_directory import prepare_report_dir, REPORT_MODULE
-from kachaka_simple_control.telemetry.events import (
-    EventBus,
+from kachaka_simple_control.control.events import (
     MotionEnded,
     MotionPlanned,
     MotionStarted,
@@ -39,10 +32,18 @@ from kachaka_simple_control.telemetry.events import (
     SessionStarted,
     VelocitySent,
 )
+from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.motion.geometry import Pose, Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.report import report_program
+from kachaka_simple_control.report.report_directory import prepare_report_dir, REPORT_MODULE
+from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.subscriber_process import (
     SubscriberProcess,
     SubscriberProcesses,
 )
+from messages import of_plan
 import pytest
 from recordings import READERS, sent_velocities, stamp_of, velocities
 from waiting import wait_for_file
@@ -52,7 +53,7 @@ pytestmark = [pytest.mark.real_time, pytest.mark.needs('mcap')]
 LIMITS = Limits(0.3, 1.5)
 OPENED = SessionStarted('test', 'kachaka', LIMITS, 0.3, 1.7e9, '/cmd_vel', '/odom')
 PLANNED = MotionPlanned(Motion('ahead', (Move(0.1, 0.0, 5.0),)), LIMITS, 10.0)
-BEGINNING = (OPENED, PLANNED, VelocitySent(10.0, Velocity(0.1)), MotionStarted(10.0))
+BEGINNING = (OPENED, PLANNED, MotionStarted(10.0), of_plan(10.0, Velocity(0.1), 10.0))
 EXIT_TIMEOUT = 30.0
 
 
@@ -64,7 +65,7 @@ def reporter_of(folder, *before):
 def drive(count, first=10.0):
     """Return the events of a drive at 50 Hz."""
     return [event for number in range(count) for event in (
-        VelocitySent(first + number / 50.0, Velocity(0.1, number / 1000.0)),
+        of_plan(first + number / 50.0, Velocity(0.1, number / 1000.0)),
         OdometryReceived(first + number / 50.0 + 0.003, Pose(number / 500.0)))]
 
 
@@ -99,6 +100,7 @@ def test_all_published_events_are_recorded(tmp_path, capfd):
 
 SEND_EVENTS = """
 import os, signal, sys
+from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 from kachaka_simple_control.control import processes
 from test_report_program import BEGINNING, drive, reporter_of
@@ -132,7 +134,7 @@ def test_a_killed_reporter_leaves_all_but_the_last_second(tmp_path):
     sent = []
     end = time.monotonic() + 2.5
     while time.monotonic() < end:
-        sent.append(VelocitySent(time.monotonic(), Velocity(0.1, len(sent) / 1000.0)))
+        sent.append(of_plan(time.monotonic(), Velocity(0.1, len(sent) / 1000.0)))
         process.send(sent[-1])
         time.sleep(0.01)
     killed = time.monotonic()
@@ -153,7 +155,7 @@ def test_an_event_reaches_the_disk_even_if_none_follows(tmp_path):
         process.send(event)
     wait_for_file(tmp_path / 'run.mcap')
     size = (tmp_path / 'run.mcap').stat().st_size
-    process.send(VelocitySent(time.monotonic(), Velocity(0.1)))
+    process.send(of_plan(time.monotonic(), Velocity(0.1)))
     wait_for_file(tmp_path / 'run.mcap', size)
     assert [found.topic for found in READERS[0](tmp_path / 'run.mcap')] == [
         '/kachaka_simple_control/speed_factor', OPENED.velocity_topic]
@@ -217,8 +219,11 @@ def test_one_that_does_not_keep_up_gets_no_more_and_records_what_it_received(tmp
         wait_for_file(tmp_path / 'run.mcap')
         process._process.send_signal(signal.SIGSTOP)
         start = time.monotonic()
-        for event in drive(20_000, 11.0):
+        for number, event in enumerate(drive(20_000, 11.0)):
             event_bus.publish(event)
+            if number % 1000 == 0:
+                assert event_bus.flush(10.0)
+        assert event_bus.flush(10.0)
         assert time.monotonic() - start < 10.0
         assert process.failure == 'it did not keep up'
         process._process.send_signal(signal.SIGCONT)

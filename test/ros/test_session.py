@@ -215,6 +215,7 @@ def test_two_movements_at_once_are_refused(listener, make):
     with pytest.raises(MotionRefusedError, match='running already'):
         node.move_robot(0.2, 0.0, 1.0)
     thread.join()
+    node.event_bus.flush()
     # What was refused never happened.
     assert [motion.is_complete for motion in record.motions] == [True]
     assert [(move.linear_x, move.count) for move in listener.moves()] == [(0.1, 10)]

@@ -23,7 +23,7 @@ import threading
 import time
 
 from kachaka_simple_control.commands.cli import parse
-from kachaka_simple_control.control import plan_runner
+from kachaka_simple_control.control.events import OdometryReceived, VelocitySent
 from kachaka_simple_control.control.service_requests import StopRequests
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, PauseTimeoutError
@@ -31,7 +31,7 @@ from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import integrate, ORIGIN, relative_to
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Turn
-from kachaka_simple_control.telemetry.events import OdometryReceived, VelocitySent
+from kachaka_simple_control.ros import session
 from optional_libraries import MISSING, optional_imports
 from program import COMMAND, program
 import pytest
@@ -125,7 +125,7 @@ def test_a_motion_with_five_pauses_ends_where_it_would(make, monkeypatch):
             ticks.append(tick)
             return tick
 
-    monkeypatch.setattr(plan_runner, 'TickScheduler', Recorded)
+    monkeypatch.setattr(session, 'TickScheduler', Recorded)
     motion = Motion('half a square', (Repeat(2, (Forward(0.6), Turn(math.pi / 2.0))),))
     planned = plan(motion, KACHAKA.limits, 20.0)
     with bridge():
@@ -154,6 +154,7 @@ def test_a_motion_with_five_pauses_ends_where_it_would(make, monkeypatch):
         thread.join()
         # The newest odometry may be one from before the stop.
         time.sleep(0.3)
+        node.event_bus.flush()
         node.destroy_node()
     assert refused == []
     assert ticks.pop() is None

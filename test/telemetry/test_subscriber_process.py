@@ -18,15 +18,14 @@ import sys
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.steps import Motion, Move
-from kachaka_simple_control.telemetry.events import (
-    EventBus,
+from kachaka_simple_control.control.events import (
     MotionPlanned,
     MotionStarted,
     VelocitySent,
 )
+from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.telemetry.subscriber_process import (
     ATOMIC_WRITE_SIZE,
     decode,
@@ -90,19 +89,3 @@ def test_a_subscriber_that_does_not_read_does_not_delay_the_publisher():
     assert subscriber.close(0.0) is None
     subscriber._process.kill()
     subscriber._process.wait()
-
-
-def test_a_handler_that_raises_is_dropped():
-    event_bus, events, calls = EventBus(), [], []
-
-    def fail(event):
-        calls.append(event)
-        raise ValueError('deaf')
-
-    event_bus.subscribe(fail)
-    event_bus.subscribe(events.append)
-    for number in range(3):
-        event_bus.publish(MotionStarted(float(number)))
-    assert len(events) == 3
-    assert len(calls) == 1
-    assert [str(error) for error in event_bus.failures] == ['deaf']

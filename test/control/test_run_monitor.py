@@ -19,20 +19,14 @@ import math
 import threading
 from types import SimpleNamespace
 
+from kachaka_simple_control.control import run_monitor
 from kachaka_simple_control.control.guardian import NullGuardian
+from kachaka_simple_control.control.run_monitor import RunMonitor
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError
 from kachaka_simple_control.motion.geometry import ZERO
-from optional_libraries import MISSING, optional_imports
 import pytest
-
-RosRunMonitor = run_monitor = MISSING
-with optional_imports():
-    from kachaka_simple_control.ros import run_monitor
-    from kachaka_simple_control.ros.run_monitor import RosRunMonitor
-
-pytestmark = pytest.mark.needs('rclpy')
 
 
 class Clock:
@@ -61,7 +55,7 @@ def begun(clock):
         check_subscribed=lambda: None, check_identity=lambda: None, check_exclusive=lambda: None,
         has_changed=lambda: False, update=lambda: None)
     parameters = SimpleNamespace(odometry_timeout=0.5, pause_timeout=600.0)
-    monitor = RosRunMonitor(
+    monitor = RunMonitor(
         NullGuardian(), None, anything, anything, odometry, parameters, SpeedFactor())
     monitor.begin(None)
     odometry.on_odometry(clock.now, ZERO)

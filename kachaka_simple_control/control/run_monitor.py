@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import math
 import time
+from typing import Protocol
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
@@ -39,38 +40,84 @@ from kachaka_simple_control.errors import (
     RunFaultError,
 )
 from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.ros.foreign_messages import ForeignMessages
-from kachaka_simple_control.ros.node_parameters import NodeParameters
-from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 
 
-class RosRunMonitor:
+class RobotPort(Protocol):
+    """What the network shows of the robot; each call may have to wait for DDS."""
+
+    def check_subscribed(self) -> None:
+        """
+        Check that the robot still subscribes.
+
+        :raises RunFaultError: if it does not
+        """
+
+    def check_identity(self) -> None:
+        """
+        Check that the robot is the one that was taken.
+
+        :raises RunFaultError: if it is another, or has left
+        """
+
+    def check_exclusive(self) -> None:
+        """
+        Check that there is one robot.
+
+        :raises RunFaultError: if there are more
+        """
+
+    def has_changed(self) -> bool:
+        """Return whether a number of endpoints has changed since the last call."""
+
+
+class OtherPublishers(Protocol):
+    """Watches for velocities of other programs."""
+
+    def update(self) -> bool:
+        """Find other publishers, and listen to them; return whether there are any."""
+
+
+class RunTimeouts(Protocol):
+    """How long a run waits."""
+
+    @property
+    def odometry_timeout(self) -> float:
+        """Return how long odometry may be silent [s]; 0: for ever."""
+
+    @property
+    def pause_timeout(self) -> float:
+        """Return how long a run may be paused [s]."""
+
+
+class RunMonitor:
     """
     Sends heartbeats, renews manual control and raises the faults that end a run.
 
-    Called after each message and at least every 20 ms; each call is short.
+    Called after each message and at least every CHECK_PERIOD; each call is short.
 
     :param guardian: gets the heartbeats
     :param lease: renews manual control; None for a robot that needs none
-    :param discovery: what the ROS graph shows of the robot
-    :param foreign: detects the velocities of other publishers
+    :param robot: what the network shows of the robot
+    :param others: detects the velocities of other publishers
     :param odometry: what odometry shows of the robot
-    :param parameters: how long odometry may be silent, and a run paused
+    :param timeouts: how long odometry may be silent, and a run paused
     :param speed_factor: the speed relative to the plan
     """
 
     def __init__(
             self, guardian: Guardian | NullGuardian, lease: LeaseRenewer | None,
-            discovery: RobotDiscovery, foreign: ForeignMessages, odometry: StandstillDetector,
-            parameters: NodeParameters, speed_factor: SpeedFactor) -> None:
+            robot: RobotPort, others: OtherPublishers, odometry: StandstillDetector,
+            timeouts: RunTimeouts, speed_factor: SpeedFactor) -> None:
         self._guardian = guardian
         self._lease = lease
-        self._discovery = discovery
-        self._foreign = foreign
+        self._robot = robot
+        self._others = others
         self._odometry = odometry
-        self._odometry_timeout = parameters.odometry_timeout
-        self._pause_timeout = parameters.pause_timeout
+        self._odometry_timeout = timeouts.odometry_timeout
+        self._pause_timeout = timeouts.pause_timeout
         self._speed_factor = speed_factor
+        #: the steady clock [s]
+        self.clock: Callable[[], float] = lambda: time.monotonic()  # noqa: PLW0108 (tests set time)
         self._feedback: PoseFeedback | None = None
         #: since when the robot stands, held by a speed factor of 0 [s]; None if it is not held
         self._held_since: float | None = None
@@ -112,10 +159,10 @@ class RosRunMonitor:
         if not is_held:
             self._held_since, self._is_released = None, False
         elif self._held_since is None:
-            self._held_since = time.monotonic()
+            self._held_since = self.clock()
         self.pause_pose.on_sent(is_held)
         if self._lease is not None:
-            self._lease.on_sent(time.monotonic(), rest)
+            self._lease.on_sent(self.clock(), rest)
 
     def begin(self, feedback: PoseFeedback | None) -> None:
         """
@@ -124,7 +171,7 @@ class RosRunMonitor:
         :param feedback: corrects the velocities of the run that begins; None: sent as planned
         """
         self._feedback = feedback
-        self._checked = time.monotonic()
+        self._checked = self.clock()
         self._held_since, self._is_released = None, False
         self._speed_factor.set(MOVED, 1.0)
         self.pause_pose.on_sent(is_paused=False)
@@ -135,10 +182,10 @@ class RosRunMonitor:
 
         :raises RunFaultError: if there is a reason not to go on
         """
-        self._discovery.check_subscribed()
-        self._discovery.check_identity()
-        self._discovery.check_exclusive()
-        if self.has_lost_robot(time.monotonic()):
+        self._robot.check_subscribed()
+        self._robot.check_identity()
+        self._robot.check_exclusive()
+        if self.has_lost_robot(self.clock()):
             raise RunFaultError('odometry is silent: the robot or the link to it is lost')
 
     def check(self) -> None:
@@ -147,14 +194,14 @@ class RosRunMonitor:
 
         :raises RunFaultError: if the run must end
         """
-        now = time.monotonic()
+        now = self.clock()
         self._guardian.heartbeat()
         held_up, self._checked = now - self._checked, now
         if self._lease is not None:
             self._lease.poll(now)
         if now - self._subscriber_checked >= SUBSCRIBER_CHECK_PERIOD:
             self._subscriber_checked = now
-            self._discovery.check_subscribed()
+            self._robot.check_subscribed()
         if self.has_lost_robot(now):
             age = self._odometry.age(now) or 0.0
             if held_up > HEARTBEAT_TIMEOUT and age - held_up <= self._odometry_timeout:
@@ -205,8 +252,8 @@ class RosRunMonitor:
         return age is not None and 0.0 < self._odometry_timeout < age
 
     def _check_graph(self, now: float) -> None:
-        if self._discovery.has_changed() or now - self._graph_checked >= GRAPH_CHECK_PERIOD:
+        if self._robot.has_changed() or now - self._graph_checked >= GRAPH_CHECK_PERIOD:
             self._graph_checked = now
-            self._discovery.check_identity()
-            self._discovery.check_exclusive()
-            self._foreign.update()
+            self._robot.check_identity()
+            self._robot.check_exclusive()
+            self._others.update()

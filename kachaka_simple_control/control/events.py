@@ -11,12 +11,13 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Events of a drive, and the bus that passes them on within a process."""
+"""The events of a drive: all that a reader needs, in the order in which it happened."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 
 from kachaka_simple_control.control.speed_factor import product
 from kachaka_simple_control.motion.geometry import Footprint, Pose, Velocity, ZERO
@@ -87,12 +88,35 @@ class MotionPlanned:
 @dataclass(frozen=True)
 class MotionStarted:
     """
-    The first velocity of the motion planned last was sent: t = 0.
+    A run begins: its first velocity follows.
 
-    :param time: when [s on the steady clock]
+    :param time: t = 0 of the run [s on the steady clock]
+    :param has_plan: whether it drives the motion planned last; False: it has no plan
     """
 
     time: float
+    has_plan: bool = True
+
+
+class VelocityKind(Enum):
+    """What a velocity was sent for."""
+
+    #: a velocity of a plan, as it is there or under a speed factor
+    PLAN = 'plan'
+    #: a velocity of a plan, corrected by odometry
+    CORRECTION = 'correction'
+    #: a velocity that somebody wants now
+    HAND = 'hand'
+    #: a zero before a run, so that the robot's reader is matched
+    PRIME = 'prime'
+    #: a zero of a stop
+    STOP = 'stop'
+    #: the first zero of the guardian's stop
+    GUARDIAN = 'guardian'
+
+
+#: The kinds that a run sends.
+RUN_KINDS = frozenset({VelocityKind.PLAN, VelocityKind.CORRECTION, VelocityKind.HAND})
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,15 +125,52 @@ class VelocitySent:
     A velocity was published.
 
     :param time: when [s on the steady clock]
-    :param plan_time: where on the plan that is [s of the plan]; None: as planned, the time since
-        t = 0, or no message of a plan
+    :param kind: what it was sent for
+    :param due: when it was due [s after t = 0 of its run]; None if it is no velocity of a run
+    :param plan_time: where on the plan that is [s of the plan]; None if it is none of a plan
+    :param skipped: how many velocities before it were not sent: this one was due already
     :param expected: what the robot makes of it by its calibration; None: the velocity itself
     """
 
     time: float
     velocity: Velocity
+    kind: VelocityKind
+    due: float | None = None
     plan_time: float | None = None
+    skipped: int = 0
     expected: Velocity | None = None
+
+    @property
+    def is_delayed(self) -> bool:
+        """Return whether a speed factor has made it later than planned, or another velocity."""
+        return self.plan_time != self.due
+
+    @property
+    def is_of_run(self) -> bool:
+        """Return whether a run sent it, and not a stop or a robot being taken."""
+        return self.kind in RUN_KINDS
+
+
+@dataclass(frozen=True)
+class StopBegan:
+    """
+    A stop begins: its zeros follow.
+
+    :param time: when [s on the steady clock]
+    """
+
+    time: float
+
+
+@dataclass(frozen=True)
+class StopConfirmed:
+    """
+    A stop was sent whole, and odometry, where there is any, no longer showed motion.
+
+    :param time: when [s on the steady clock]
+    """
+
+    time: float
 
 
 @dataclass(frozen=True)
@@ -181,60 +242,5 @@ class SessionEnded:
 
 
 Event = (SessionStarted | MotionPlanned | MotionStarted | VelocitySent | SpeedFactorChanged
-         | OdometryReceived | MotionEnded | SessionEnded)
+         | OdometryReceived | StopBegan | StopConfirmed | MotionEnded | SessionEnded)
 EventHandler = Callable[[Event], None]
-
-
-class PlanClock:
-    """
-    Where on its plan a motion is: later than planned after a pause or at less speed.
-
-    :param started: when its first velocity was sent [s on the steady clock]
-    """
-
-    def __init__(self, started: float) -> None:
-        self._time, self._plan_time = started, 0.0
-
-    def on_sent(self, event: VelocitySent) -> None:
-        """Take note of a message of the motion."""
-        if event.plan_time is not None:
-            self._time, self._plan_time = event.time, event.plan_time
-
-    def plan_time(self, now: float) -> float:
-        """
-        Return where on the plan it is [s of the plan], to a period while it is delayed.
-
-        :param now: the time [s on the steady clock], not before the newest message
-        """
-        return self._plan_time + now - self._time
-
-
-class EventBus:
-    """
-    Passes events to the subscribed handlers, in the thread that publishes them.
-
-    A handler must return at once, for the thread may be the one that moves the robot.  One that
-    raises is dropped; the drive goes on.  A bus is true if it has handlers.
-    """
-
-    def __init__(self) -> None:
-        self._handlers: tuple[EventHandler, ...] = ()
-        #: why handlers were dropped
-        self.failures: list[Exception] = []
-
-    def __bool__(self) -> bool:
-        """Return whether there are handlers."""
-        return bool(self._handlers)
-
-    def subscribe(self, handler: EventHandler) -> None:
-        """Call a handler with each event from now on."""
-        self._handlers = (*self._handlers, handler)
-
-    def publish(self, event: Event) -> None:
-        """Call all handlers with an event."""
-        for handler in self._handlers:
-            try:
-                handler(event)
-            except Exception as error:  # noqa: PERF203 (the robot comes first)
-                self.failures.append(error)
-                self._handlers = tuple(one for one in self._handlers if one is not handler)

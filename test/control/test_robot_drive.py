@@ -13,15 +13,21 @@
 # limitations under the License.
 """The plan runner: what it sends, and when, by a clock that the test advances."""
 
-from itertools import pairwise
+from itertools import groupby, pairwise
+import math
 
 from fake_time import FakePublisher, FakeTime
+from kachaka_simple_control.control.drive_loop import DriveLoop
+from kachaka_simple_control.control.events import MotionStarted, VelocitySent
 from kachaka_simple_control.control.latch import Latch
-from kachaka_simple_control.control.plan_runner import max_gap, run_plan
-from kachaka_simple_control.control.timing import POLL_PERIOD
+from kachaka_simple_control.control.robot_drive import RobotDrive
+from kachaka_simple_control.control.run_progress import RunState
+from kachaka_simple_control.control.speed_factor import SpeedFactor
+from kachaka_simple_control.control.tick_scheduler import TickScheduler
+from kachaka_simple_control.control.timing import CHECK_PERIOD, max_gap
 from kachaka_simple_control.control.velocity_gate import VelocityGate
 from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
-from kachaka_simple_control.motion.geometry import Velocity, ZERO
+from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
@@ -66,11 +72,21 @@ class Bench:
         self.gate.open()
         self.plan = plan(Motion('test', moves), LIMITS, rate)
         self.monitor = CountingMonitor()
+        self.drive = RobotDrive(self.gate, self.monitor, SpeedFactor(), COMMAND_TIMEOUT)
+        self.events = []
+        self.gate.publish = self.events.append
 
     def run(self):
         """Run the plan."""
-        return run_plan(
-            self.plan, self.gate, COMMAND_TIMEOUT, self.monitor, self.time.clock, self.time.sleep)
+        self.drive.request('test', self.plan)
+        self.drive.begin(TickScheduler(self.plan), self.time.now, self.plan.period)
+        DriveLoop(self.time.clock, self.time.sleep).run([self.drive])
+        self.drive.finish()
+
+    @property
+    def sent(self):
+        """Return the events of what was sent."""
+        return [event for event in self.events if isinstance(event, VelocitySent)]
 
 
 def test_a_move_is_held_for_its_duration_and_ends_in_a_zero():
@@ -83,10 +99,10 @@ def test_a_move_is_held_for_its_duration_and_ends_in_a_zero():
 
 
 def test_a_delayed_run_tells_where_on_the_plan_each_message_is_to_the_last_zero():
-    bench, plan_times = Bench(Move(0.1, 0.0, 1.0)), []
-    bench.gate.on_sent = lambda now, velocity, plan_time: plan_times.append(plan_time)
+    bench = Bench(Move(0.1, 0.0, 1.0))
     bench.monitor.speed_factor = 0.5
     bench.run()
+    plan_times = [event.plan_time for event in bench.sent]
     assert len(plan_times) > 15
     assert plan_times[1:] == sorted(plan_times[1:])
     assert plan_times[-1] == bench.plan.duration
@@ -102,10 +118,12 @@ def test_late_wakeups_do_not_add_up():
     assert len(bench.wire.sent) == 11
 
 
-def test_it_checks_for_faults_every_20_ms():
-    bench = Bench(Move(0.1, 0.0, 1.0), rate=5.0)
+def test_it_checks_for_faults_at_least_every_30_ms():
+    bench, checks = Bench(Move(0.1, 0.0, 1.0), rate=5.0), []
+    bench.monitor.check = lambda: checks.append(bench.time.now)
     bench.run()
-    assert bench.monitor.checks >= 50
+    assert max(after - before for before, after in pairwise(checks)) <= CHECK_PERIOD + 1e-9
+    assert len(checks) < 42
 
 
 def test_it_checks_for_faults_even_if_every_message_is_late():
@@ -121,7 +139,7 @@ def test_it_checks_for_faults_even_if_every_message_is_late():
     bench.monitor.check = lambda: checks.append(bench.time.now)
     bench.run()
     gaps = [after - before for before, after in pairwise(checks)]
-    assert max(gaps) <= late + POLL_PERIOD + 1e-6
+    assert max(gaps) <= late + CHECK_PERIOD + 1e-6
 
 
 def test_a_slow_graph_query_does_not_end_the_run():
@@ -189,3 +207,87 @@ def test_a_set_latch_ends_the_run_before_anything_else_is_sent():
 @pytest.mark.parametrize('period, gap', [(0.1, 0.2), (0.01, 0.11), (0.2, 0.3), (0.25, 0.3)])
 def test_the_largest_gap_is_a_period_and_100_ms_but_at_most_the_command_timeout(period, gap):
     assert gap == pytest.approx(max_gap(period, COMMAND_TIMEOUT))
+
+
+def test_a_run_begins_before_its_first_velocity_and_each_says_when_it_was_due():
+    bench = Bench(Move(0.1, 0.0, 0.35))
+    start = bench.time.now
+    bench.run()
+    assert bench.events[0] == MotionStarted(start)
+    assert [event.due for event in bench.sent] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.35])
+    assert [event.plan_time for event in bench.sent] == [event.due for event in bench.sent]
+    assert not any(event.is_delayed for event in bench.sent)
+
+
+@pytest.mark.parametrize('delays, late, skipped', [
+    ({}, 0, 0), ({2: 0.0249}, 0, 0), ({2: 0.0251}, 1, 0),
+    # Due at 0.1 and never sent; that of 0.2 comes 10 ms late, or 30 ms.
+    ({1: 0.11}, 0, 1), ({1: 0.13}, 1, 1)])
+def test_late_and_skipped_velocities_are_counted(delays, late, skipped):
+    bench = Bench(Move(0.1, 0.0, 1.0))
+    bench.drive._command_timeout = 1.0
+    transmit, count = bench.gate._transmit, iter(range(99))
+
+    def slow(velocity):
+        transmit(velocity)
+        # Until the velocity after this one is late by that.
+        bench.time.now += 0.1 + delays.pop(number) if (number := next(count) + 1) in delays else 0
+
+    bench.gate._transmit = slow
+    bench.run()
+    progress = bench.drive.progress
+    assert (progress.late, progress.skipped) == (late, skipped)
+    assert sum(event.skipped for event in bench.sent) == skipped
+
+
+def test_its_progress_shows_the_run_from_the_request_to_the_end():
+    bench = Bench(Move(0.1, 0.0, 1.0), Move(0.0, 0.5, 1.0))
+    seen = []
+    bench.time.on_sleep = lambda: seen.append(bench.drive.progress)
+    assert bench.drive.progress.state is RunState.NONE
+    start = bench.time.now
+    bench.drive.request('test', bench.plan)
+    assert bench.drive.progress.state is RunState.CONNECTING
+    assert bench.drive.progress.step == (0, 2)
+    bench.run()
+    assert {progress.state for progress in seen} == {RunState.DRIVING}
+    assert {progress.began for progress in seen} == {start}
+    assert [step for step, _ in groupby(progress.step for progress in seen)] == [(1, 2), (2, 2)]
+    assert max(progress.way.x for progress in seen) == pytest.approx(0.1)
+    assert bench.drive.progress.state is RunState.ENDED
+    bench.drive.request('next', bench.plan)
+    bench.drive.finish('the robot left')
+    assert bench.drive.progress.state is RunState.ENDED_EARLY
+    assert bench.drive.progress.ended_by == 'the robot left'
+
+
+def test_a_hold_shows_in_the_progress():
+    bench = Bench(Move(0.1, 0.0, 1.0))
+    states = []
+    bench.time.on_sleep = lambda: states.append(bench.drive.progress.state)
+    bench.drive.speed_factor.set('obstacle', 0.005)
+    bench.run()
+    assert set(states) == {RunState.HELD}
+
+
+def test_the_planned_pose_is_as_odometry_would_show_it():
+    bench = Bench(Move(0.1, 0.0, 1.0))
+    bench.drive.request('test', bench.plan)
+    assert bench.drive.progress.planned_pose is None
+    bench.drive.begin(
+        TickScheduler(bench.plan), bench.time.now, bench.plan.period, None,
+        Pose(1.0, 2.0, math.pi / 2.0))
+    for _ in range(2):
+        bench.drive.step(bench.time.now)
+        bench.time.now += 0.1
+    assert bench.drive.progress.planned_pose == Pose(
+        pytest.approx(1.0), pytest.approx(2.01), pytest.approx(math.pi / 2.0))
+
+
+def test_a_run_that_is_ended_from_outside_has_its_zero_at_once():
+    bench = Bench(Move(0.1, 0.0, 1.0))
+    bench.time.on_sleep = lambda: (
+        bench.drive.end(RunFaultError('enough')) if len(bench.wire.sent) == 3 else None)
+    with pytest.raises(RunFaultError, match='enough'):
+        bench.run()
+    assert [velocity for _, velocity in bench.wire.sent] == [Velocity(0.1, 0.0)] * 3 + [ZERO]

@@ -1,0 +1,209 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Pass events on to their readers: in one thread of its own, in order, whatever a reader does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from queue import SimpleQueue
+import threading
+import time
+
+from kachaka_simple_control.control.events import Event, EventHandler
+
+#: How many events may wait; a reader that lets more wait is detached.  Chosen: 10 s at the highest
+#: rate of velocities.
+MAX_WAITING = 10_000
+#: How long the thread lets events gather before it passes them on [s]: one wake-up for several.
+BATCH_PERIOD = 0.02
+#: How long an exit waits until all events are passed on [s].
+CLOSE_TIMEOUT = 0.5
+
+
+@dataclass(eq=False)
+class _Reader:
+    """
+    A handler of events.
+
+    :param on_detached: called with the reason when it gets no more events
+    :param busy: how long it has taken since no event waited [s]
+    """
+
+    handle: EventHandler
+    on_detached: Callable[[str], None]
+    busy: float = 0.0
+
+
+@dataclass(eq=False)
+class _Call:
+    """What a thread of the bus is doing: an event, and the readers that have yet to get it."""
+
+    event: Event
+    readers: list[_Reader]
+    #: who has it now, and since when [s on the steady clock]
+    current: _Reader | None = None
+    since: float = 0.0
+    #: whether another thread has taken over, because the current reader takes too long
+    is_abandoned: bool = False
+    #: excludes that both threads take a reader
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def next_reader(self) -> _Reader | None:
+        """Return who gets the event next; None if there is nobody, or another thread goes on."""
+        with self.lock:
+            if self.is_abandoned or not self.readers:
+                return None
+            self.current, self.since = self.readers.pop(0), time.monotonic()
+            return self.current
+
+
+class EventBus:
+    """
+    Passes events on to readers, in order, in a thread of its own.
+
+    ``publish`` only puts an event into a queue: no reader can hold up the thread that drives, or
+    a stop.  A reader that raises is detached, and so is one that lets MAX_WAITING events wait;
+    the drive and the other readers go on.  A bus is true if it has readers.
+
+    :param on_detached: called with the reason when a reader is detached
+    """
+
+    def __init__(self, on_detached: Callable[[str], None] = lambda _: None) -> None:
+        self._on_detached = on_detached
+        self._readers: tuple[_Reader, ...] = ()
+        self._queue: SimpleQueue[Event | threading.Event | None] = SimpleQueue()
+        self._hurry = threading.Event()
+        self._call: _Call | None = None
+        self._thread: threading.Thread | None = None
+        self._lock = threading.Lock()
+        #: how many events may wait; more after a reader was detached, until none waits
+        self._limit = MAX_WAITING
+        #: why readers were detached
+        self.failures: list[Exception] = []
+
+    def __bool__(self) -> bool:
+        """Return whether there are readers."""
+        return bool(self._readers)
+
+    def subscribe(
+            self, handler: EventHandler,
+            on_detached: Callable[[str], None] = lambda _: None) -> None:
+        """
+        Call a handler with each event that is published from now on.
+
+        :param on_detached: called with the reason if it is detached: what it wrote is incomplete
+        """
+        with self._lock:
+            self._readers = (*self._readers, _Reader(handler, on_detached))
+
+    def publish(self, event: Event) -> None:
+        """Put an event into the queue, and return at once; from any thread."""
+        if not self._readers:
+            return
+        self._queue.put(event)
+        if self._thread is None:
+            with self._lock:
+                if self._thread is None:
+                    self._start()
+        elif self._queue.qsize() > self._limit:
+            self._limit += MAX_WAITING
+            self._detach_slowest_reader()
+
+    def flush(self, timeout: float = CLOSE_TIMEOUT) -> bool:
+        """
+        Wait until all events that were published before are passed on.
+
+        :param timeout: how long at most [s]
+        :returns: whether they are
+        """
+        if self._thread is None:
+            return True
+        marker = threading.Event()
+        self._queue.put(marker)
+        self._hurry.set()
+        return marker.wait(timeout)
+
+    def close(self) -> None:
+        """Pass on what was published, for up to CLOSE_TIMEOUT, and nothing more."""
+        self.flush()
+        with self._lock:
+            self._readers = ()
+        self._queue.put(None)
+        self._hurry.set()
+
+    def _start(self, unfinished: _Call | None = None) -> None:
+        thread = threading.Thread(
+            target=self._run, args=(unfinished,), name='events', daemon=True)
+        try:
+            thread.start()
+        except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
+            return
+        self._thread = thread
+
+    def _run(self, unfinished: _Call | None) -> None:
+        if unfinished is not None and not self._pass_on(unfinished):
+            return
+        while (item := self._queue.get()) is not None:
+            if isinstance(item, threading.Event):
+                self._hurry.clear()
+                item.set()
+            elif not self._pass_on(_Call(item, [*self._readers])):
+                return
+            if self._queue.empty():
+                self._limit = MAX_WAITING
+                for reader in self._readers:
+                    reader.busy = 0.0
+                self._hurry.wait(BATCH_PERIOD)
+
+    def _pass_on(self, call: _Call) -> bool:
+        """Call the readers with an event; return whether this thread is still the bus's."""
+        self._call = call
+        while (reader := call.next_reader()) is not None:
+            try:
+                reader.handle(call.event)
+            except Exception as error:
+                self._detach(reader, error)
+            reader.busy += time.monotonic() - call.since
+        return not call.is_abandoned
+
+    def _detach_slowest_reader(self) -> None:
+        """Detach the reader that took longest; if it has not returned, go on in another thread."""
+        call, now = self._call, time.monotonic()
+        if call is None:
+            return
+        with call.lock:
+            busy = {reader: reader.busy + (now - call.since) * (reader is call.current)
+                    for reader in self._readers}
+            slowest = max(busy, key=lambda reader: busy[reader], default=None)
+            if slowest is None:
+                return
+            rest = None
+            if slowest is call.current and not call.is_abandoned:
+                call.is_abandoned = True
+                rest = _Call(call.event, [*call.readers])
+        self._detach(slowest, RuntimeError('it did not keep up'))
+        if rest is not None:
+            self._start(rest)
+
+    def _detach(self, reader: _Reader, error: Exception) -> None:
+        with self._lock:
+            if reader not in self._readers:
+                return
+            self._readers = tuple(one for one in self._readers if one is not reader)
+            self.failures.append(error)
+        name = getattr(reader.handle, '__qualname__', type(reader.handle).__name__)
+        reason = f'the reader of events {name} was detached, and is incomplete: {error}'
+        reader.on_detached(str(error))
+        self._on_detached(reason)
