@@ -140,6 +140,7 @@ class EventBus:
         self.flush()
         with self._lock:
             self._readers = ()
+            self._thread = None
         self._queue.put(None)
         self._hurry.set()
 

@@ -55,8 +55,7 @@ from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
 from kachaka_simple_control.control.events import MotionEnded, MotionPlanned, MotionStarted
-from kachaka_simple_control.control.events import SessionStarted
-from messages import of_plan
+from kachaka_simple_control.control.events import SessionStarted, VelocityKind, VelocitySent
 
 limits = Limits(0.25, 1.0)
 event_bus, slowest = EventBus(), 0.0
@@ -70,14 +69,15 @@ with SubscriberProcesses(event_bus) as subscribers:
     event_bus.publish(MotionStarted(began))
     for tick in range(round(200 * DISTANCE)):
         before = time.monotonic()
-        event_bus.publish(of_plan(before, Velocity(0.25), began))
+        event_bus.publish(VelocitySent(
+            before, Velocity(0.25), VelocityKind.PLAN, before - began, before - began))
         if tick % 10 == 0:
             os.write(2, b'[INFO] line %d ' % tick)
             time.sleep(0.001)
             os.write(2, b'is whole\\n')
         slowest = max(slowest, time.monotonic() - before)
         time.sleep(0.02)
-    event_bus.publish(of_plan(time.monotonic(), ZERO, began))
+    event_bus.publish(VelocitySent(time.monotonic(), ZERO, VelocityKind.STOP))
     event_bus.publish(MotionEnded(time.monotonic()))
     ended = time.monotonic()
 print(f'slowest {slowest:.3f} closed {time.monotonic() - ended:.3f}')

@@ -1,0 +1,307 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""One thread drives one robot or many; a stop, and a port that blocks, hold up nobody."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+import threading
+import time
+
+from fake_time import FakeTime
+from hypothesis import given
+from hypothesis import strategies as st
+from kachaka_simple_control.control.drive_loop import DriveLoop, Sleeper
+from kachaka_simple_control.control.events import VelocityKind, VelocitySent
+from kachaka_simple_control.control.latch import Latch
+from kachaka_simple_control.control.robot_drive import RobotDrive
+from kachaka_simple_control.control.speed_factor import SpeedFactor
+from kachaka_simple_control.control.tick_scheduler import Tick, TickScheduler
+from kachaka_simple_control.control.velocity_gate import PortTime, VelocityGate
+from kachaka_simple_control.errors import MotionRefusedError, RunFaultError
+from kachaka_simple_control.motion.geometry import Velocity, ZERO
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.steps import Motion, Move
+import pytest
+
+LIMITS = Limits(0.3, 1.57)
+FORWARD = Velocity(0.1, 0.0)
+SECOND = plan(Motion('second', (Move(0.1, 0.0, 1.0),)), LIMITS, 10.0)
+
+
+class QuietMonitor:
+    """A run monitor that finds no fault."""
+
+    speed_factor = 1.0
+
+    def correct(self, tick, now):
+        """Return what was planned."""
+        return tick.velocity
+
+    def on_sent(self, rest):
+        """Do nothing."""
+
+    def check(self):
+        """Find nothing."""
+
+
+class Fleet:
+    """Robots whose ports record, on one loop."""
+
+    def __init__(self, count, clock=time.monotonic, sleep=None, command_timeout=0.6):
+        """Make the robots."""
+        self.clock = clock
+        self.loop = DriveLoop(clock, sleep)
+        self.sent = defaultdict(list)
+        self.drives = []
+        port_time = PortTime()
+        for number in range(count):
+            gate = VelocityGate(
+                lambda velocity, number=number: self.transmit(number, velocity), LIMITS, Latch(),
+                None, clock, clock)
+            gate.port_time = port_time
+            gate.open()
+            drive = RobotDrive(gate, QuietMonitor(), SpeedFactor(), command_timeout)
+            gate.wake = lambda drive=drive: self.loop.wake(drive)
+            self.drives.append(drive)
+
+    def transmit(self, number, velocity):
+        """Record a velocity."""
+        self.sent[number].append((self.clock(), velocity))
+
+    def begin(self, t0, planned=SECOND):
+        """Begin a run of each robot."""
+        for drive in self.drives:
+            drive.begin(TickScheduler(planned), t0, planned.period)
+
+
+@given(st.integers(1, 12))
+def test_all_robots_are_driven_at_the_same_deadlines(count):
+    fake = FakeTime()
+    fleet = Fleet(count, fake.clock, fake.sleep)
+    fleet.begin(fake.now)
+    start = fake.now
+    fleet.loop.run(fleet.drives)
+    for number in range(count):
+        assert [at - start for at, _ in fleet.sent[number]] == pytest.approx(
+            [0.1 * tick for tick in range(11)])
+        assert [velocity for _, velocity in fleet.sent[number]] == [FORWARD] * 10 + [ZERO]
+
+
+def test_what_one_port_takes_is_no_gap_of_another_robot():
+    """With 50 robots of which one blocks for 0.3 s nobody faults."""
+    fake = FakeTime()
+    fleet = Fleet(50, fake.clock, fake.sleep)
+    transmit = fleet.transmit
+
+    def blocking(number, velocity):
+        transmit(number, velocity)
+        if number == 7 and len(fleet.sent[7]) == 4:
+            fake.now += 0.3
+
+    fleet.transmit = blocking
+    fleet.begin(fake.now)
+    fleet.loop.run(fleet.drives)
+    assert {sent[-1][1] for sent in fleet.sent.values()} == {ZERO}
+
+
+def test_a_robot_that_faults_ends_alone():
+    fake, failures = FakeTime(), []
+    fleet = Fleet(3, fake.clock, fake.sleep)
+    fleet.drives[1].monitor.check = lambda: (_ for _ in ()).throw(RunFaultError('lost')) if (
+        len(fleet.sent[1]) == 4) else None
+    fleet.begin(fake.now)
+    fleet.loop.run(fleet.drives, lambda drive, error: failures.append((drive, str(error))))
+    assert failures == [(fleet.drives[1], 'lost')]
+    assert [len(fleet.sent[number]) for number in range(3)] == [11, 4, 11]
+
+
+def test_without_a_handler_a_fault_is_raised():
+    fake = FakeTime()
+    fleet = Fleet(1, fake.clock, fake.sleep)
+    fleet.begin(fake.now)
+    fleet.drives[0].end(RunFaultError('enough'))
+    with pytest.raises(RunFaultError, match='enough'):
+        fleet.loop.run(fleet.drives)
+
+
+@pytest.mark.real_time
+def test_a_stop_wakes_the_loop_and_does_not_wait_for_it():
+    """Its zero leaves in the asking thread; the loop raises within its sleep of 30 ms."""
+    latencies, ends = [], []
+    for _ in range(20):
+        fleet, ended = Fleet(1), []
+
+        def drive(fleet=fleet, ended=ended):
+            try:
+                fleet.loop.run(fleet.drives)
+            except MotionRefusedError:
+                ended.append(time.monotonic())
+
+        fleet.begin(time.monotonic())
+        thread = threading.Thread(target=drive)
+        thread.start()
+        time.sleep(0.015)
+        asked = time.monotonic()
+        fleet.drives[0].end(MotionRefusedError('enough'))
+        thread.join()
+        at, velocity = fleet.sent[0][-1]
+        assert velocity == ZERO
+        latencies.append(at - asked)
+        ends.append(ended[0] - asked)
+    # A machine with other work may hold up one of them.
+    assert sorted(latencies)[-2] < 0.005
+    assert sorted(ends)[len(ends) // 2] < 0.005
+
+
+@pytest.mark.real_time
+def test_a_stop_does_not_wait_for_a_port_that_blocks_another_robot():
+    fleet, blocked, release = Fleet(50), threading.Event(), threading.Event()
+    transmit = fleet.transmit
+
+    def blocking(number, velocity):
+        transmit(number, velocity)
+        if number == 0 and len(fleet.sent[0]) == 2:
+            blocked.set()
+            release.wait(0.3)
+
+    fleet.transmit = blocking
+    fleet.begin(time.monotonic())
+    errors = []
+    thread = threading.Thread(
+        target=fleet.loop.run, args=(fleet.drives, lambda drive, error: errors.append(error)))
+    thread.start()
+    assert blocked.wait(5.0)
+    asked = time.monotonic()
+    for drive in fleet.drives[1:]:
+        drive.end(MotionRefusedError('enough'))
+    latest = max(fleet.sent[number][-1][0] for number in range(1, 50)) - asked
+    assert all(fleet.sent[number][-1][1] == ZERO for number in range(1, 50))
+    release.set()
+    thread.join()
+    assert latest < 0.05  # 49 zeros; each waits for nothing
+    assert [str(error) for error in errors] == ['enough'] * 49
+
+
+class Wanted:
+    """
+    A velocity that somebody wants, under a lease that lapses: a source without plan or period.
+
+    :param clock: the clock of its run [s]
+    """
+
+    kind, skipped, plan_duration = VelocityKind.HAND, 0, None
+    lease = 0.25
+
+    def __init__(self, t0):
+        """Want nothing yet."""
+        self._t0, self._velocity, self._expiry = t0, ZERO, 0.0
+        self.is_over = False
+
+    def want(self, velocity, now):
+        """Take a velocity, until its lease lapses."""
+        self._velocity, self._expiry = velocity, now - self._t0 + self.lease
+
+    def due(self, elapsed, factor=1.0):
+        """Return what is wanted now; once nobody renews it, a zero."""
+        if self.is_over:
+            return None
+        if elapsed >= self._expiry:
+            return Tick(ZERO, elapsed, elapsed + 0.2, float('inf'))
+        velocity = Velocity(
+            self._velocity.linear_x * factor, self._velocity.angular_z * factor)
+        return Tick(velocity, elapsed, min(elapsed + 0.2, self._expiry), 0.0)
+
+
+def test_a_wanted_velocity_ends_with_its_lease():
+    """No plan, no end, no period; and whoever wants it may be gone."""
+    fake, events = FakeTime(), []
+    fleet = Fleet(1, fake.clock, fake.sleep)
+    (drive,) = fleet.drives
+    drive.gate.publish = events.append
+    start, source = fake.now, Wanted(fake.now)
+    source.want(FORWARD, fake.now)
+    wishes = [(0.1, FORWARD), (0.15, Velocity(0.2, 0.5)), (1.0, FORWARD)]
+
+    def on_sleep():
+        while wishes and fake.now >= start + wishes[0][0] - 1e-9:
+            source.want(wishes.pop(0)[1], fake.now)
+            drive.ask_source()
+        source.is_over = fake.now > start + 2.0
+
+    fake.on_sleep = on_sleep
+    drive.request('by hand')
+    drive.begin(source, start)
+    fleet.loop.run(fleet.drives)
+    at = [(round(when - start, 2), velocity) for when, velocity in fleet.sent[0]]
+    moving = [when for when, velocity in at if not velocity.is_zero]
+    # The sleep after a wish is at most as long as a check is away.
+    assert moving[0] == 0.0
+    assert (0.18, Velocity(0.2, 0.5)) in at or (0.15, Velocity(0.2, 0.5)) in at
+    first_rest = next(when for when, velocity in at if velocity.is_zero)
+    assert first_rest == pytest.approx(0.43, abs=0.031)
+    assert at[-1][1] == ZERO
+    assert not events[0].has_plan
+    sent = [event for event in events if isinstance(event, VelocitySent)]
+    assert {event.kind for event in sent} == {VelocityKind.HAND}
+    assert {event.plan_time for event in sent} == {None}
+    assert drive.progress.step == (0, 0)
+
+
+@pytest.mark.real_time
+def test_a_sleep_ends_early_when_it_is_woken():
+    sleeper = Sleeper()
+    threading.Timer(0.05, sleeper.wake).start()
+    began = time.monotonic()
+    sleeper.sleep(5.0)
+    assert 0.04 < time.monotonic() - began < 1.0
+    sleeper.wake()
+    sleeper.wake()
+    began = time.monotonic()
+    sleeper.sleep(5.0)
+    assert time.monotonic() - began < 1.0
+    # What woke it is forgotten.
+    began = time.monotonic()
+    sleeper.sleep(0.05)
+    assert time.monotonic() - began > 0.04
+
+
+@pytest.mark.real_time
+def test_a_reader_that_sleeps_or_computes_delays_neither_a_velocity_nor_a_stop():
+    from kachaka_simple_control.telemetry.event_bus import EventBus
+
+    def compute(_):
+        end = time.monotonic() + 1.0
+        while time.monotonic() < end:
+            sum(range(1000))
+
+    for reader in (lambda _: time.sleep(1.0), compute):
+        fleet, bus = Fleet(1), EventBus()
+        bus.subscribe(reader)
+        (drive,) = fleet.drives
+        drive.gate.publish = bus.publish
+        t0 = time.monotonic()
+        fleet.begin(t0)
+        stopping = threading.Timer(0.75, drive.end, (MotionRefusedError('enough'),))
+        stopping.start()
+        with pytest.raises(MotionRefusedError, match='enough'):
+            fleet.loop.run(fleet.drives)
+        late = [at - t0 - 0.1 * tick for tick, (at, _) in enumerate(fleet.sent[0][:-1])]
+        stopping.join()
+        assert fleet.sent[0][-1][1] == ZERO
+        # Half of what another process may take from this one.
+        assert sorted(late)[-2] < 0.01
+        assert fleet.sent[0][-1][0] - t0 - 0.75 < 0.05
+        bus.close()
