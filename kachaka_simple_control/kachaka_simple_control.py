@@ -394,11 +394,16 @@ class KachakaSimpleControl(Node):
                 'Made outside the main thread, this node does not receive signals: make it in the '
                 'main thread, or call stop_robot() on the way out')
         signal_dispatcher.reinstall()
-        before_shutdown(self.context, self.session.close)
+        before_shutdown(self.context, self._release)
         # Called in reverse order: the robot is released first.
         atexit.unregister(_discard_if_stopped)
         atexit.register(_discard_if_stopped)
         atexit.register(self._close)
+
+    def _release(self) -> None:
+        """Stop the robot and release it, while something can be published."""
+        self.session.close()
+        self.event_bus.flush()
 
     def _close(self) -> None:
         """Stop the robot and release it; end the simulated one."""

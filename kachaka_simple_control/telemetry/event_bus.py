@@ -46,6 +46,21 @@ class _Reader:
     busy: float = 0.0
 
 
+@dataclass(frozen=True)
+class _Detached:
+    """A reader that gets no more events, and why; told by the bus's thread, not by a publisher."""
+
+    reader: _Reader
+    reason: str
+
+    def tell(self, log: Callable[[str], None]) -> None:
+        """Tell the reader, and log it."""
+        handle = self.reader.handle
+        name = getattr(handle, '__qualname__', type(handle).__name__)
+        self.reader.on_detached(self.reason)
+        log(f'the reader of events {name} was detached, and is incomplete: {self.reason}')
+
+
 @dataclass(eq=False)
 class _Call:
     """What a thread of the bus is doing: an event, and the readers that have yet to get it."""
@@ -83,7 +98,7 @@ class EventBus:
     def __init__(self, on_detached: Callable[[str], None] = lambda _: None) -> None:
         self._on_detached = on_detached
         self._readers: tuple[_Reader, ...] = ()
-        self._queue: SimpleQueue[Event | threading.Event | None] = SimpleQueue()
+        self._queue: SimpleQueue[Event | threading.Event | _Detached | None] = SimpleQueue()
         self._hurry = threading.Event()
         self._call: _Call | None = None
         self._thread: threading.Thread | None = None
@@ -160,6 +175,8 @@ class EventBus:
             if isinstance(item, threading.Event):
                 self._hurry.clear()
                 item.set()
+            elif isinstance(item, _Detached):
+                item.tell(self._on_detached)
             elif not self._pass_on(_Call(item, [*self._readers])):
                 return
             if self._queue.empty():
@@ -204,7 +221,4 @@ class EventBus:
                 return
             self._readers = tuple(one for one in self._readers if one is not reader)
             self.failures.append(error)
-        name = getattr(reader.handle, '__qualname__', type(reader.handle).__name__)
-        reason = f'the reader of events {name} was detached, and is incomplete: {error}'
-        reader.on_detached(str(error))
-        self._on_detached(reason)
+        self._queue.put(_Detached(reader, str(error)))
