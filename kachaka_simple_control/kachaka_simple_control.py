@@ -32,8 +32,6 @@ if __name__ == '__main__':
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.events import (
-    MotionEnded,
-    MotionPlanned,
     OdometryReceived,
     SpeedFactorChanged,
 )
@@ -41,16 +39,15 @@ from kachaka_simple_control.control.output import discard_unread, make_log_nonbl
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import MAX_LATENESS
 from kachaka_simple_control.errors import (
-    InvalidMotionError,
     MotionRefusedError,
     MotionRunningError,
-    MotionStoppedError,
     UsageError,
 )
 from kachaka_simple_control.kachaka.own_simulation import OwnSimulation, start_on_this_machine
+from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import Pose, Velocity
-from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
-from kachaka_simple_control.motion.plan import Plan, plan
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.ros.dds_transport import use_udp_transport
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
@@ -163,8 +160,6 @@ class KachakaSimpleControl(Node):
         if self._event_file is not None:
             self.event_bus.subscribe(self._event_file.send, self._event_file.fail)
         self._introspection.attach(self.event_bus, self.session.status_reader)
-        #: the run whose stop stop_robot() has logged; itself before the first
-        self._logged_stop_of: object = self
         self.session.speed_factor.on_change = self._on_speed_factor
         self.speed_control = SpeedControl(
             self, self.session, self.node_parameters.speed_factor)
@@ -194,7 +189,9 @@ class KachakaSimpleControl(Node):
         step = Move(linear_x, angular_z, duration)
         # The planner would name the step's place in a motion that the caller never wrote.
         self.profile.planning_limits.check(step.velocity)
-        self._drive(Motion('move_robot', (step,)), None, self.session.request())
+        self.session.drive(DriveOrder.of(
+            Motion('move_robot', (step,)), self.profile.planning_limits,
+            self.node_parameters.rate))
         self.get_logger().info('Robot has stopped')
         self.get_logger().info(
             f'Movement completed: Forward={linear_x}, Rotation={angular_z}, '
@@ -224,8 +221,9 @@ class KachakaSimpleControl(Node):
                 f'run() drives a Motion, not {escaped(repr(motion), 60)}: make one by '
                 "Motion('name', steps), or take one of a file by find('square').motion, from "
                 'kachaka_simple_control.files.library')
-        driven = self._drive(motion, limits, request or self.session.request(),
-                             is_closed_loop=self.node_parameters.closed_loop)
+        driven = self.session.drive(DriveOrder.of(
+            motion, self.profile.planning_limits, self.node_parameters.rate, limits,
+            self.node_parameters.closed_loop), request)
         self.get_logger().info(
             f'Motion completed: {escaped(motion.name)}, {pluralize(len(driven.steps), "step")}, '
             f'{driven.duration:.3f} seconds{self._delay(driven)}')
@@ -238,21 +236,7 @@ class KachakaSimpleControl(Node):
 
         :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
         """
-        self._stop('stop_robot()')
-
-    def _stop(self, caller: str) -> str:
-        """Stop the robot; return what that did."""
-        was_stopped = self.session.is_stopped
-        is_taken = self.session.stop(
-            MotionStoppedError(f'the movement was ended by {caller}'))
-        run = self.session.gate.run
-        if is_taken and self._logged_stop_of is not run:
-            self._logged_stop_of = run
-            self.get_logger().info('Robot has stopped')
-        if not is_taken:
-            return 'nothing was sent: this node has not taken a robot'
-        return ('nothing was sent: the robot had been stopped before' if was_stopped
-                else 'the robot was stopped')
+        self.session.stop('stop_robot()')
 
     def pause(self) -> None:
         """
@@ -318,38 +302,6 @@ class KachakaSimpleControl(Node):
         atexit.unregister(self._close)
         super().destroy_node()
 
-    def _drive(self, motion: Motion, limits: Limits | None, request: DriveRequest,
-               is_closed_loop: bool = False) -> Plan:
-        allowed = self.profile.planning_limits
-        corrected = None
-        limits = limits or allowed
-        if is_closed_loop:
-            corrected = limits.tightened(allowed)
-            motion, limits = motion.settled(), limits.scaled(CLOSED_LOOP_SHARE)
-            allowed = allowed.scaled(CLOSED_LOOP_SHARE)
-        with self.session.exclusive(request):
-            try:
-                planned = plan(motion, limits, self.node_parameters.rate)
-            except InvalidMotionError as error:
-                raise _of_the_loop(error) if is_closed_loop else error from None
-            if limits.exceeds(allowed):
-                # The gate would refuse such a velocity in mid-motion.
-                for velocity in {segment.velocity for segment in planned.segments}:
-                    allowed.check(velocity)
-            self.session.robot_drive.request(motion.name, planned)
-            self.event_bus.publish(MotionPlanned(
-                motion, limits, self.node_parameters.rate, time.monotonic()))
-            try:
-                self.session.drive(planned, request, corrected)
-            except BaseException as error:
-                is_fault = not isinstance(error, (MotionRefusedError, KeyboardInterrupt))
-                self.session.robot_drive.finish(_reason(error))
-                self.event_bus.publish(MotionEnded(time.monotonic(), _reason(error), is_fault))
-                raise
-            self.session.robot_drive.finish()
-            self.event_bus.publish(MotionEnded(time.monotonic()))
-        return planned
-
     def _delay(self, driven: Plan) -> str:
         """Return how long the newest run took, if it was slower than its plan."""
         assert self.session.gate.run is not None
@@ -368,7 +320,7 @@ class KachakaSimpleControl(Node):
 
         def stop() -> None:
             try:
-                response.message, response.success = self._stop('~/stop'), True
+                response.message, response.success = self.session.stop('~/stop'), True
             except Exception as error:  # the caller must get a response
                 response.message = str(error)
             stopped.set_result(None)
@@ -445,18 +397,6 @@ class _SignalHandler:
 def _discard_if_stopped() -> None:
     if signal_dispatcher.signum is not None:
         discard_unread()
-
-
-def _of_the_loop(error: InvalidMotionError) -> InvalidMotionError:
-    """Return an error whose limits are those that a closed loop plans with."""
-    return InvalidMotionError(
-        error.message.replace("the robot's limits", "the closed loop's limits"), error.path)
-
-
-def _reason(error: BaseException) -> str:
-    if signal_dispatcher.signum is not None:
-        return f'stopped by {signal.Signals(signal_dispatcher.signum).name}'
-    return str(error) or type(error).__name__
 
 
 def play_lesson(robot_control: KachakaSimpleControl) -> None:

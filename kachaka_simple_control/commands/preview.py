@@ -23,8 +23,7 @@ from kachaka_simple_control.commands.cli import Options
 from kachaka_simple_control.commands.settings import choose_settings, describe_overrides
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find, library
-from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE
-from kachaka_simple_control.motion.plan import plan
+from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.plan_plot import save_plot
 from kachaka_simple_control.report.table_layout import terminal_columns
@@ -89,9 +88,8 @@ def plan_view(name: str, options: Options) -> PlanView:
         for line in describe_overrides(options, motion_file, settings):
             print(line, file=sys.stderr)
     profile = settings.profile
-    limits, motion = settings.limits_of(motion_file), motion_file.motion
-    if settings.closed_loop:
-        limits, motion = limits.scaled(CLOSED_LOOP_SHARE), motion.settled()
+    order = DriveOrder.of(
+        motion_file.motion, profile.planning_limits, settings.rate,
+        settings.limits_of(motion_file), settings.closed_loop)
     return PlanView(
-        motion.name, profile.name, plan(motion, limits, settings.rate),
-        limits, profile.footprint)
+        order.motion.name, profile.name, order.plan(), order.limits, profile.footprint)

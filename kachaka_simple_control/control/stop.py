@@ -28,11 +28,11 @@ from kachaka_simple_control.control.timing import (
     STOP_MARGIN,
     STOP_REPEAT_PERIOD,
 )
+from kachaka_simple_control.errors import ControlError, RunFaultError
 
 if TYPE_CHECKING:
     # The guardian needs a stop alone, and is waited for at the start.
     from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
-    from kachaka_simple_control.errors import ControlError
 
 
 class GuardianClient(Protocol):
@@ -113,13 +113,36 @@ class StopController:
         """Whether the stop of the newest run was sent whole, or no run has begun."""
         return self._stopped is self._gate.run
 
-    def stop(self, reason: ControlError) -> None:
+    def stop(self, reason: ControlError | None, only: Run | None = None) -> str | None:
         """
         Stop the newest run, and return when the stop was sent whole.
 
         :param reason: what the run's own thread raises
+        :param only: without a reason, the run to stop unless another has begun since it ended
+        :returns: why the stop could not be sent; None if it was, or another run ended it early
         """
-        self._send_stop(self._gate.cancel(reason))
+        run = only
+        if reason is not None:
+            run = self._gate.cancel(reason)
+        elif self._gate.run is not only:
+            return None
+        with self._lock:
+            if self._stopped is run:
+                return None
+            self.stop_started = self._clock()
+            self._publish(StopBegan(self.stop_started))
+            send_zero = partial(self._send_zero, run)
+            try:
+                if not send_stop(send_zero, self._command_timeout, self._clock, self._sleep):
+                    return None
+                is_still = self._repeat_until_still(run)
+            except Exception as error:  # the context is gone: nothing can be published any more
+                return f'the stop could not be sent: {error}'
+            self._stopped = run
+            self._guardian.report_stopped()
+            if is_still:
+                self._publish(StopConfirmed(self._clock()))
+        return None
 
     def stop_after_idle(self, run: Run, within: float) -> None:
         """
@@ -128,36 +151,21 @@ class StopController:
         :param run: the run that has just ended
         :param within: how long to wait for the next [s]
         """
-        self._later = threading.Timer(within, self._stop_if_newest, (run,))
+        self._later = threading.Timer(within, self._stop_ended, (run,))
         self._later.daemon = True
         try:
             self._later.start()
         except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
-            self._stop_if_newest(run)
+            self._stop_ended(run)
 
     def cancel_pending(self) -> None:
         """Cancel what ``stop_after_idle`` has planned: another run begins."""
         if self._later is not None:
             self._later.cancel()
 
-    def _stop_if_newest(self, run: Run) -> None:
-        # Not by stop(): it would also end a run that begins just now.
-        if self._gate.run is run:
-            self._send_stop(run)
-
-    def _send_stop(self, run: Run | None) -> None:
-        with self._lock:
-            if self._stopped is run:
-                return
-            self.stop_started = self._clock()
-            self._publish(StopBegan(self.stop_started))
-            send_zero = partial(self._send_zero, run)
-            if send_stop(send_zero, self._command_timeout, self._clock, self._sleep):
-                is_still = self._repeat_until_still(run)
-                self._stopped = run
-                self._guardian.report_stopped()
-                if is_still:
-                    self._publish(StopConfirmed(self._clock()))
+    def _stop_ended(self, run: Run) -> None:
+        if (failure := self.stop(None, only=run)) is not None:
+            raise RunFaultError(failure)
 
     def _send_zero(self, run: Run | None) -> bool:
         # Reported before: if this process hangs before its last zero, the guardian must not take

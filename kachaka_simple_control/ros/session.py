@@ -15,22 +15,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-import contextlib
+from collections.abc import Callable
 from functools import partial
+import signal
 import threading
 import time
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.drive_loop import DriveLoop
 from kachaka_simple_control.control.drive_requests import DriveRequest, DriveRequests
-from kachaka_simple_control.control.events import Event, VelocityKind
+from kachaka_simple_control.control.events import (
+    Event,
+    MotionEnded,
+    MotionPlanned,
+    VelocityKind,
+)
 from kachaka_simple_control.control.garbage_collection import old_objects_frozen
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.run_monitor import RunMonitor
+from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.stop import StopController
@@ -49,11 +55,13 @@ from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import (
     ControlError,
     MotionRefusedError,
+    MotionStoppedError,
     PauseTimeoutError,
     RobotTakenError,
     RunFaultError,
 )
 from kachaka_simple_control.files.robot_profile import RobotProfile
+from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan
@@ -138,6 +146,9 @@ class Session:
         self._executor = BackgroundExecutor(node, self._on_callback_error)
         self._requests = DriveRequests(self.gate, 1.0 / parameters.rate)
         self._request: DriveRequest | None = None
+        self._publish = publish
+        #: the run whose stop was logged; itself before the first
+        self._logged_stop_of: object = self
         self._closing, self._logging = threading.Lock(), threading.Lock()
         #: why nothing may move any more; None as long as it may
         self._stopped_by: ControlError | None = None
@@ -156,7 +167,7 @@ class Session:
         Request a drive; a stop ends it from now on, whatever it waits for.
 
         :param elsewhere: whether another thread will drive
-        :returns: the request, for ``exclusive`` and ``drive``
+        :returns: the request, for ``drive``
         :raises ControlError: if another drive is under way, nothing may move any more, or this is
             a thread that must not drive
         """
@@ -170,83 +181,105 @@ class Session:
                 'that wait for it. Start it in a thread, or from the main program')
         return self._requests.accept()
 
-    @contextlib.contextmanager
-    def exclusive(self, request: DriveRequest) -> Iterator[None]:
+    def drive(self, order: DriveOrder, request: DriveRequest | None = None) -> Plan:
         """
-        Keep other drives out for the length of a block, in which ``drive`` may be called.
+        Plan and drive a motion, and leave the robot at rest.
 
-        :param request: what ``request`` returned; it is over at the end of the block
+        :param order: the motion, and what it is planned with
+        :param request: what ``request`` returned before, in another thread; None for a new one
+        :returns: the plan, which was driven to its end
+        :raises InvalidMotionError: if the robot cannot do it; nothing has moved
+        :raises ControlError: if the robot cannot be taken or the run could not go on
         """
+        request = request or self.request()
         is_complete = False
         try:
-            yield
+            plan = order.plan()
+            self.robot_drive.request(order.motion.name, plan)
+            self._publish(MotionPlanned(
+                order.motion, order.limits, order.rate, time.monotonic()))
+            try:
+                self._prepare(order, plan, request)
+                with old_objects_frozen():
+                    run = self.robot_drive.begin(
+                        TickScheduler(plan), time.monotonic(), plan.period, request.run,
+                        self._monitor.pause_pose.newest)
+                    self._loop.run([self.robot_drive])
+                self._guardian.report_stopping()
+                self._stopper.stop_after_idle(run, within=plan.period)
+            except BaseException as error:
+                # KeyboardInterrupt and SystemExit as well: no way out leaves the robot moving.
+                ended = self._end_early(error)
+                if ended is error:
+                    raise
+                raise ended from error
+            self.robot_drive.finish()
+            self._publish(MotionEnded(time.monotonic()))
             is_complete = True
         finally:
             self._requests.finish(request, is_complete)
+        return plan
 
-    def drive(
-            self, plan: Plan, request: DriveRequest,
-            feedback_limits: Limits | None = None) -> None:
-        """
-        Run a plan, and leave the robot at rest.
-
-        :param plan: the plan
-        :param request: the request that the block is ``exclusive`` for
-        :param feedback_limits: what the velocities keep that odometry corrects, above those of the
-            plan; None: they are sent as planned
-        :raises ControlError: if the robot cannot be taken or the run could not go on
-        """
+    def _prepare(self, order: DriveOrder, plan: Plan, request: DriveRequest) -> None:
+        """Take the robot, and have everything ready for a run."""
         self._request, self._has_reported = request, False
-        try:
-            self._take()
-            feedback = None if feedback_limits is None else (
-                self._begin_feedback(plan, feedback_limits))
-            # Not before: the stop of the movement before must not wait until the robot is taken.
-            self._stopper.cancel_pending()
-            self._monitor.begin(feedback)
-            if self.speed_factor.is_hold:
-                self._node.get_logger().warning(
-                    f'The motion is held at its start ({self.speed_factor.describe()}): resume to '
-                    'go on')
-            elif self.speed_factor.value < 1.0:
-                self._node.get_logger().info(
-                    f'Slower than planned: {self.speed_factor.describe()}')
-            with old_objects_frozen():
-                run = self.robot_drive.begin(
-                    TickScheduler(plan), time.monotonic(), plan.period, request.run,
-                    self._monitor.pause_pose.newest)
-                self._loop.run([self.robot_drive])
-            self._guardian.report_stopping()
-            self._stopper.stop_after_idle(run, within=plan.period)
-        except BaseException as error:
-            # KeyboardInterrupt and SystemExit as well: no way out leaves the robot moving.
-            self._is_connected = False
-            self._stop(_reason(error))
-            if isinstance(error, PauseTimeoutError):
-                self._release_manual_control()
-            if self._guardian.stopped_because is not None:
-                raise RunFaultError(
-                    f'the guardian stopped the robot: {self._guardian.stopped_because}'
-                ) from error
-            raise
+        self._take()
+        feedback = None if order.corrected is None else (
+            self._begin_feedback(plan, order.corrected))
+        # Not before: the stop of the movement before must not wait until the robot is taken.
+        self._stopper.cancel_pending()
+        self._monitor.begin(feedback)
+        if self.speed_factor.is_hold:
+            self._node.get_logger().warning(
+                f'The motion is held at its start ({self.speed_factor.describe()}): resume to '
+                'go on')
+        elif self.speed_factor.value < 1.0:
+            self._node.get_logger().info(
+                f'Slower than planned: {self.speed_factor.describe()}')
 
-    def stop(self, reason: ControlError) -> bool:
+    def _end_early(self, error: BaseException) -> BaseException:
+        """Stop the robot after an error in a drive, and return the error to raise."""
+        self._is_connected = False
+        # What goes wrong here is told by whoever ends the program.
+        self._stopper.stop(_reason(error))
+        if isinstance(error, PauseTimeoutError):
+            self._release_manual_control()
+        if self._guardian.stopped_because is not None:
+            error = RunFaultError(
+                f'the guardian stopped the robot: {self._guardian.stopped_because}')
+        text = _text(error)
+        self.robot_drive.finish(text)
+        self._publish(MotionEnded(time.monotonic(), text, is_fault=not isinstance(
+            error, (MotionRefusedError, KeyboardInterrupt))))
+        return error
+
+    def stop(self, caller: str) -> str:
         """
         Stop the robot, and return when that is done; nothing is sent if it never moved.
 
-        :param reason: what a drive in another thread, running or waiting, raises
-        :returns: whether there was anything to stop: False before the robot was taken
+        :param caller: who ends a drive in another thread, running or waiting
+        :returns: what it did
         :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
         """
+        reason = MotionStoppedError(f'the movement was ended by {caller}')
+        was_stopped = self._stopper.is_stopped
         self._requests.on_stop(reason)
-        if (failure := self._stop(reason)) is not None:
+        failure = self._stopper.stop(reason) or self._unconfirmed()
+        if failure is not None:
             # After a signal the program ends by that, whatever is raised: nobody prints an error.
             if self._stopped_by is None:
                 self._has_reported = True
             else:
                 self._log_once(failure)
             raise RunFaultError(failure)
-        return self.gate.state is not GateState.NOT_OPENED
+        if self.gate.state is GateState.NOT_OPENED:
+            return 'nothing was sent: this node has not taken a robot'
+        run = self.gate.run
+        if self._logged_stop_of is not run:
+            self._logged_stop_of = run
+            self._node.get_logger().info('Robot has stopped')
+        return ('nothing was sent: the robot had been stopped before' if was_stopped
+                else 'the robot was stopped')
 
     def stop_permanently(self, reason: ControlError) -> None:
         """
@@ -257,8 +290,7 @@ class Session:
         self._stopped_by = self._stopped_by or reason
         self._stopped.set()
         self._guardian.latch.trip()
-        if (failure := self._stop(reason)) is not None:
-            self._log_once(failure)
+        self._stop(reason)
 
     def _log_once(self, failure: str) -> None:
         """Log what went wrong with a stop, unless an error has said so; from any thread."""
@@ -338,11 +370,6 @@ class Session:
     def is_driving(self) -> bool:
         """Whether a motion is under way, or waits for the robot."""
         return self._requests.is_busy
-
-    @property
-    def is_stopped(self) -> bool:
-        """Whether a whole stop has followed the newest movement, or there was none."""
-        return self._stopper.is_stopped
 
     @property
     def has_subscriber(self) -> bool:
@@ -483,12 +510,13 @@ class Session:
         needed = self.odometry.is_moving(now) or self._monitor.has_lost_robot(now)
         return needed and not self._foreign.has_recent(now)
 
-    def _stop(self, reason: ControlError) -> str | None:
-        """Stop the robot, and return what went wrong; None if it stands still."""
-        try:
-            self._stopper.stop(reason)
-        except Exception as error:  # the context is gone: nothing can be published any more
-            return f'the stop could not be sent: {error}'
+    def _stop(self, reason: ControlError) -> None:
+        """Stop the robot, and log what went wrong with that."""
+        if (failure := self._stopper.stop(reason) or self._unconfirmed()) is not None:
+            self._log_once(failure)
+
+    def _unconfirmed(self) -> str | None:
+        """Return that the robot still moves after a stop; None if it does not."""
         now = time.monotonic()
         # Another robot's motion, or one that another program drives, is no failure of ours.
         is_ours = self.gate.state is GateState.OPEN and not self._foreign.has_recent(now)
@@ -541,6 +569,13 @@ def _reason(error: BaseException) -> ControlError:
     if isinstance(error, ControlError):
         return error
     return MotionRefusedError(f'the motion was ended by {error!r}')
+
+
+def _text(error: BaseException) -> str:
+    """Return why a drive ended, for people."""
+    if signal_dispatcher.signum is not None:
+        return f'stopped by {signal.Signals(signal_dispatcher.signum).name}'
+    return str(error) or type(error).__name__
 
 
 def _start_guardian(

@@ -211,7 +211,7 @@ def test_a_late_stop_does_not_end_a_run_that_begins_at_that_moment():
             return found
 
     bench.controller._gate = Late()
-    bench.controller._stop_if_newest(bench.run)
+    bench.controller._stop_ended(bench.run)
     gate.send(begun[0], Velocity(0.2, 0.0))
 
 

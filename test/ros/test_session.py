@@ -369,12 +369,12 @@ def test_after_a_signal_a_stop_that_failed_is_logged_whoever_notices_first(
     node, logged = make(), []
     session, reason = node.session, MotionRefusedError('stopped by SIGINT')
     monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(error=logged.append))
-    monkeypatch.setattr(session, '_stop', lambda _: 'the stop is unconfirmed')
+    monkeypatch.setattr(session, '_unconfirmed', lambda: 'the stop is unconfirmed')
     session._stopped_by = reason
     if first == 'the signal':
         session.stop_permanently(reason)
     with pytest.raises(RunFaultError, match='unconfirmed'):
-        session.stop(reason)
+        session.stop('stop_robot()')
     session.stop_permanently(reason)
     assert logged == ['the stop is unconfirmed']
     with pytest.raises(MotionRefusedError, match='by SIGINT: only a new node moves the robot ag'):
@@ -384,9 +384,9 @@ def test_after_a_signal_a_stop_that_failed_is_logged_whoever_notices_first(
 def test_without_a_signal_the_error_says_it_and_no_log_line(make, monkeypatch):
     node, logged = make(), []
     monkeypatch.setattr(node, 'get_logger', lambda: SimpleNamespace(error=logged.append))
-    monkeypatch.setattr(node.session, '_stop', lambda _: 'the stop is unconfirmed')
+    monkeypatch.setattr(node.session, '_unconfirmed', lambda: 'the stop is unconfirmed')
     with pytest.raises(RunFaultError, match='unconfirmed'):
-        node.session.stop(MotionRefusedError('the movement was ended'))
+        node.session.stop('stop_robot()')
     node.session.stop_permanently(MotionRefusedError('the node is closed'))
     assert logged == []
 

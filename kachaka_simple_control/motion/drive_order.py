@@ -1,0 +1,82 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What is driven: a motion, and what it is planned with; the rule of the closed loop is here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
+from kachaka_simple_control.motion.plan import Plan, plan
+from kachaka_simple_control.motion.steps import Motion
+
+
+@dataclass(frozen=True)
+class DriveOrder:
+    """
+    A motion with what it is planned with, made once.
+
+    :param motion: the motion; in a closed loop it settles at its end
+    :param limits: the limits of its plan
+    :param rate: how often a velocity is sent [Hz]
+    :param allowed: no velocity of the plan may be beyond these limits
+    :param corrected: what the velocities keep that odometry corrects, above those of the plan;
+        None: they are sent as planned
+    """
+
+    motion: Motion
+    limits: Limits
+    rate: float
+    allowed: Limits
+    corrected: Limits | None = None
+
+    @classmethod
+    def of(cls, motion: Motion, robot: Limits, rate: float, limits: Limits | None = None,
+           is_closed_loop: bool = False) -> DriveOrder:
+        """
+        Return the order to drive a motion.
+
+        :param robot: the limits to plan with for the robot
+        :param rate: how often a velocity is sent [Hz]
+        :param limits: the limits of the motion; None for those of the robot
+        :param is_closed_loop: whether odometry corrects the velocities
+        """
+        limits = limits or robot
+        if not is_closed_loop:
+            return cls(motion, limits, rate, robot)
+        return cls(motion.settled(), limits.scaled(CLOSED_LOOP_SHARE), rate,
+                   robot.scaled(CLOSED_LOOP_SHARE), limits.tightened(robot))
+
+    def plan(self) -> Plan:
+        """
+        Return the plan.
+
+        :raises InvalidMotionError: if the motion is invalid, or the robot cannot drive it
+        """
+        try:
+            planned = plan(self.motion, self.limits, self.rate)
+        except InvalidMotionError as error:
+            raise error if self.corrected is None else _of_the_loop(error) from None
+        if self.limits.exceeds(self.allowed):
+            # The gate would refuse such a velocity in mid-motion.
+            for velocity in {segment.velocity for segment in planned.segments}:
+                self.allowed.check(velocity)
+        return planned
+
+
+def _of_the_loop(error: InvalidMotionError) -> InvalidMotionError:
+    """Return an error whose limits are those that a closed loop plans with."""
+    return InvalidMotionError(
+        error.message.replace("the robot's limits", "the closed loop's limits"), error.path)
