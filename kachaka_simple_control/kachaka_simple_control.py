@@ -21,7 +21,6 @@ import atexit
 from collections.abc import Mapping
 import signal
 import sys
-import threading
 import time
 from typing import Any
 
@@ -49,15 +48,14 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.steps import Motion, Move
+from kachaka_simple_control.ros.commander import Commander
 from kachaka_simple_control.ros.dds_transport import use_udp_transport
-from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.introspection import IntrospectionPublishers
 from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, names_of
 from kachaka_simple_control.ros.odometry import subscribe_to_odometry
 from kachaka_simple_control.ros.parameters import declare_parameters
 from kachaka_simple_control.ros.session import Session
-from kachaka_simple_control.ros.speed_control import SpeedControl
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.run_command import run_command
@@ -65,11 +63,8 @@ from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.event_file import EventFile
 from kachaka_simple_control.text import escaped, pluralize
 import rclpy
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 import rclpy.signals
-from rclpy.task import Future
-from std_srvs.srv import Trigger
 
 NAME = 'kachaka_simple_control'
 #: The node's own services, besides those that every node has.
@@ -93,7 +88,7 @@ class KachakaSimpleControl(Node):
     :ivar node_parameters: the values of the node's parameters
     :ivar event_bus: publishes the events of each drive
     :ivar session: the connection with the robot, for the command; a user needs the methods only
-    :ivar speed_control: what services and keys call, for the command
+    :ivar commander: what services and keys call, for the command
     :ivar publisher: the publisher of velocities, to inspect; its ``publish()`` raises
     """
 
@@ -161,13 +156,7 @@ class KachakaSimpleControl(Node):
             self.event_bus.subscribe(self._event_file.send, self._event_file.fail)
         self._introspection.attach(self.event_bus, self.session.status_reader)
         self.session.speed_factor.on_change = self._on_speed_factor
-        self.speed_control = SpeedControl(
-            self, self.session, self.node_parameters.speed_factor)
-        # In a callback group of its own: the callback waits for the stop, and others go on.
-        self.create_service(
-            Trigger, '~/stop', self._on_stop, qos_profile=SERVICE_QOS,
-            callback_group=MutuallyExclusiveCallbackGroup())
-        self._wake = self.create_guard_condition(lambda: None)
+        self.commander = Commander(self, self.session, self.node_parameters.speed_factor)
         self._signal_handler = _SignalHandler(self)
         self._stop_on_every_exit()
 
@@ -245,7 +234,7 @@ class KachakaSimpleControl(Node):
         A pause is not a stop: it brakes gently and goes on when asked.  To stop, call
         ``stop_robot()``.  Without a motion the next one is held at its start.
         """
-        self.speed_control.pause()
+        self.commander.pause()
 
     def resume(self, even_if_moved: bool = False) -> None:
         """
@@ -255,7 +244,7 @@ class KachakaSimpleControl(Node):
         :raises ControlError: if a motion could not start now either, or the robot was moved by
             more than 2 cm or 2 degrees; it stays paused
         """
-        self.speed_control.resume(even_if_moved)
+        self.commander.resume(even_if_moved)
 
     @property
     def speed_factor(self) -> float:
@@ -268,7 +257,7 @@ class KachakaSimpleControl(Node):
 
     @speed_factor.setter
     def speed_factor(self, factor: float) -> None:
-        self.speed_control.set_override(factor)
+        self.commander.set_speed(factor)
 
     @property
     def drive_log(self) -> DriveLog:
@@ -311,28 +300,6 @@ class KachakaSimpleControl(Node):
 
     def _on_speed_factor(self, now: float, factors: Mapping[str, float]) -> None:
         self.event_bus.publish(SpeedFactorChanged(now, dict(factors)))
-
-    async def _on_stop(
-            self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        del request
-        self.speed_control.stop_requests.on_stop()
-        stopped = Future()
-
-        def stop() -> None:
-            try:
-                response.message, response.success = self.session.stop('~/stop'), True
-            except Exception as error:  # the caller must get a response
-                response.message = str(error)
-            stopped.set_result(None)
-            self._wake.trigger()
-
-        # In a thread: odometry is received meanwhile, and tells whether the robot obeys.
-        try:
-            threading.Thread(target=stop, name='stop', daemon=True).start()
-        except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
-            stop()
-        await stopped
-        return response
 
     def _on_odometry(self, now: float, pose: Pose, velocity: Velocity, is_new: bool) -> None:
         self.session.on_odometry(now, pose, velocity, is_new)

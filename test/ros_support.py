@@ -19,6 +19,8 @@ import math
 import sys
 import time
 
+from kachaka_simple_control.control import processes
+from kachaka_simple_control.ros.dds_transport import CHOICES
 from program import Program
 from waiting import TIMEOUT, wait_until
 
@@ -107,3 +109,10 @@ class Probe:
         future = client.call_async(self._set_bool.Request(data=enabled))
         wait_until(future.done)
         return future.result()
+
+
+def free_environment(**chosen):
+    """Return an environment in which nothing but this is chosen of transport and range."""
+    free = {name: value for name, value in processes.child_environment().items()
+            if name not in CHOICES}
+    return {**free, **chosen}

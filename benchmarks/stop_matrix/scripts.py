@@ -89,7 +89,7 @@ def ask_ten_times(self):
 
 def ask(robot):
     try:
-        robot.speed_control.resume_when_confirmed()
+        robot.commander.resume_when_confirmed()
     except Exception as error:
         print(error, flush=True)
 

@@ -21,7 +21,6 @@ from functools import partial
 import os
 import signal
 import sys
-import threading
 import time
 from typing import TYPE_CHECKING
 
@@ -35,13 +34,11 @@ from kachaka_simple_control.commands.settings import (
 )
 from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
-from kachaka_simple_control.control.speed_factor import OVERRIDE
 from kachaka_simple_control.display.display_process import DisplayProcess
 from kachaka_simple_control.display.keyboard import is_keyboard, Keyboard
 from kachaka_simple_control.display.terminal import is_terminal, should_display
 from kachaka_simple_control.errors import (
     ControlError,
-    MotionStoppedError,
     RunFaultError,
     UsageError,
 )
@@ -55,7 +52,6 @@ from kachaka_simple_control.report.report_directory import (
 from kachaka_simple_control.report.table_layout import terminal_columns
 from kachaka_simple_control.report.text_tables import drive_table
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
-from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.parameters import session_started
 from kachaka_simple_control.ros.startup import start_ros
 from kachaka_simple_control.telemetry.subscriber_process import (
@@ -64,11 +60,9 @@ from kachaka_simple_control.telemetry.subscriber_process import (
 )
 import rclpy
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
 
 if TYPE_CHECKING:
     from kachaka_simple_control.analysis.drive_log import DriveLog
-    from kachaka_simple_control.control.drive_requests import DriveRequest
     from kachaka_simple_control.files.motion_file import MotionFile
     from kachaka_simple_control.kachaka.bridge_process import BridgeProcess
     from kachaka_simple_control.motion.limits import Limits
@@ -212,79 +206,35 @@ def _run(
     limits = Settings(
         used.robot, used.rate, robot_control.profile, used.closed_loop).limits_of(motion_file)
     if wait:
-        service = RunService(robot_control, motion_file.motion, limits)
-        with _keyboard(robot_control, {**keys, '\n': service.start}):
-            service.announce()  # now: what was typed before the keyboard is read starts nothing
-            robot_control.session.serve_until_stopped()
+        _wait_for_requests(robot_control, motion_file.motion, limits, keys)
     else:
         with _keyboard(robot_control, keys):
             robot_control.run(motion_file.motion, limits)
 
 
-class RunService:
-    """
-    The service ``~/run``, and Enter at a terminal: start a drive in a thread of its own.
-
-    :param node: the node that drives
-    :param motion: the motion to drive
-    :param limits: what to plan it with
-    """
-
-    def __init__(self, node: KachakaSimpleControl, motion: Motion, limits: Limits) -> None:
-        self._node = node
-        self._motion = motion
-        self._limits = limits
-        self._service = node.create_service(
-            Trigger, '~/run', self._on_request, qos_profile=SERVICE_QOS)
-
-    def announce(self) -> None:
-        """Log how to start the motion."""
-        name = self._node.resolve_service_name(self._service.srv_name)
-        how = f'`ros2 service call {name} std_srvs/srv/Trigger` starts the motion'
+def _wait_for_requests(
+        robot_control: KachakaSimpleControl, motion: Motion, limits: Limits,
+        keys: dict[str, Callable[[], object]]) -> None:
+    """Offer the service ``~/run``, and Enter at a terminal, until nothing may move any more."""
+    commander = robot_control.commander
+    drive = partial(robot_control.run, motion, limits)
+    name = commander.serve('~/run', partial(commander.request_start, drive))
+    how = f'`ros2 service call {name} std_srvs/srv/Trigger` starts the motion'
+    with _keyboard(robot_control, {**keys, '\n': partial(commander.start, drive)}):
+        # Logged now: what was typed before the keyboard is read starts nothing.
         if is_keyboard():
             how = f'Enter starts the motion, Ctrl+C ends this program; {how}, too'
-        self._node.get_logger().info(f'Standing by: {how}')
-
-    def _on_request(
-            self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        del request
-        try:
-            self._node.speed_control.stop_requests.require_none()
-            self.start()
-            response.success, response.message = True, 'started'
-        except ControlError as error:
-            response.message = str(error)
-        return response
-
-    def start(self) -> None:
-        """
-        Start a drive.
-
-        :raises ControlError: if that is refused now
-        """
-        # Requested here: a stop ends the drive from the return on.
-        drive = self._node.session.request(elsewhere=True)
-        # A drive in a callback would wait for callbacks that wait for it.
-        threading.Thread(target=self._run, args=(drive,), name='drive', daemon=True).start()
-
-    def _run(self, request: DriveRequest) -> None:
-        try:
-            self._node.run(self._motion, self._limits, request)
-        except MotionStoppedError as error:
-            self._node.get_logger().info(str(error))
-        except ControlError as error:
-            self._node.get_logger().error(str(error))
+        robot_control.get_logger().info(f'Standing by: {how}')
+        robot_control.session.serve_until_stopped()
 
 
 def _keys(robot_control: KachakaSimpleControl) -> dict[str, Callable[[], object]]:
     """Return what each key does while the robot drives."""
-    def change_speed(step: float) -> None:
-        factor = robot_control.session.speed_factor.factors.get(OVERRIDE, 1.0)
-        robot_control.speed_factor = min(1.0, max(KEY_STEP, round(factor + step, 2)))
-
-    slower, faster = partial(change_speed, -KEY_STEP), partial(change_speed, KEY_STEP)
+    commander = robot_control.commander
+    slower, faster = partial(commander.change_speed, -KEY_STEP), partial(
+        commander.change_speed, KEY_STEP)
     return {
-        ' ': robot_control.pause, 'r': robot_control.speed_control.resume_when_confirmed,
+        ' ': commander.pause, 'r': commander.resume_when_confirmed,
         '-': slower, '+': faster, '=': faster,
         # As Ctrl+C does.
         'q': lambda: os.kill(os.getpid(), signal.SIGINT),

@@ -47,34 +47,70 @@ class SpeedFactor:
         self._clock = clock
         # Entered anew by a subscriber that sets a factor when one changes.
         self._lock = threading.RLock()
-        #: the factors below 1, by name; replaced as a whole, never changed
-        self.factors: Mapping[str, float] = MappingProxyType({})
-        #: the product
-        self.value = 1.0
+        self._factors: Mapping[str, float] = MappingProxyType({})
+        self._value = 1.0
+        #: until when factors are valid [s on the clock], by name; without those that never end
+        self._expiries: dict[str, float] = {}
         #: called after a change with its time [s on the clock] and all factors below 1
         self.on_change: Callable[[float, Mapping[str, float]], None] = lambda *_: None
 
-    def set(self, name: str, factor: float) -> bool:  # noqa: A003
+    @property
+    def factors(self) -> Mapping[str, float]:
+        """Return the factors below 1, by name; the mapping never changes."""
+        self._expire()
+        return self._factors
+
+    @property
+    def value(self) -> float:
+        """Return the product of all factors."""
+        self._expire()
+        return self._value
+
+    def set(  # noqa: A003
+            self, name: str, factor: float, valid_for: float | None = None) -> bool:
         """
         Set a named factor; the run under way reaches it within the robot's limits.
 
         :param name: whose it is
         :param factor: from 0 to 1
+        :param valid_for: how long it holds unless it is set again [s]: then it is 0, and the robot
+            is held, for whoever set it may be gone; None: for ever
         :returns: whether that changed anything
-        :raises MotionRefusedError: if it is not a number from 0 to 1; nothing has changed
+        :raises MotionRefusedError: if it is not a number from 0 to 1, or the time is not above 0;
+            nothing has changed
         """
         check_factor(factor)
+        if valid_for is not None and not valid_for > 0.0:
+            raise MotionRefusedError(
+                f'valid_for is {valid_for!r} s; it must be above 0, or None for ever')
         with self._lock:
-            before = self.factors
-            factors = {**before, name: float(factor)}
-            if factors[name] == 1.0:
-                del factors[name]
-            if factors == before:
-                return False
-            self.factors = MappingProxyType(factors)
-            self.value = product(factors)
-            self.on_change(self._clock(), self.factors)
+            self._expiries.pop(name, None)
+            if valid_for is not None:
+                self._expiries[name] = self._clock() + valid_for
+            return self._set(name, factor)
+
+    def _set(self, name: str, factor: float) -> bool:
+        before = self._factors
+        factors = {**before, name: float(factor)}
+        if factors[name] == 1.0:
+            del factors[name]
+        if factors == before:
+            return False
+        self._factors = MappingProxyType(factors)
+        self._value = product(factors)
+        self.on_change(self._clock(), self._factors)
         return True
+
+    def _expire(self) -> None:
+        """Hold the robot for each factor that was valid until now."""
+        if not self._expiries:
+            return
+        now = self._clock()
+        with self._lock:
+            for name, expiry in [*self._expiries.items()]:
+                if now >= expiry:
+                    del self._expiries[name]
+                    self._set(name, 0.0)
 
     @property
     def is_hold(self) -> bool:

@@ -71,3 +71,30 @@ def test_a_subscriber_may_set_a_factor(factor):
     factor.on_change = lambda now, factors: factor.set(PAUSE, 0.0)
     factor.set(OVERRIDE, 0.5)
     assert factor.value == 0.0
+
+
+def test_a_factor_that_is_not_renewed_in_time_holds_the_robot(changes):
+    now = [5.0]
+    factor = SpeedFactor(lambda: now[0])
+    factor.on_change = lambda at, factors: changes.append((at, dict(factors)))
+    factor.set('obstacle', 1.0, valid_for=0.5)
+    for _ in range(5):
+        now[0] += 0.4
+        assert factor.value == 1.0
+        factor.set('obstacle', 1.0, valid_for=0.5)
+    now[0] += 0.49
+    assert (factor.value, factor.is_hold, dict(factor.factors)) == (1.0, False, {})
+    now[0] += 0.01
+    assert (factor.value, factor.is_hold, dict(factor.factors)) == (0.0, True, {'obstacle': 0.0})
+    assert changes == [(now[0], {'obstacle': 0.0})]
+    # It is back, and for ever.
+    factor.set('obstacle', 0.5)
+    now[0] += 99.0
+    assert factor.value == 0.5
+
+
+@pytest.mark.parametrize('valid_for', [0.0, -1.0, float('nan')])
+def test_a_time_that_is_not_above_zero_is_refused(factor, changes, valid_for):
+    with pytest.raises(MotionRefusedError, match='valid_for is .* it must be above 0'):
+        factor.set('obstacle', 0.5, valid_for=valid_for)
+    assert (factor.value, changes) == (1.0, [])

@@ -23,7 +23,7 @@ import sys
 
 from kachaka_simple_control.ros import dds_transport
 import pytest
-from test_dds_transport import environment
+from ros_support import free_environment
 
 pytestmark = pytest.mark.ros
 
@@ -43,7 +43,7 @@ def run(code, tmp_path, **chosen):
     script = tmp_path / 'script.py'
     script.write_text(BEGIN + code)
     done = subprocess.run(
-        [sys.executable, str(script)], env=environment(**chosen), timeout=60,
+        [sys.executable, str(script)], env=free_environment(**chosen), timeout=60,
         capture_output=True, text=True, check=False)
     return done.returncode, done.stdout, done.stderr
 
@@ -113,7 +113,7 @@ def test_ctrl_c_stops_and_prints_the_table(tmp_path):
     pytest.importorskip('rclpy', reason='needs ROS 2')
     script.write_text(f'{BEGIN}{DRIVE}robot.move_robot(0.1, 0.0, 30.0)')
     with subprocess.Popen(
-            [sys.executable, str(script)], env=environment(), stdout=subprocess.PIPE,
+            [sys.executable, str(script)], env=free_environment(), stdout=subprocess.PIPE,
             stderr=subprocess.PIPE, text=True) as started:
         for line in started.stderr:
             if 'Movement completed' in line:

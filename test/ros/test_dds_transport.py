@@ -22,10 +22,10 @@ import sys
 import time
 
 from benchmarks.lossy_link import network
-from kachaka_simple_control.control import processes
 from kachaka_simple_control.ros import dds_transport
 from program import COMMAND
 import pytest
+from ros_support import free_environment
 
 pytestmark = pytest.mark.ros
 
@@ -107,19 +107,12 @@ def needs_fast_dds():
         pytest.skip('needs Fast DDS 2.14 or later')
 
 
-def environment(**chosen):
-    """Return an environment in which nothing but this is chosen."""
-    free = {name: value for name, value in processes.child_environment().items()
-            if name not in dds_transport.CHOICES}
-    return {**free, **chosen}
-
-
 def inspect(call, **chosen):
     """Return the threads of DDS and the addresses of a program that calls a function."""
     needs_fast_dds()
     result = subprocess.run(
-        [sys.executable, '-c', INSPECT.format(call=call)], env=environment(**chosen), timeout=60,
-        capture_output=True, check=True, text=True)
+        [sys.executable, '-c', INSPECT.format(call=call)],
+        env=free_environment(**chosen), timeout=60, capture_output=True, check=True, text=True)
     threads, addresses = json.loads(result.stdout)
     assert 'deprecated' not in result.stderr
     return ({name.split('.')[1] for name in threads if name.startswith('dds.')},
@@ -159,7 +152,7 @@ def test_a_participant_is_announced_for_seconds(call, offset):
         with subprocess.Popen(
                 [sys.executable, '-c', INSPECT.format(call=call).replace('0.5', str(duration))],
                 stdout=subprocess.PIPE,
-                env=environment(ROS_DOMAIN_ID=str(domain))) as program:
+                env=free_environment(ROS_DOMAIN_ID=str(domain))) as program:
             announced = 0
             while program.poll() is None:
                 with contextlib.suppress(TimeoutError):
@@ -172,7 +165,7 @@ def running(code):
     """Run another program with ROS's own range LOCALHOST, until the end of the block."""
     with subprocess.Popen(
             [sys.executable, '-c', code], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            env=environment(**{dds_transport.RANGE: 'LOCALHOST'})) as program:
+            env=free_environment(**{dds_transport.RANGE: 'LOCALHOST'})) as program:
         try:
             assert program.stdout.readline()
             yield
@@ -185,7 +178,7 @@ def matching_times(count):
     result = subprocess.run(
         [sys.executable, '-c', PUBLISHERS, str(count), str(QUICK)],
         timeout=120, capture_output=True,
-        env=environment(**{dds_transport.RANGE: 'LOCALHOST'}), check=True, text=True)
+        env=free_environment(**{dds_transport.RANGE: 'LOCALHOST'}), check=True, text=True)
     return json.loads(result.stdout)
 
 
@@ -260,7 +253,7 @@ def test_a_simulated_drive_sends_no_packet_off_this_machine(cable, tmp_path, kin
         cable.set_loss(0)
         subprocess.run(
             cable.command(network.NODE, command),
-            env=environment(**chosen), timeout=60, check=True, capture_output=True)
+            env=free_environment(**chosen), timeout=60, check=True, capture_output=True)
         return cable.packet_counts()[1]
 
     assert arrived() == 0
@@ -275,7 +268,7 @@ def test_settings_of_the_user_are_kept():
                 'use_localhost_only(); '
                 f'print({{name: os.environ.get(name) for name in {dds_transport.CHOICES}}})')
         result = subprocess.run(
-            [sys.executable, '-c', code], env=environment(**chosen), timeout=60,
+            [sys.executable, '-c', code], env=free_environment(**chosen), timeout=60,
             capture_output=True, check=True, text=True)
         assert result.stdout.count('None') == len(dds_transport.CHOICES) - 1
 
@@ -296,11 +289,11 @@ def test_tools_with_other_settings_receive_from_a_localhost_only_program():
         '    if received: break\n'
         '    rclpy.spin_once(node, timeout_sec=0.1)\n'
         'print(len(received))')
-    with subprocess.Popen([sys.executable, '-c', publish], env=environment()) as publisher:
+    with subprocess.Popen([sys.executable, '-c', publish], env=free_environment()) as publisher:
         try:
             for chosen in ({}, {dds_transport.RANGE: 'LOCALHOST'}):
                 result = subprocess.run(
-                    [sys.executable, '-c', subscribe], env=environment(**chosen), timeout=60,
+                    [sys.executable, '-c', subscribe], env=free_environment(**chosen), timeout=60,
                     capture_output=True, check=True, text=True)
                 assert int(result.stdout) >= 1
         finally:

@@ -11,34 +11,47 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Pause, resume and speed of a node, by services and by a parameter."""
+"""What people and programs can ask of a drive: one place with the checks, for all who ask."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+import threading
 from typing import Any
 
+from kachaka_simple_control.control.drive_requests import DriveRequest
+from kachaka_simple_control.control.run_progress import RunProgress
 from kachaka_simple_control.control.service_requests import ResumeConfirmation, StopRequests
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR, MOVED, OVERRIDE, PAUSE
 from kachaka_simple_control.control.timing import RESUME_CONFIRM_TIMEOUT, RESUME_QUIET_TIME
-from kachaka_simple_control.errors import ControlError, MotionRefusedError, RobotMovedError
+from kachaka_simple_control.errors import (
+    ControlError,
+    MotionRefusedError,
+    MotionStoppedError,
+    RobotMovedError,
+)
 from kachaka_simple_control.ros.endpoints import SERVICE_QOS
 from kachaka_simple_control.ros.session import Session
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 #: The writable parameter: the factor that a person sets.
 PARAMETER = 'speed_factor'
 
 
-class SpeedControl:
+class Commander:
     """
-    Lets people slow down, pause and resume what a session drives.
+    Runs, stops, pauses, resumes and slows down what a session drives.
 
-    :param node: gets the services ``~/pause`` and ``~/resume``
-    :param session: whose speed factor is set
+    Services, keys and Python call the same methods, from any thread.  Each returns what it did,
+    and raises the reason if that is refused.
+
+    :param node: gets the services ``~/stop``, ``~/pause`` and ``~/resume``
+    :param session: drives
     :param factor: the parameter's value at the start
     """
 
@@ -54,9 +67,69 @@ class SpeedControl:
         # Humble has nothing that is called when all has been accepted.
         if hasattr(node, 'add_post_set_parameters_callback'):
             node.add_post_set_parameters_callback(self._apply_parameters)
-        for name, function in (('~/pause', self.pause), ('~/resume', self._on_resume)):
-            node.create_service(
-                Trigger, name, _service(function), qos_profile=SERVICE_QOS)
+        for name, function in (('~/pause', self.pause), ('~/resume', self.request_resume)):
+            self.serve(name, function)
+        # In a callback group of its own: the callback waits for the stop, and others go on.
+        node.create_service(
+            Trigger, '~/stop', self._on_stop, qos_profile=SERVICE_QOS,
+            callback_group=MutuallyExclusiveCallbackGroup())
+        self._wake = node.create_guard_condition(lambda: None)
+
+    @property
+    def state(self) -> RunProgress:
+        """Return the newest run as it is now."""
+        return self._session.robot_drive.progress
+
+    def serve(self, name: str, function: Callable[[], str]) -> str:
+        """
+        Offer a service that calls a function.
+
+        :param name: its name, before remapping
+        :param function: returns what it did
+        :returns: the name of the service
+        """
+        service = self._node.create_service(
+            Trigger, name, _service(function), qos_profile=SERVICE_QOS)
+        return str(self._node.resolve_service_name(service.srv_name))
+
+    def start(self, drive: Callable[[DriveRequest], object]) -> str:
+        """
+        Start a drive in a thread of its own; a stop ends it from the return on.
+
+        :param drive: drives by a request
+        :raises ControlError: if that is refused now
+        """
+        request = self._session.request(elsewhere=True)
+
+        def run() -> None:
+            try:
+                drive(request)
+            except MotionStoppedError as error:
+                self._node.get_logger().info(str(error))
+            except ControlError as error:
+                self._node.get_logger().error(str(error))
+
+        # A drive in a callback would wait for callbacks that wait for it.
+        threading.Thread(target=run, name='drive', daemon=True).start()
+        return 'started'
+
+    def request_start(self, drive: Callable[[DriveRequest], object]) -> str:
+        """
+        Start a drive for a client, unless a stop is requested at the same time.
+
+        :param drive: drives by a request
+        :raises ControlError: if that is refused now
+        """
+        self.stop_requests.require_none()
+        return self.start(drive)
+
+    def request_stop(self) -> str:
+        """
+        Stop the robot for a client.
+
+        :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
+        """
+        return self._session.stop('~/stop')
 
     def pause(self) -> str:
         """Bring the robot to rest within its limits, and hold the motion; return what it did."""
@@ -97,11 +170,25 @@ class SpeedControl:
                 f'{error}. To go on all the same, resume once more, {RESUME_QUIET_TIME:g} to '
                 f'{RESUME_CONFIRM_TIMEOUT:g} s from now') from None
 
-    def _on_resume(self) -> str:
+    def request_resume(self) -> str:
+        """
+        Go on for a client, unless a stop is requested at the same time.
+
+        :raises ControlError: if a motion could not start now either, or the robot was moved
+        """
         self.stop_requests.require_none()
         return self.resume_when_confirmed()
 
-    def set_override(self, factor: float) -> None:
+    def change_speed(self, step: float) -> None:
+        """
+        Change the parameter ``speed_factor``, to full speed or one step at most.
+
+        :param step: by how much
+        """
+        factor = self._factor.factors.get(OVERRIDE, 1.0)
+        self.set_speed(min(1.0, max(abs(step), round(factor + step, 2))))
+
+    def set_speed(self, factor: float) -> None:
         """
         Set the parameter ``speed_factor``.
 
@@ -111,6 +198,28 @@ class SpeedControl:
         result = self._node.set_parameters([Parameter(PARAMETER, value=factor)])[0]
         if not result.successful:
             raise MotionRefusedError(result.reason)
+
+    async def _on_stop(
+            self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        del request
+        self.stop_requests.on_stop()
+        stopped = Future()
+
+        def stop() -> None:
+            try:
+                response.message, response.success = self.request_stop(), True
+            except Exception as error:  # the caller must get a response
+                response.message = str(error)
+            stopped.set_result(None)
+            self._wake.trigger()
+
+        # In a thread: odometry is received meanwhile, and tells whether the robot obeys.
+        try:
+            threading.Thread(target=stop, name='stop', daemon=True).start()
+        except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
+            stop()
+        await stopped
+        return response
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         for value in _factors(parameters):

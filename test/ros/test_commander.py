@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from functools import partial
 from itertools import pairwise
 import math
 import random
@@ -40,7 +41,6 @@ from waiting import wait_until
 
 NODE = ODOMETRY = TRANSIENT_LOCAL = MISSING
 with optional_imports():
-    from kachaka_simple_control.commands.drive import RunService
     from rcl_interfaces.msg import Parameter as ParameterMessage
     from rcl_interfaces.msg import ParameterValue
     from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -273,7 +273,7 @@ def test_many_requests_at_once_do_not_confirm_each_other(listener, observer, mak
         assert not any(listener.call('resume').success for _ in range(10))
         for _ in range(20):
             with pytest.raises(MotionRefusedError, match='was moved by 50'):
-                node.speed_control.resume_when_confirmed()
+                node.commander.resume_when_confirmed()
             time.sleep(0.033)
         time.sleep(0.3)
         assert not any(velocity.moves for velocity in listener.received[count:])
@@ -387,8 +387,9 @@ def test_after_the_guardian_s_stop_requests_are_refused_with_the_reason(listener
 
 def test_nothing_starts_or_goes_on_at_the_same_time_as_a_stop(listener, make):
     node, now = make(), [7.0]
-    node.speed_control.stop_requests = StopRequests(lambda: now[0])
-    RunService(node, Motion('on', (Forward(1.0),)), KACHAKA.limits)
+    node.commander.stop_requests = StopRequests(lambda: now[0])
+    drive = partial(node.run, Motion('on', (Forward(1.0),)), KACHAKA.limits)
+    node.commander.serve('~/run', partial(node.commander.request_start, drive))
     node.move_robot(0.1, 0.0, 0.2)
     node.pause()
     assert listener.call('stop').success
