@@ -19,7 +19,7 @@ Importing this package needs no ROS; each name is loaded when it is asked for.
 
 from __future__ import annotations
 
-# Of typing, whose import takes a while; type checkers take the name for true.
+# Not typing.TYPE_CHECKING: that import takes a while, and type checkers take this name for true.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any

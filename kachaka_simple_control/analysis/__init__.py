@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What follows from the log of a drive or from a plan: figures, paths and fits."""
+"""Figures, paths and fits, from the log of a drive or from a plan."""

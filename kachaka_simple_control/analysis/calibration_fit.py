@@ -89,7 +89,7 @@ class Rest(NamedTuple):
 
 
 class _Drive(NamedTuple):
-    """What odometry reported of one step."""
+    """The displacement and the time of one step, by odometry."""
 
     direction: str
     gain: Estimate

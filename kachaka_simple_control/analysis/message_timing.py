@@ -110,7 +110,7 @@ def due_times(plan: Plan, until: float) -> list[float]:
 def _timed_until(motion: MotionLog) -> float:
     if motion.is_complete or not motion.own_messages:
         return motion.plan.duration
-    # A tick that the stop preceded cannot be late any more.
+    # A tick that was due after the stop is not late.
     end = motion.own_messages[-1].time - motion.began
     return min(motion.plan.duration, end - LOST * motion.plan.period)
 

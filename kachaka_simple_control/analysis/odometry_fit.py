@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Calibrates odometry by 1 m and a turn: what a tape measured beside what odometry reported."""
+"""Calibrates odometry by 1 m and a turn: a tape's measurements against odometry's."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A plan with what is shown beside it, and texts of numbers and steps."""
+"""A plan with its name, robot, limits and floor, as tables and plots show it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Area(NamedTuple):
 @dataclass(frozen=True)
 class PlanView:
     """
-    A plan with what is shown beside it.
+    A plan with its name, robot, limits and floor.
 
     :param name: the name of the motion
     :param robot: the name of the robot

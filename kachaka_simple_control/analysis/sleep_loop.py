@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the lesson's loop, which publishes and sleeps, would have made of plans."""
+"""How the lesson's loop, which publishes and sleeps, would have driven plans."""
 
 from __future__ import annotations
 

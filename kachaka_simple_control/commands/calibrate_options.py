@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What all parts of ``kachaka_calibrate`` share: options, the question before, the result."""
+"""The parts that both ways of ``kachaka_calibrate`` share: options, question, result."""
 
 from __future__ import annotations
 

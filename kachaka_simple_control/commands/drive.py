@@ -215,7 +215,7 @@ def _run(
 def _wait_for_requests(
         robot_control: KachakaSimpleControl, motion: Motion, limits: Limits,
         keys: dict[str, Callable[[], object]]) -> None:
-    """Offer the service ``~/run``, and Enter at a terminal, until nothing may move any more."""
+    """Offer the service ``~/run``, and Enter at a terminal, until no motion may start again."""
     commander = robot_control.commander
     drive = partial(robot_control.run, motion, limits)
     name = commander.serve('~/run', partial(commander.request_start, drive))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a motion is planned for: option or ``-p``, else the motion's file, else a default."""
+"""The robot, rate and loop of a motion: option or ``-p``, else its file, else a default."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from kachaka_simple_control.files.motion_file import MotionFile
     from kachaka_simple_control.motion.limits import Limits
 
-#: What an option, ``-p`` and a motion's file can all say.
+#: The settings that an option, ``-p`` and a motion's file can all set.
 NAMES = ('robot', 'rate', 'closed_loop')
 
 

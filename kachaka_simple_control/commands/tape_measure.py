@@ -58,7 +58,7 @@ MARK = 'Mark where the middle between its wheels is, and which way it looks.  '
 
 
 class _Answers:
-    """What was measured: by ``--measured``, or by somebody at the terminal who is asked."""
+    """The measurements: of ``--measured``, or of somebody at the terminal who is asked."""
 
     def __init__(self, given: Sequence[str], quantities: Sequence[Sequence[Quantity]]) -> None:
         """

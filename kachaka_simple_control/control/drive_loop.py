@@ -49,7 +49,7 @@ class Sleeper:
         :param duration: how long [s]; less if another thread wakes it
         """
         if self._reader >= FD_SETSIZE:
-            time.sleep(min(duration, 0.01))  # a program with so many files is woken later
+            time.sleep(min(duration, 0.01))  # select takes no descriptor above 1023
         elif select.select(self._sources, (), (), duration)[0]:
             os.read(self._reader, 4096)
 

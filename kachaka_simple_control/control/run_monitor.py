@@ -117,7 +117,7 @@ class RunMonitor:
         self._pause_timeout = timeouts.pause_timeout
         self._speed_factor = speed_factor
         #: the steady clock [s]
-        self.clock: Callable[[], float] = lambda: time.monotonic()  # noqa: PLW0108 (tests set time)
+        self.clock: Callable[[], float] = lambda: time.monotonic()  # noqa: PLW0108
         self._feedback: PoseFeedback | None = None
         #: since when the robot stands, held by a speed factor of 0 [s]; None if it is not held
         self._held_since: float | None = None

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a run is, how far it is, and why it ended: one picture for all who show or check it."""
+"""The state of a run: its plan, how far it is, why it ended; all who show it read it here."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class SentMessages:
     Messages that were sent and not received yet.
 
     Each message that was sent accounts for one that is received.  Those of one publisher arrive in
-    order, so what was sent before a received one will not come any more.  One thread records,
+    order, so what was sent before a received one has been lost.  One thread records,
     another one consumes.
     """
 

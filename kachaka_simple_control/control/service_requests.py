@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Which requests of people are served: a resume that is confirmed, none beside a stop; pure."""
+"""Rules for requests: when a resume is confirmed, and that none is served at a stop; pure."""
 
 from __future__ import annotations
 

@@ -36,13 +36,13 @@ if TYPE_CHECKING:
 
 
 class GuardianClient(Protocol):
-    """What a stop reports to the guardian."""
+    """The reports of a stop to the guardian."""
 
     def report_stopping(self) -> None:
         """Report that a zero is about to leave, and that more will follow."""
 
     def report_stopped(self) -> None:
-        """Report that the stop was sent whole: no heartbeat is due any more."""
+        """Report that the stop was sent whole: no heartbeat is due until the next run."""
 
 
 def send_stop(
@@ -136,7 +136,7 @@ class StopController:
                 if not send_stop(send_zero, self._command_timeout, self._clock, self._sleep):
                     return None
                 is_still = self._repeat_until_still(run)
-            except Exception as error:  # the context is gone: nothing can be published any more
+            except Exception as error:  # the context is gone: nothing can be published
                 return f'the stop could not be sent: {error}'
             self._stopped = run
             self._guardian.report_stopped()

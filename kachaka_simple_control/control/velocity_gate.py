@@ -149,7 +149,7 @@ class VelocityGate:
                 self._state = GateState.OPEN
 
     def close(self) -> None:
-        """Let nothing out any more; it cannot be undone."""
+        """Let nothing out from now on; it cannot be undone."""
         with self._lock:
             self._state = GateState.CLOSED
 
@@ -195,7 +195,7 @@ class VelocityGate:
         :param plan_time: where on the plan that is [s of the plan]; None without a plan
         :param skipped: how many velocities before it were left out
         :returns: when it was sent [s on the clock]
-        :raises ControlError: if the run may not send any more or the gap was too long, or the
+        :raises ControlError: if the run was ended or the gap was too long, or the
             velocity is beyond the limits; nothing was published
         """
         command = self._command(velocity)

@@ -31,7 +31,7 @@ ROUNDING_ERROR = 1e-6
 
 
 class GuardianMessage(bytes, Enum):
-    """What a node sends its guardian; one byte each."""
+    """The messages from a node to its guardian; one byte each."""
 
     #: publish one zero and report it, so that the robot's reader is matched before a run
     PRIME = b'p'
@@ -39,7 +39,7 @@ class GuardianMessage(bytes, Enum):
     HEARTBEAT = b'b'
     #: the run is over; a zero is about to leave, and more will follow
     STOPPING = b'r'
-    #: the stop was sent whole: no heartbeat is due any more
+    #: the stop was sent whole: no heartbeat is due until the next run
     STOPPED = b's'
 
 
@@ -126,7 +126,7 @@ class Watchdog:
 
 class GuardianWatch:
     """
-    Detects for the node that its guardian is frozen: it serves no heartbeat any more.
+    Detects for the node that its guardian is frozen: it has stopped serving heartbeats.
 
     Only time in which the node itself was awake counts: a machine that stood still held up both.
     """

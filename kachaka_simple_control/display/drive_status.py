@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the display shows of a drive: its status at a time, from events."""
+"""The status of a drive at a time, as the display shows it, from events."""
 
 from __future__ import annotations
 

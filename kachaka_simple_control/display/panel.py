@@ -32,7 +32,7 @@ from rich.text import Text
 
 #: How many lines a panel has.
 HEIGHT = 6
-#: What a panel needs of a terminal [columns, rows].
+#: The smallest terminal that a panel fits into [columns, rows].
 MIN_SIZE = 60, 12
 #: A wider bar shows nothing more.
 MAX_COLUMNS = 120

@@ -27,7 +27,7 @@ from kachaka_simple_control.text import quoted
 
 #: How many problems an error message shows.
 MAX_LINES = 20
-#: After so many problems the rest of a file is not checked.
+#: After this many problems the rest of a file is not checked.
 MAX_PROBLEMS = 10_000
 #: How much of the name of a file an error message shows [characters].
 MAX_NAME = 300

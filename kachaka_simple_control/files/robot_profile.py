@@ -156,7 +156,7 @@ KACHAKA_TRACK = 0.2
 
 
 SCHEMA = 'robots/robot.schema.json'
-#: What a file must say, unless it extends what is known of another robot.
+#: The keys that a file must have, unless it extends another robot.
 #: A robot must keep a velocity longer than this [s]: MAX_LATENESS in control/timing.py.
 MIN_COMMAND_TIMEOUT = 0.1
 REQUIRED = ('velocity_topic', 'command_timeout', 'limits')

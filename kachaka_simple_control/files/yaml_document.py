@@ -204,7 +204,7 @@ def parse_yaml(text: str) -> Document:
     return builder.document()
 
 
-#: What to do about common errors of YAML, by what PyYAML or its library says of them.
+#: Advice for common errors of YAML, by the message of PyYAML or its library.
 _YAML_ADVICE = {
     "expected key|expected '-'|expected <block end>|indentation":
         'this line does not belong to those above; indent it as they are, and close all quotes',

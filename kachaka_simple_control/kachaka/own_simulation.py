@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A simulated robot that a node starts: for a script of one's own, in one terminal."""
+"""The simulated robot that ``KachakaSimpleControl(sim=True)`` starts."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a robot makes of velocities, and what to send so that it does what was planned."""
+"""The calibration of a robot: how it drives a velocity, and what to send for a planned one."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is driven: a motion, and what it is planned with; the rule of the closed loop is here."""
+"""A motion with the limits and the rate of its plan; the rule of the closed loop is here."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from kachaka_simple_control.motion.steps import Motion
 @dataclass(frozen=True)
 class DriveOrder:
     """
-    A motion with what it is planned with, made once.
+    A motion with the limits and the rate of its plan, made once for a drive or a preview.
 
     :param motion: the motion; in a closed loop it settles at its end
     :param limits: the limits of its plan

@@ -143,7 +143,7 @@ class Limits:
         _check('angular_z', angular_z, limit, limit, 'rad/s')
 
 
-#: What each limit is.
+#: The quantity of each limit.
 LIMIT_QUANTITIES = {
     'max_linear_velocity': POSITIVE_LINEAR_VELOCITY,
     'max_angular_velocity': POSITIVE_ANGULAR_VELOCITY,

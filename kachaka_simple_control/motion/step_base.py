@@ -67,10 +67,10 @@ class Count:
 
 @dataclass(frozen=True)
 class StepList:
-    """What a field of a step may be: a list of steps."""
+    """The type of a field of a step that holds a list of steps."""
 
 
-#: What a field of a step may be.
+#: The types of fields of a step.
 FieldKind = Quantity | Count | StepList
 
 

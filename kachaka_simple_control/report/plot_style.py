@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What all plots share: colours, axes, round scales, velocities over time."""
+"""The style of all plots: colours, axes, round scales, velocities over time."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a report needs before a drive: a directory, libraries, and the program that writes it."""
+"""Prepare a report before a drive: its directory, its libraries, the program that writes it."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What rosbag2 needs beside messages: their definitions and metadata.yaml."""
+"""The definitions of messages and the metadata.yaml that rosbag2 needs."""
 
 from __future__ import annotations
 

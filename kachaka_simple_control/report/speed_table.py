@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a report shows of pauses and changes of the speed factor."""
+"""The table of pauses and of changes of the speed factor in a report."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What text tables of plans and of drives show."""
+"""Text tables of plans and of drives."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What people and programs can ask of a drive: one place with the checks, for all who ask."""
+"""The requests that a drive takes, from services, keys and Python, with their checks."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Commander:
         self._session = session
         self._factor = session.speed_factor
         self._confirmation = ResumeConfirmation()
-        #: the requests to stop, beside which nothing goes on
+        #: the requests to stop; requests to start at the same time are refused
         self.stop_requests = StopRequests()
         self._factor.set(OVERRIDE, factor)
         node.add_on_set_parameters_callback(self._check_parameters)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a node shows of itself beside the velocities: paths, commanded velocity, diagnostics."""
+"""The topics on which a node shows what it does: paths, commanded velocity, diagnostics."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ Handler = Callable[[Any], None]
 
 class IntrospectionPublishers:
     """
-    The topics beside the velocities: paths, commanded velocity, speed factor, diagnostics.
+    The topics on which a node shows what it does.
 
     If one fails, that is logged once and it publishes nothing from then on; the drive goes on.
 

@@ -150,7 +150,7 @@ class Session:
         #: the run whose stop was logged; itself before the first
         self._logged_stop_of: object = self
         self._closing, self._logging = threading.Lock(), threading.Lock()
-        #: why nothing may move any more; None as long as it may
+        #: why no motion may start again; None as long as one may
         self._stopped_by: ControlError | None = None
         self._stopped = threading.Event()
         self._is_connected = False
@@ -168,7 +168,7 @@ class Session:
 
         :param elsewhere: whether another thread will drive
         :returns: the request, for ``drive``
-        :raises ControlError: if another drive is under way, nothing may move any more, or this is
+        :raises ControlError: if another drive is under way, no motion may start again, or this is
             a thread that must not drive
         """
         if self._stopped_by is not None:
@@ -343,7 +343,7 @@ class Session:
 
     def serve_until_stopped(self) -> None:
         """
-        Serve the node's callbacks in the background until nothing may move any more.
+        Serve the node's callbacks in the background until no motion may start again.
 
         :raises ControlError: the reason
         """
@@ -572,7 +572,7 @@ def _reason(error: BaseException) -> ControlError:
 
 
 def _text(error: BaseException) -> str:
-    """Return why a drive ended, for people."""
+    """Return why a drive ended, as it is shown and logged."""
     if signal_dispatcher.signum is not None:
         return f'stopped by {signal.Signals(signal_dispatcher.signum).name}'
     return str(error) or type(error).__name__

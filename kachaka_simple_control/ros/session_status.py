@@ -43,7 +43,7 @@ class SessionStatus:
     :param odometry_age: how old the newest odometry is [s]; None if there was none
     :param manual_control: whether manual control is on, as far as this node knows
     :param speed: who asks for less speed
-    :param stopped_by: why nothing moves any more; None if it does
+    :param stopped_by: why no motion can start again; None if one can
     """
 
     subscriber_count: int
@@ -59,7 +59,7 @@ class StatusReader:
     """
     Reads the state of the parts of a session, from any thread, and changes nothing.
 
-    :param stopped_by: returns why nothing moves any more
+    :param stopped_by: returns why no motion can start again; None if one can
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class StatusReader:
 
     @property
     def is_closed(self) -> bool:
-        """Whether the robot was released: nothing is to be published any more."""
+        """Whether the robot was released: nothing may be published from then on."""
         return self._drive.gate.state is GateState.CLOSED
 
     @property

@@ -63,7 +63,7 @@ class _Detached:
 
 @dataclass(eq=False)
 class _Call:
-    """What a thread of the bus is doing: an event, and the readers that have yet to get it."""
+    """An event that a thread of the bus passes on, and the readers that have yet to get it."""
 
     event: Event
     readers: list[_Reader]

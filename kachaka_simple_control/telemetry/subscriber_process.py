@@ -41,7 +41,7 @@ from kachaka_simple_control.telemetry.event_bus import EventBus
 #: The largest write that a pipe takes whole or not at all [bytes]: PIPE_BUF of Linux, and POSIX's
 #: least on others.
 ATOMIC_WRITE_SIZE = 4096
-#: What a chunk of something larger carries [bytes]; the rest of the write is room for its frame.
+#: Data in one chunk of a larger event [bytes]; the rest of the write is for pickle's frame.
 CHUNK_SIZE = 3500
 #: Room for what a subscriber has not read yet [bytes]: about a minute of a drive at 50 Hz.
 PIPE_SIZE = 1 << 20
@@ -240,7 +240,7 @@ class SubscriberProcesses:
         timeout = (FINISH_TIMEOUT if signal_dispatcher.signum is None
                    else FINISH_TIMEOUT_WHEN_STOPPED)
         for subscriber in self._subscribers:
-            # Not by the bus: that of a node that was destroyed passes nothing on any more.
+            # Not by the bus: the bus of a destroyed node is closed.
             subscriber.send(ended)
             subscriber.close(timeout)
             if subscriber.failure is not None:

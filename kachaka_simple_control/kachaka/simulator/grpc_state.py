@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the gRPC services share: the robot, its clock, and values to wait for."""
+"""The state that the gRPC services share: the robot, its clock, and values to wait for."""
 
 from __future__ import annotations
 
