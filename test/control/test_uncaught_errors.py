@@ -57,6 +57,39 @@ def test_the_line_is_that_of_the_program_and_a_file_has_its_own(tmp_path):
         'script.py:7:', 'a.yaml:3:']
 
 
+#: A handler whose exception a call of rclpy turns into another one.
+INTERRUPTED = """
+import os, signal, types
+handler = types.SimpleNamespace(
+    on_signal=lambda _: None, wake=lambda: None, uncaught=lambda _: None)
+signal_dispatcher.register(handler)
+rclpy = types.ModuleType('MODULE')
+exec('''
+def spin(stop):
+    try:
+        stop()
+    except BaseException:
+        raise RuntimeError('Unable to convert call argument') from None
+''', vars(rclpy))
+def stop():
+    os.kill(os.getpid(), signal.SIGNUM)
+    while True:
+        pass
+rclpy.spin(stop)
+"""
+
+
+@pytest.mark.parametrize('signum, code', [('SIGINT', 130), ('SIGTERM', 143)])
+def test_a_signal_in_a_call_of_rclpy_that_hides_it_ends_the_program_as_a_signal(
+        signum, code, tmp_path):
+    script = INTERRUPTED.replace('SIGNUM', signum)
+    assert run(script.replace('MODULE', 'rclpy.executors'), tmp_path) == (code, '')
+    # Any other error of the program is its own.
+    ended, text = run(script.replace('MODULE', 'mine'), tmp_path)
+    assert ended == 1
+    assert 'RuntimeError: Unable to convert call argument' in text
+
+
 @pytest.mark.parametrize('duration', ['-1.0', '"0.1"', 'None'])
 def test_the_line_is_not_that_of_code_that_python_made_for_us(duration, tmp_path):
     """The constructor of a dataclass has no file: it was in '<string>'."""
