@@ -90,7 +90,7 @@ class MotionLog:
     reason: str | None = None
     is_fault: bool = True
     #: the index of its first own message, and of its last; None before the first
-    _own: tuple[int, int] | None = None
+    _own: tuple[int, int] | None = field(default=None, init=False, repr=False)
 
     def add(self, message: VelocitySent) -> None:
         """Add a message that was sent."""
@@ -177,7 +177,7 @@ class DriveLog:
     session_ended: SessionEnded | None = None
     other_messages: list[VelocitySent] = field(default_factory=list)
     #: the motion under way; None before the first, and in a run without a plan
-    _motion: MotionLog | None = None
+    _motion: MotionLog | None = field(default=None, init=False, repr=False)
 
     @property
     def steps(self) -> list[StepLog]:

@@ -18,15 +18,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.speed_factor import product
 from kachaka_simple_control.motion.geometry import Footprint, Pose, Velocity, ZERO
-
-if TYPE_CHECKING:
-    # The guardian, which needs a stop alone, loads no motions.
-    from kachaka_simple_control.motion.limits import Limits
-    from kachaka_simple_control.motion.steps import Motion
+from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.steps import Motion
 
 
 @dataclass(frozen=True)

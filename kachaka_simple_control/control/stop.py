@@ -19,7 +19,7 @@ from collections.abc import Callable
 from functools import partial
 import threading
 import time
-from typing import Protocol, TYPE_CHECKING
+from typing import Protocol
 
 from kachaka_simple_control.control.events import Event, StopBegan, StopConfirmed
 from kachaka_simple_control.control.timing import (
@@ -28,11 +28,8 @@ from kachaka_simple_control.control.timing import (
     STOP_MARGIN,
     STOP_REPEAT_PERIOD,
 )
+from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
 from kachaka_simple_control.errors import ControlError, RunFaultError
-
-if TYPE_CHECKING:
-    # The guardian needs a stop alone, and is waited for at the start.
-    from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
 
 
 class GuardianClient(Protocol):
