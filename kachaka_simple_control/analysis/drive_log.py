@@ -94,7 +94,7 @@ class MotionLog:
 
     def add(self, message: VelocitySent) -> None:
         """Add a message that was sent."""
-        if message.is_of_run:
+        if message.is_of_run and self.has_begun:
             first = self._own[0] if self._own else len(self.sent)
             self._own = first, len(self.sent)
         self.sent.append(message)

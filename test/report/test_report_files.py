@@ -32,6 +32,7 @@ from kachaka_simple_control.control.events import (
     MotionStarted,
     OdometryReceived,
     SessionEnded,
+    VelocityKind,
     VelocitySent,
 )
 from kachaka_simple_control.motion.geometry import Pose, relative_to, Velocity, ZERO
@@ -415,12 +416,14 @@ def test_the_report_of_an_hour_is_small_and_quick(tmp_path):
 
 TIMES = st.floats(99.0, 104.0)
 VELOCITIES = st.builds(Velocity, st.floats(-0.3, 0.3), st.floats(-1.5, 1.5)) | st.just(ZERO)
+PLACES = st.none() | st.floats(0.0, 5.0)
 ODD = st.floats() | st.floats(-2.0, 2.0)
 EVENTS = st.one_of(
     st.builds(MotionPlanned, st.sampled_from([SECOND, LESSON, EMPTY]), st.just(LIMITS),
               st.just(10.0)),
     st.builds(MotionStarted, TIMES),
-    st.builds(VelocitySent, TIMES, VELOCITIES), st.builds(VelocitySent, TIMES, VELOCITIES),
+    st.builds(VelocitySent, TIMES, VELOCITIES, st.just(VelocityKind.PLAN), PLACES, PLACES),
+    st.builds(VelocitySent, TIMES, VELOCITIES, st.sampled_from(VelocityKind), PLACES, PLACES),
     st.builds(OdometryReceived, TIMES, st.builds(Pose, ODD, ODD, ODD),
               st.builds(Velocity, ODD, ODD)),
     st.builds(MotionEnded, TIMES, st.none() | st.text()),
