@@ -25,8 +25,8 @@ control lasts (60 s) are properties of the robot: ``files/robot_profile.py``.
 # --- Sending velocities -----------------------------------------------------------------------
 
 #: Longest time without a heartbeat and a look for faults in the thread that drives; a stop wakes
-#: it at once.  Chosen: a third of HEARTBEAT_TIMEOUT.
-CHECK_PERIOD = 0.03
+#: it at once.  Chosen: a quarter of HEARTBEAT_TIMEOUT.
+CHECK_PERIOD = 0.025
 #: How often a wait that nothing wakes looks whether it is over.  Chosen.
 POLL_PERIOD = 0.02
 #: How late a velocity may be, beyond one period, before the run is given up.  Chosen: as long as
@@ -63,9 +63,9 @@ SIGNAL_DEBOUNCE = 3.0
 
 # --- Guardian -----------------------------------------------------------------------------------
 
-#: Heartbeats are at least this far apart.  Chosen: half a CHECK_PERIOD, so each check sends one.
+#: Heartbeats are at least this far apart.  Chosen: below CHECK_PERIOD, so each check sends one.
 HEARTBEAT_PERIOD = 0.015
-#: Without a heartbeat for this long in a run, the guardian stops the robot.  Chosen: three times
+#: Without a heartbeat for this long in a run, the guardian stops the robot.  Chosen: four times
 #: CHECK_PERIOD; SIGSTOP to the first zero stays below 0.15 s (measured: 0.102 s).
 HEARTBEAT_TIMEOUT = 0.1
 #: The same from the zero at the end of a run to the last zero of its stop.  The node waits up to

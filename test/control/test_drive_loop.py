@@ -139,7 +139,7 @@ def test_without_a_handler_a_fault_is_raised():
 
 @pytest.mark.real_time
 def test_a_stop_wakes_the_loop_and_does_not_wait_for_it():
-    """Its zero leaves in the asking thread; the loop raises within its sleep of 30 ms."""
+    """Its zero leaves in the asking thread; the loop raises within its sleep."""
     latencies, ends = [], []
     for _ in range(20):
         fleet, ended = Fleet(1), []
