@@ -52,6 +52,13 @@ class RunFaultError(ControlError):
     """A run could not go on as planned; the robot was stopped."""
 
 
+def control_error(error: BaseException) -> ControlError:
+    """Return an error as one of this package, for a run that it ends."""
+    if isinstance(error, ControlError):
+        return error
+    return MotionRefusedError(f'the motion was ended by {error!r}')
+
+
 #: Why a program is held up, and what to do; every message that says so ends with it.
 HELD_UP_ADVICE = (
     'its machine was busy or suspended, or it was stopped by Ctrl+Z. End what keeps the machine '

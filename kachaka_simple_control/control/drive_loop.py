@@ -24,6 +24,7 @@ import select
 import time
 
 from kachaka_simple_control.control.robot_drive import RobotDrive
+from kachaka_simple_control.errors import control_error
 
 #: The largest descriptor that ``select`` takes, plus one.
 FD_SETSIZE = 1024
@@ -55,7 +56,8 @@ class Sleeper:
 
     def wake(self) -> None:
         """End the sleep under way, or the next one; from any thread."""
-        with contextlib.suppress(BlockingIOError):  # it is full, so it wakes anyway
+        # The pipe may be full, then the sleep ends anyway; and no error here may keep a stop back.
+        with contextlib.suppress(OSError):
             os.write(self._writer, b'\0')
 
     def __del__(self) -> None:
@@ -95,34 +97,51 @@ class DriveLoop:
         """
         Drive robots whose runs have begun, until the last of them has ended.
 
+        Whatever ends the loop or one of several drives, each robot concerned gets one zero at
+        once; the whole stop is the caller's.
+
         :param drives: the drives
         :param on_failure: called with a drive and the error that ended it, in this thread, which
-            drives the others on; None: the error is raised
+            drives the others on; None: the error ends all
         :raises ControlError: if a run could not go on, unless ``on_failure`` takes that
         """
-        self._woken.clear()
         following = dict.fromkeys(range(len(drives)), 0.0)
         heap = [(0.0, number) for number in following]
-        while heap:
-            while (left := heap[0][0] - self._clock()) > 0.0:
-                self._sleep(left)
-                while self._woken:
-                    drive = self._woken.popleft()
-                    for number in [number for number in following if drives[number] is drive]:
-                        following[number] = 0.0
-                        heapq.heappush(heap, (0.0, number))
-            at, number = heapq.heappop(heap)
-            if following.get(number) != at:
-                continue  # it was woken since
-            try:
-                then = drives[number].step(self._clock())
-            except Exception as error:
-                if on_failure is None:
-                    raise
+        self._woken.clear()
+        try:
+            while heap:
+                while (left := heap[0][0] - self._clock()) > 0.0:
+                    self._sleep(left)
+                    self._call_woken(drives, following, heap)
+                at, number = heapq.heappop(heap)
+                if following.get(number) != at:
+                    continue  # it was woken since
                 then = None
-                on_failure(drives[number], error)
-            if then is None:
-                del following[number]
-            else:
-                following[number] = then
-                heapq.heappush(heap, (then, number))
+                try:
+                    then = drives[number].step(self._clock())
+                except Exception as error:
+                    if on_failure is None:
+                        raise
+                    drives[number].end(control_error(error))
+                    on_failure(drives[number], error)
+                if then is None:
+                    del following[number]
+                else:
+                    following[number] = then
+                    heapq.heappush(heap, (then, number))
+        except BaseException as error:
+            # KeyboardInterrupt as well.  The only drive of a loop is stopped by the caller now.
+            for number in following if len(drives) > 1 else ():
+                drives[number].end(control_error(error))
+            raise
+
+    def _call_woken(
+            self, drives: Sequence[RobotDrive], following: dict[int, float],
+            heap: list[tuple[float, int]]) -> None:
+        """Have the drives called next that were woken."""
+        while self._woken:
+            drive = self._woken.popleft()
+            for number in following:
+                if drives[number] is drive:
+                    following[number] = 0.0
+                    heapq.heappush(heap, (0.0, number))

@@ -61,6 +61,8 @@ class RobotDrive:
         self._way = ORIGIN
         #: when the next velocity is due [s after t = 0]
         self._due = 0.0
+        #: whether the source has changed since it was asked last
+        self._has_source_changed = False
 
     def request(self, title: str, plan: Plan | None = None) -> None:
         """
@@ -91,6 +93,7 @@ class RobotDrive:
             max_gap(period, self._command_timeout), run, self._command_timeout, t0)
         self._source, self._period = source, period
         self._tick, self._due, self._way = None, 0.0, ORIGIN
+        self._has_source_changed = False
         self._progress = replace(self._progress, start=start)
         return self._run
 
@@ -107,10 +110,13 @@ class RobotDrive:
         assert source is not None
         gate.check(run)
         gate.wait_for_dds(self.monitor.check)
-        if now < run.began + self._due:
+        if now < run.began + self._due and not self._has_source_changed:
             return min(run.began + self._due, now + CHECK_PERIOD)
-        # The deadline has passed, even if the difference of two times rounds below it.
-        tick = source.due(max(now - run.began, self._due), self.monitor.speed_factor)
+        # Before the source is asked: a change that comes meanwhile is for the next call.
+        is_early, self._has_source_changed = self._has_source_changed, False
+        # A deadline has passed, even if the difference of two times rounds below it.
+        elapsed = now - run.began if is_early else max(now - run.began, self._due)
+        tick = source.due(elapsed, self.monitor.speed_factor)
         if tick is None:
             self._count(gate.send(
                 run, ZERO, source.kind, self._due, source.plan_duration, source.skipped))
@@ -129,9 +135,9 @@ class RobotDrive:
         self._due = tick.deadline
         return min(run.began + tick.deadline, now + CHECK_PERIOD)
 
-    def ask_source(self) -> None:
-        """Ask the source again at once, before its deadline: it has changed; from any thread."""
-        self._due = float('-inf')
+    def on_source_changed(self) -> None:
+        """Ask the source at once, and not at its next deadline; from any thread."""
+        self._has_source_changed = True
         self.gate.wake()
 
     def end(self, reason: ControlError) -> bool:
@@ -163,7 +169,7 @@ class RobotDrive:
         if self._progress.is_over or tick is None:
             return replace(self._progress, factors=self.speed_factor.factors)
         return replace(
-            self._progress, due=tick.start, plan_time=tick.plan_time, way=self._way,
+            self._progress, plan_time=tick.plan_time, way=self._way,
             factors=self.speed_factor.factors)
 
     def _count(self, sent: float) -> None:

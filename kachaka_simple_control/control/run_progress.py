@@ -44,8 +44,7 @@ class RunProgress:
     :param title: the name of what is driven; empty before the first run
     :param plan: its plan; None without one
     :param began: t = 0 [s on the steady clock]; nan before it began
-    :param due: when its newest velocity was due [s after t = 0]
-    :param plan_time: where on the plan that is [s of the plan]; None without a plan
+    :param plan_time: where on the plan its newest velocity is [s of the plan]; None without a plan
     :param start: where odometry showed the robot at t = 0; None if that is unknown
     :param way: where the velocities since then should have brought it, from its start
     :param factors: the speed factors below 1, by the name of who asks for less speed
@@ -59,7 +58,6 @@ class RunProgress:
     title: str = ''
     plan: Plan | None = None
     began: float = math.nan
-    due: float = 0.0
     plan_time: float | None = None
     start: Pose | None = None
     way: Pose = ORIGIN

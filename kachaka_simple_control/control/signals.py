@@ -204,7 +204,8 @@ class SignalDispatcher:
         # After Ctrl+C Python ends with the right status by itself, and a traceback does not help.
         if kind is KeyboardInterrupt and self.signum == signal.SIGINT:
             return
-        if self.signum is not None and _is_interrupted_call(error, traceback):
+        if (self.signum is not None and not hasattr(sys, 'ps1')
+                and _is_interrupted_call(error, traceback)):
             raise SystemExit(SIGNALLED + self.signum)
         # A hook that was set after this one may call it: then Python's own is next.
         hook, self._excepthook = self._excepthook, sys.__excepthook__
@@ -228,8 +229,8 @@ def _is_interrupted_call(error: BaseException, traceback: TracebackType | None) 
     """
     Return whether an error may be a signal that came while rclpy converted a message.
 
-    What the signal's handler raises there, rclpy turns into an error of its own: measured with
-    one SIGTERM of 20 in ``rclpy.spin``, ``RuntimeError: Unable to convert call argument``.
+    An exception of a signal handler becomes an error of rclpy there.  Measured: one SIGTERM of 20
+    in ``rclpy.spin`` gave ``RuntimeError: Unable to convert call argument``.
     """
     frames = [*walk_tb(traceback)]
     module = str(frames[-1][0].f_globals.get('__name__', '')) if frames else ''

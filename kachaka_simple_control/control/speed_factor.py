@@ -80,9 +80,7 @@ class SpeedFactor:
             nothing has changed
         """
         check_factor(factor)
-        if valid_for is not None and not valid_for > 0.0:
-            raise MotionRefusedError(
-                f'valid_for is {valid_for!r} s; it must be above 0, or None for ever')
+        _check_duration(valid_for)
         with self._lock:
             self._expiries.pop(name, None)
             if valid_for is not None:
@@ -149,3 +147,9 @@ def check_factor(factor: object) -> None:
     if not (isinstance(factor, (int, float)) and 0.0 <= factor <= 1.0):
         raise MotionRefusedError(
             f'the speed factor is {factor!r}; it must be from 0 to 1: a plan is at the limits')
+
+
+def _check_duration(valid_for: object) -> None:
+    if valid_for is not None and not (isinstance(valid_for, (int, float)) and valid_for > 0.0):
+        raise MotionRefusedError(
+            f'valid_for is {valid_for!r} s; it must be above 0, or None for ever')

@@ -74,7 +74,7 @@ class PortTime:
     """
     How long the thread that drives has spent in ports, such as DDS: for one robot or for many.
 
-    What one robot's port takes is no gap of another that the same thread drives.
+    While the thread waits for one robot's port, it cannot send to another: no fault of that one.
     """
 
     def __init__(self) -> None:

@@ -53,6 +53,7 @@ from kachaka_simple_control.control.timing import (
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import (
+    control_error,
     ControlError,
     MotionRefusedError,
     MotionStoppedError,
@@ -240,8 +241,8 @@ class Session:
     def _end_early(self, error: BaseException) -> BaseException:
         """Stop the robot after an error in a drive, and return the error to raise."""
         self._is_connected = False
-        # What goes wrong here is told by whoever ends the program.
-        self._stopper.stop(_reason(error))
+        # A failure of this stop is not logged: the error itself is raised.
+        self._stopper.stop(control_error(error))
         if isinstance(error, PauseTimeoutError):
             self._release_manual_control()
         if self._guardian.stopped_because is not None:
@@ -516,7 +517,7 @@ class Session:
             self._log_once(failure)
 
     def _unconfirmed(self) -> str | None:
-        """Return that the robot still moves after a stop; None if it does not."""
+        """Return an error text if odometry shows motion after a stop; None otherwise."""
         now = time.monotonic()
         # Another robot's motion, or one that another program drives, is no failure of ours.
         is_ours = self.gate.state is GateState.OPEN and not self._foreign.has_recent(now)
@@ -563,12 +564,6 @@ class Session:
     def _on_callback_error(self, error: BaseException) -> None:
         self.stop_permanently(
             RunFaultError(f'a callback failed: {type(error).__name__}: {escaped(error)}'))
-
-
-def _reason(error: BaseException) -> ControlError:
-    if isinstance(error, ControlError):
-        return error
-    return MotionRefusedError(f'the motion was ended by {error!r}')
 
 
 def _text(error: BaseException) -> str:

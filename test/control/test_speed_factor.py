@@ -93,7 +93,7 @@ def test_a_factor_that_is_not_renewed_in_time_holds_the_robot(changes):
     assert factor.value == 0.5
 
 
-@pytest.mark.parametrize('valid_for', [0.0, -1.0, float('nan')])
+@pytest.mark.parametrize('valid_for', [0.0, -1.0, float('nan'), '1'])
 def test_a_time_that_is_not_above_zero_is_refused(factor, changes, valid_for):
     with pytest.raises(MotionRefusedError, match='valid_for is .* it must be above 0'):
         factor.set('obstacle', 0.5, valid_for=valid_for)

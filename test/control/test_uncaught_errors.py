@@ -88,6 +88,11 @@ def test_a_signal_in_a_call_of_rclpy_that_hides_it_ends_the_program_as_a_signal(
     ended, text = run(script.replace('MODULE', 'mine'), tmp_path)
     assert ended == 1
     assert 'RuntimeError: Unable to convert call argument' in text
+    # An interactive prompt goes on after a signal, and shows its later errors.
+    prompt = "sys.ps1 = '>'\n" + script.replace('MODULE', 'rclpy.executors')
+    ended, text = run(prompt, tmp_path)
+    assert ended == 1
+    assert 'RuntimeError: Unable to convert call argument' in text
 
 
 @pytest.mark.parametrize('duration', ['-1.0', '"0.1"', 'None'])
