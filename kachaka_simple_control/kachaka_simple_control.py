@@ -30,10 +30,7 @@ if __name__ == '__main__':
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control.drive_requests import DriveRequest
-from kachaka_simple_control.control.events import (
-    OdometryReceived,
-    SpeedFactorChanged,
-)
+from kachaka_simple_control.control.events import OdometryReceived, SpeedFactorChanged
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import MAX_LATENESS

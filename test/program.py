@@ -277,3 +277,14 @@ def final_pose(text: str) -> list[float]:
     found = re.search(r'x (\S+) m, y (\S+) m, heading (\S+) degrees', text)
     assert found is not None, text
     return [float(number) for number in found.groups()]
+
+
+def call(main: Callable[[Sequence[str]], int], arguments: Sequence[str], capsys: Any) -> tuple[
+        int, str, str]:
+    """Run a command in this process; return its exit code and what it printed."""
+    try:
+        code = main(arguments)
+    except SystemExit as ended:
+        code = int(ended.code or 0)
+    printed = capsys.readouterr()
+    return code, printed.out, printed.err

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import fcntl
+import io
 import os
 import pty
 import re
@@ -28,6 +29,14 @@ from program import children_of, environment, find_process, Program
 from waiting import poll
 
 SEQUENCE = re.compile(r'\x1b(?:\[([?0-9;]*)([A-Za-z])|([78]))')
+
+
+class Typed(io.StringIO):
+    """Standard input at a terminal where something was typed."""
+
+    def isatty(self) -> bool:
+        """Return that it is one."""
+        return True
 
 
 class Screen:

@@ -25,10 +25,9 @@ from kachaka_simple_control.analysis.plan_timeline import ROUNDING
 from kachaka_simple_control.analysis.plan_view import ticks
 from kachaka_simple_control.analysis.quantiles import Quantiles, quantiles
 from kachaka_simple_control.control.events import VelocitySent
+from kachaka_simple_control.control.robot_drive import LATE
 from kachaka_simple_control.motion.plan import Plan
 
-#: A tick is late if its message is this part of a period away from its time, or more.
-LATE = 0.25
 #: A tick is lost if no message came within this part of a period of its time.
 LOST = 0.5
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Wait until a time, or until a condition holds, with checks meanwhile."""
+"""Wait until a condition holds, with checks meanwhile."""
 
 from __future__ import annotations
 
@@ -19,29 +19,6 @@ from collections.abc import Callable
 import time
 
 from kachaka_simple_control.control.timing import POLL_PERIOD
-
-
-def sleep_until(
-        deadline: float,
-        check: Callable[[], None],
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep) -> None:
-    """
-    Sleep until a deadline, and check every POLL_PERIOD.
-
-    :param deadline: when to return [s on the clock]
-    :param check: called after each sleep, and once if the deadline has passed already: a motion
-        that is always late needs its heartbeats, too.  What it raises ends the wait
-    :param clock: the steady clock [s]
-    :param sleep: sleeps for a time [s]
-    """
-    left = deadline - clock()
-    if left <= 0.0:
-        check()
-    while left > 0.0:
-        sleep(min(left, POLL_PERIOD))
-        check()
-        left = deadline - clock()
 
 
 def wait_until(
@@ -56,7 +33,9 @@ def wait_until(
     """
     end = time.monotonic() + timeout
     while not condition():
-        if time.monotonic() >= end:
+        left = end - time.monotonic()
+        if left <= 0.0:
             return False
-        sleep_until(min(end, time.monotonic() + POLL_PERIOD), check)
+        time.sleep(min(left, POLL_PERIOD))
+        check()
     return True

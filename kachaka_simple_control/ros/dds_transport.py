@@ -68,9 +68,8 @@ def use_localhost_only() -> None:
 
     Both profiles announce a participant ten times a second for five seconds, then once a second,
     or four times on this machine alone.  By default Fast DDS does so five times in all, and then
-    every three seconds: every second or third robot was discovered that much later.  From the
-    start of a drive to t = 0 the median of 16 was 2.5 s with an announcement each second, and
-    1.8 s with four (``benchmarks/experiments/driven_robot.py``).
+    every three seconds: every second or third robot was discovered that much later.
+    ``benchmarks/experiments/driven_robot.py`` measures how long a drive takes to start.
     """
     if os.environ.get(RANGE, 'LOCALHOST') != 'LOCALHOST' or LOCALHOST_ONLY in os.environ:
         return

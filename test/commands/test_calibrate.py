@@ -13,7 +13,6 @@
 # limitations under the License.
 """The command ``kachaka_calibrate``: what it shows, asks, writes, and refuses in one line."""
 
-import io
 import shlex
 import signal
 import sys
@@ -28,8 +27,9 @@ from kachaka_simple_control.commands import calibrate, calibrate_options
 from kachaka_simple_control.commands.calibrate_options import MAX_ATTEMPTS
 from kachaka_simple_control.files.robot_profile import calibrated_text, find_robot, KACHAKA
 from kachaka_simple_control.motion.calibration import Calibration
-from program import program
+from program import call, program
 import pytest
+from terminals import Typed
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
@@ -38,14 +38,6 @@ FOUND = CalibrationFit(
      'left': Estimate(0.97, 0.0004), 'right': Estimate(0.98, 0.0004)},
     Estimate(0.035, 0.001), Estimate(0.3, 0.002), 0.003, 0.008)
 COMMAND = (sys.executable, '-m', 'kachaka_simple_control.commands.calibrate')
-
-
-class Terminal(io.StringIO):
-    """A terminal where something was typed."""
-
-    def isatty(self):
-        """Return that it is one."""
-        return True
 
 
 @pytest.fixture
@@ -57,12 +49,7 @@ def run(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(calibrate, 'fit_calibration', lambda log: FOUND)
 
     def run(*arguments):
-        try:
-            code = calibrate.main(arguments)
-        except SystemExit as ended:
-            code = ended.code
-        output = capsys.readouterr()
-        return code, output.out, output.err, driven
+        return *call(calibrate.main, arguments, capsys), driven
 
     return run
 
@@ -109,7 +96,7 @@ def test_a_real_robot_is_driven_only_after_somebody_has_confirmed(run, monkeypat
 
     for typed, code, count in (
             ('', 2, 1), ('n\n', 2, 1), ('no\n', 2, 1), ('q\n', 2, 1), ('\n', 0, 2)):
-        monkeypatch.setattr(sys, 'stdin', Terminal(typed))
+        monkeypatch.setattr(sys, 'stdin', Typed(typed))
         ended, output, _, driven = run('--address', 'robot', '--output', 'other.yaml')
         assert (ended, len(driven)) == (code, count)
         assert 'The robot needs 1.21 m x 0.46 m of free floor.  Enter drives' in output
@@ -122,7 +109,7 @@ def test_a_spoilt_drive_is_driven_again_only_when_somebody_is_asked(
         raise CalibrationError('the drive was paused or slowed down: begin again')
 
     monkeypatch.setattr(calibrate, 'fit_calibration', spoil)
-    monkeypatch.setattr(sys, 'stdin', Terminal(9 * '\n'))
+    monkeypatch.setattr(sys, 'stdin', Typed(9 * '\n'))
     code, output, errors, driven = run('--address', 'robot', *words)
     assert (code, len(driven)) == (1, count)
     assert output.count('The robot needs') == (0 if words else count)

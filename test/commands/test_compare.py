@@ -25,6 +25,7 @@ from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParam
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Turn
 from kachaka_simple_control.report.comparison import MAX_BYTES, read_drive, spread
 from kachaka_simple_control.report.json_export import run_json
+from program import call
 import pytest
 from simulated_drive import SimulatedDrive
 
@@ -50,12 +51,7 @@ def reports(tmp_path, monkeypatch):
 def run(capsys):
     """Return a function that runs the command, and tells its exit code and its outputs."""
     def run(*arguments):
-        try:
-            code = main(arguments)
-        except SystemExit as ended:
-            code = ended.code
-        output = capsys.readouterr()
-        return code, output.out, output.err
+        return call(main, arguments, capsys)
 
     return run
 

@@ -29,9 +29,9 @@ from kachaka_simple_control.motion.calibration import Calibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN
 from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.plan import plan
-from program import program
+from program import call, program
 import pytest
-from terminals import at_terminal
+from terminals import at_terminal, Typed
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')
 
@@ -39,14 +39,6 @@ COMMAND = (sys.executable, '-m', 'kachaka_simple_control.commands.calibrate')
 WORN = OdometryCalibration(0.98, 1.004, 1.02, 0.2)
 KNOWN = ('extends: kachaka  # mine\ncalibration: {left_gain: 0.9}\n'
          'odometry_calibration: {scale: 0.98, track_ratio: 1.01, floor: oak}\n')
-
-
-class Terminal(io.StringIO):
-    """A terminal where something was typed."""
-
-    def isatty(self):
-        """Return that it is one."""
-        return True
 
 
 @pytest.fixture
@@ -74,13 +66,8 @@ def run(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(tape_measure, 'reported_path', path)
 
     def run(*arguments, typed=None):
-        monkeypatch.setattr(sys, 'stdin', io.StringIO() if typed is None else Terminal(typed))
-        try:
-            code = calibrate.main(arguments)
-        except SystemExit as ended:
-            code = ended.code
-        output = capsys.readouterr()
-        return code, output.out, output.err, driven
+        monkeypatch.setattr(sys, 'stdin', io.StringIO() if typed is None else Typed(typed))
+        return *call(calibrate.main, arguments, capsys), driven
 
     return run
 
