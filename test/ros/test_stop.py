@@ -187,6 +187,22 @@ def test_a_script_may_end_as_it_likes(listener, tmp_path, ending):
     assert_released(listener)
 
 
+def test_events_of_the_last_stop_are_passed_on_before_the_context_is_gone(listener, tmp_path):
+    """Here to a reader that takes its time; what shows the velocities needs the context."""
+    text = f"""{BEGIN}
+import time
+seen = []
+node.event_bus.subscribe(lambda event: (time.sleep(0.03), seen.append(type(event).__name__)))
+node.move_robot(0.1, 0.0, 0.3)
+rclpy.shutdown()
+print('the last of all:', seen[-1])
+"""
+    with script(text, tmp_path) as started:
+        assert started.end() == 0
+    assert 'the last of all: StopConfirmed' in started.text
+    assert 'no longer published' not in started.text
+
+
 def test_a_movement_that_is_refused_does_not_end_the_one_that_runs(listener, tmp_path):
     """In another thread, and in the main thread, which ends by it."""
     text = BEGIN + """
