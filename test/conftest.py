@@ -23,7 +23,7 @@ from optional_libraries import lack, optional_imports
 from program import restore_signals
 import pytest
 from real_time_trials import RealTimeTrials
-from ros_domain import isolate_ros
+from ros_domain import claim_domain, isolate_ros
 
 with optional_imports():
     from hypothesis import HealthCheck, settings
@@ -37,11 +37,9 @@ with optional_imports():
 sys.path.append(str(Path(__file__).resolve().parent.parent))
 # Before anything loads rclpy.
 isolate_ros()
-if (worker := os.environ.get('PYTEST_XDIST_WORKER')) is not None:
-    # Parallel workers, gw0, gw1, ..., have a domain each, and those after it up to the next one's.
-    step = 100 // int(os.environ['PYTEST_XDIST_WORKER_COUNT'])
-    number = int(os.environ['ROS_DOMAIN_ID']) + step * int(worker.removeprefix('gw'))
-    os.environ['ROS_DOMAIN_ID'] = str(number % 100 + 1)
+if 'PYTEST_XDIST_WORKER' in os.environ:
+    # The processes that share the tests have a domain each.
+    os.environ['ROS_DOMAIN_ID'] = str(claim_domain())
 restore_signals()
 
 

@@ -22,16 +22,45 @@ from __future__ import annotations
 
 import os
 import random
+import socket
 
 from kachaka_simple_control.ros.dds_transport import use_localhost_only
 
+#: The ROS domains to choose from; Linux leaves room for so many.
+DOMAINS = range(1, 101)
+#: What holds the domains of this process until its end.
+_CLAIMS: list[socket.socket] = []
 
-def use_random_domain() -> None:
-    """Choose a ROS domain at random, unless the environment names one."""
-    os.environ.setdefault('ROS_DOMAIN_ID', str(random.randint(1, 100)))
+
+def claim_domain() -> int:
+    """
+    Return a ROS domain that no other process of this machine has claimed; this one keeps it.
+
+    Two test sessions in one domain would find each other's robots.  A claim is a TCP port among
+    those that DDS gives to the domain, where DDS itself uses UDP; it ends with the process.
+
+    :raises RuntimeError: if all are claimed
+    """
+    for domain in random.sample(DOMAINS, len(DOMAINS)):
+        claim = socket.socket()
+        try:
+            # By the DDS specification a domain has 250 ports; this one is its last.
+            claim.bind(('127.0.0.1', 7400 + 250 * domain + 249))
+        except OSError:
+            claim.close()
+        else:
+            _CLAIMS.append(claim)
+            return domain
+    raise RuntimeError('all ROS domains from 1 to 100 are claimed by other tests')
+
+
+def use_own_domain() -> None:
+    """Claim a ROS domain for this process and its children, unless the environment names one."""
+    if 'ROS_DOMAIN_ID' not in os.environ:
+        os.environ['ROS_DOMAIN_ID'] = str(claim_domain())
 
 
 def isolate_ros() -> None:
     """Choose a ROS domain, and keep discovery on this machine, unless the user chose."""
-    use_random_domain()
+    use_own_domain()
     use_localhost_only()

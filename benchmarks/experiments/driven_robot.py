@@ -38,7 +38,7 @@ from benchmarks.progress import show
 from kachaka_simple_control.analysis.quantiles import median
 from kachaka_simple_control.ros.dds_transport import PROFILES, RANGE
 from program import environment, Program, QUICK_COMMAND, quick_drive
-from ros_domain import use_random_domain
+from ros_domain import use_own_domain
 from ros_support import bridge
 
 #: What the other program sends [m/s]; ours sends 0 and 0.1.
@@ -135,7 +135,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--starts', type=int, default=50)
     parser.add_argument('--no-odometry', action='store_true', help='as if the robot had none')
     options = parser.parse_args(arguments)
-    use_random_domain()
+    use_own_domain()
     os.environ[RANGE] = 'LOCALHOST'
     for name in PROFILES.values():
         os.environ.pop(name, None)

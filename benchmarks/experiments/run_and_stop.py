@@ -34,7 +34,7 @@ from benchmarks.progress import show
 from kachaka_simple_control.control.timing import STOP_REQUEST_WINDOW
 from kachaka_simple_control.ros.dds_transport import PROFILES, RANGE
 from program import Program, quick_drive
-from ros_domain import use_random_domain
+from ros_domain import use_own_domain
 from waiting import poll, wait_until
 
 NODE = '/kachaka_simple_control'
@@ -95,7 +95,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--pairs', type=int, default=200)
     options = parser.parse_args(arguments)
-    use_random_domain()
+    use_own_domain()
     os.environ[RANGE] = 'LOCALHOST'
     for name in PROFILES.values():
         os.environ.pop(name, None)

@@ -28,7 +28,7 @@ from benchmarks import machine, ROOT
 from benchmarks.lossy_link.network import unavailable_reason
 from benchmarks.lossy_link.tables import find_violations, tables
 from benchmarks.run import save, today, write_measured
-from ros_domain import use_random_domain
+from ros_domain import use_own_domain
 
 PAGE = ROOT / 'docs' / 'lossy_link.md'
 BEGIN = '<!-- measured: written by make lossy-link, changes here are lost -->'
@@ -50,7 +50,7 @@ def measure(parts: Sequence[str], losses: Sequence[int], counts: dict[str, int])
     :returns: the run, plain data
     """
     # Before anything is started that loads rclpy.
-    use_random_domain()
+    use_own_domain()
     from benchmarks.lossy_link.disconnects import measure_disconnects
     from benchmarks.lossy_link.fixture import fixture
     from benchmarks.lossy_link.manual_control import measure_requests

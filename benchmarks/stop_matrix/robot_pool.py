@@ -16,22 +16,17 @@
 from __future__ import annotations
 
 import itertools
-import os
 from pathlib import Path
-import random
 import signal
 import tempfile
 
 from benchmarks.grpc_robot import GrpcRobot
 from benchmarks.stop_matrix.observer import Observer
 from benchmarks.stop_matrix.robot_process import RobotProcess
+from ros_domain import claim_domain
 from waiting import poll
 
 _NUMBERS = itertools.count(1)
-#: Number of ROS domains, from 1 on, that Linux leaves room for.
-DOMAINS = 100
-#: Robots take the domains after ours: those of parallel tests are elsewhere.
-_OWN_DOMAIN = int(os.environ.get('ROS_DOMAIN_ID') or random.randrange(DOMAINS))
 #: How long a robot may take until it publishes odometry [s].
 START_TIMEOUT = 20.0
 #: How long it may take to end [s].
@@ -51,7 +46,7 @@ class PooledRobot:
 
     def __init__(self, slow: bool, over_grpc: bool = False) -> None:
         number = next(_NUMBERS)
-        self.domain = (_OWN_DOMAIN + number - 1) % DOMAINS + 1
+        self.domain = claim_domain()
         self.observer = Observer(self.domain)
         self.recorder = self.observer.record(f'stop_{number}')
         self._folder = tempfile.TemporaryDirectory(prefix='stop_matrix_') if slow else None

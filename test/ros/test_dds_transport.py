@@ -25,6 +25,7 @@ from benchmarks.lossy_link import network
 from kachaka_simple_control.ros import dds_transport
 from program import COMMAND
 import pytest
+from ros_domain import claim_domain
 from ros_support import free_environment
 
 pytestmark = pytest.mark.ros
@@ -141,7 +142,7 @@ def test_localhost_only_sends_from_the_loopback_interface(chosen):
 def test_a_participant_is_announced_for_seconds(call, offset):
     """By itself Fast DDS does so five times, and then every three seconds."""
     needs_fast_dds()
-    domain, duration = 99, 4.0
+    domain, duration = claim_domain(), 4.0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         receiver.bind(('', 7400 + 250 * domain + offset))  # by the DDS specification

@@ -89,11 +89,10 @@ def copy_source(folder: Path) -> None:
             shutil.copy2(ROOT / name, folder / name)
 
 
-def run_tests(folder: Path, tests: tuple[str, ...], domain: int) -> list[str] | None:
+def run_tests(folder: Path, tests: tuple[str, ...]) -> list[str] | None:
     """
     Run tests in a copy of the source until the first failure.
 
-    :param domain: the ROS domain of their own
     :returns: the tests that failed, empty if all passed; None if none could be run
     """
     try:
@@ -101,7 +100,8 @@ def run_tests(folder: Path, tests: tuple[str, ...], domain: int) -> list[str] | 
             [sys.executable, '-m', 'pytest', '-q', '-x', '-p', 'no:cacheprovider', *tests],
             cwd=folder, capture_output=True, text=True, timeout=TIMEOUT, check=False,
             stdin=subprocess.DEVNULL, env={
-                **os.environ, 'ROS_DOMAIN_ID': str(domain),
+                # Each session of pytest claims a ROS domain of its own.
+                **{name: value for name, value in os.environ.items() if name != 'ROS_DOMAIN_ID'},
                 'PYTHONPATH': os.pathsep.join(
                     filter(None, [str(folder), os.environ.get('PYTHONPATH')]))})
     except subprocess.TimeoutExpired:
@@ -111,7 +111,7 @@ def run_tests(folder: Path, tests: tuple[str, ...], domain: int) -> list[str] | 
     return FAILED.findall(result.stdout) or None
 
 
-def judge(mutant: Mutant, domain: int, is_mutated: bool = True) -> tuple[str, str]:
+def judge(mutant: Mutant, is_mutated: bool = True) -> tuple[str, str]:
     """
     Run the tests that reach a mutant.
 
@@ -128,7 +128,7 @@ def judge(mutant: Mutant, domain: int, is_mutated: bool = True) -> tuple[str, st
         for tests in (tuple(filter(None, names)), mutant.reach):
             if not tests:
                 continue
-            failed = run_tests(folder, tests, domain)
+            failed = run_tests(folder, tests)
             if failed:
                 return 'killed', failed[0]
             if failed is None and tests is mutant.reach:
@@ -154,9 +154,9 @@ def main() -> int:
     chosen = [mutant for mutant in mutants if mutant.is_pure or not options.pure]
     wanted = 'survived' if options.baseline else 'killed'
 
-    def show(number: int, mutant: Mutant) -> bool:
+    def show(mutant: Mutant) -> bool:
         began = time.monotonic()
-        outcome, test = judge(mutant, 1 + number % 100, not options.baseline)
+        outcome, test = judge(mutant, not options.baseline)
         duration = time.monotonic() - began
         print(f'{mutant.name:36} {outcome:8} {duration:5.0f} s  {test}', flush=True)
         if options.record and outcome == 'killed' and '::' in test:
@@ -164,7 +164,7 @@ def main() -> int:
         return outcome == wanted
 
     with ThreadPoolExecutor(options.jobs) as pool:
-        results = [*pool.map(show, range(len(chosen)), chosen)]
+        results = [*pool.map(show, chosen)]
     print(f'{sum(results)} of {len(results)} {wanted}')
     return 0 if results and all(results) else 1
 
