@@ -142,7 +142,8 @@ def observe(core: int, file: Path) -> None:
                 checked = now
                 if os.getppid() != parent:
                     return
-            before = time.monotonic()
+            # Not the time after this: a stop of ours in here must be seen, too.
+            before = now
 
 
 if __name__ == '__main__':

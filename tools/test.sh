@@ -8,8 +8,10 @@
 set -u
 no_test=5  # pytest's exit code; one of the parts may have none
 code=$no_test
+# Each worker imports all files that it is given: those in real time are given theirs alone.
+mapfile -t real_time < <(grep -rlE 'mark\.(ros|real_time)' test --include='test_*.py' | sort)
 run() {
-    $PYTEST -m "$1 and not document$marked" "${@:2}" test
+    $PYTEST -m "$1 and not document$marked" "${@:2}"
     local ended=$?
     if [ $ended != $no_test ] && { [ $code = 0 ] || [ $code = $no_test ]; }; then code=$ended; fi
 }
@@ -29,8 +31,8 @@ workers_beside_others() {
     }'
 }
 marked=${1:+ and ($1)}
-run '(not ros and not real_time)' -n "$([ "$WORKERS" = 0 ] && echo 0 || nproc)"
+run '(not ros and not real_time)' -n "$([ "$WORKERS" = 0 ] && echo 0 || nproc)" test
 workers=$(workers_beside_others)
 [ "$workers" = "$WORKERS" ] || echo "other programs use the cores: $workers workers, not $WORKERS"
-run '(ros or real_time)' -n "$workers" --dist worksteal
+run '(ros or real_time)' -n "$workers" --dist worksteal "${real_time[@]}"
 exit $code

@@ -67,6 +67,11 @@ def headline(folder):
     return told
 
 
+def timing(folder):
+    """Return how exactly the messages came, from ``run.json``."""
+    return json.loads((folder / 'report' / 'run.json').read_text())['timing']
+
+
 def assert_same(sent, heard):
     """Assert that what is recorded is what a robot received, and when."""
     assert [velocity[1:] for velocity in sent] == [(one.linear_x, one.angular_z) for one in heard]
@@ -101,14 +106,17 @@ def test_as_many_velocities_are_recorded_as_a_robot_received(listener, tmp_path)
     assert 0 <= unheard <= PRIMING
     assert not any(map(is_motion, sent[:unheard]))
     assert_same(sent[unheard:], listener.received)
-    assert sum(map(is_motion, sent)) == 50
+    # A tick that the machine holds up until the next one is due is skipped; the report counts it.
+    assert 0 <= 50 - sum(map(is_motion, sent)) <= timing(tmp_path)['lost']
     assert [velocity[1:] for velocity in sent[-10:]] == [(0.0, 0.0)] * 10
 
 
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
 def test_a_signal_in_mid_motion_is_recorded_to_the_last_zero(listener, tmp_path, name):
+    """Without a guardian: of a stop of its own only the first zero is recorded."""
     signum = signal.Signals[name]
-    with program(command(tmp_path, 8.0), tmp_path) as started:
+    options = ['--ros-args', '-p', 'guardian:=false']
+    with program(command(tmp_path, 8.0, *options), tmp_path) as started:
         listener.wait_for(lambda heard: heard.moves)
         time.sleep(0.5)
         started.send(signum)
