@@ -40,9 +40,9 @@ closed_loop: true
 rate: 20 Hz
 robot: ./own.yaml
 steps:
-  - forward: 0.6 m
+  - forward: 0.4 m
   - turn: 90 deg
-  - forward: 0.6 m
+  - forward: 0.4 m
 """
 
 
@@ -55,14 +55,14 @@ def robot(tmp_path):
 
 
 def test_a_closed_loop_ends_where_the_plan_does(robot, tmp_path):
-    """By the key of its file; the same without is 4 cm and 6 degrees off.  A busy machine."""
+    """By the key of its file; the same without is centimetres and degrees off.  A busy machine."""
     assert robot
     file = tmp_path / 'corner.yaml'
     file.write_text(CORNER)
     with program([*COMMAND, str(file), '--sim', *ERRORS], tmp_path) as started:
         assert started.end(40.0) == 0, started.text
     x, y, heading = final_pose(started.text)
-    assert math.hypot(x - 0.6, y - 0.6) < 0.02
+    assert math.hypot(x - 0.4, y - 0.4) < 0.02
     assert heading == pytest.approx(90.0, abs=1.0)
     assert re.search(r'settle 1.5 s +0.0000 m  0.0000 rad', started.text)
 
@@ -77,7 +77,7 @@ def test_a_worn_robot_ends_there_on_the_floor(tmp_path):
         assert started.end(40.0) == 0, started.text
     x, y, heading = map(float, re.search(
         r'true pose: (\S+) m, (\S+) m, (\S+) deg', started.text).groups())
-    assert math.hypot(x - 0.6, y - 0.6) < 0.02
+    assert math.hypot(x - 0.4, y - 0.4) < 0.02
     assert heading == pytest.approx(90.0, abs=1.0)
 
 

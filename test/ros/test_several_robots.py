@@ -32,9 +32,9 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.needs('nav_msgs', '
 MOTION = """
 name: {name}
 steps:
-  - wait: 3 s
+  - wait: 2 s
   - forward: {distance} m
-  - wait: 3 s
+  - wait: 2 s
 """
 #: Namespace of the robot, namespace of the node, name of the node, how far it goes [m].
 PAIRS = (('/left/robot', '/lab', 'one', 0.1), ('/right', '/', 'two', -0.05))
