@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from kachaka_simple_control.analysis.quantiles import median, quantile
+from kachaka_simple_control.analysis.message_timing import median, quantile
 
 #: The figure of what never came.
 NEVER = math.inf

@@ -22,7 +22,7 @@ from typing import Any
 
 from benchmarks.figures import Figure, figures, find, signal_groups, where, zeros
 from benchmarks.thresholds import judge, ThresholdResult
-from kachaka_simple_control.analysis.quantiles import median
+from kachaka_simple_control.analysis.message_timing import median
 
 NAMES = {
     'ours': 'ours', 'lesson': "the lesson's loop", 'timer': 'rclpy timer', 'rate': 'rclpy Rate',

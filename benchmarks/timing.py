@@ -29,7 +29,7 @@ from benchmarks.progress import show
 from benchmarks.robot import Robot
 from benchmarks.scale import Scale
 from benchmarks.wire import jitters, movements, relative_error, Row, ticks
-from kachaka_simple_control.analysis.quantiles import quantile
+from kachaka_simple_control.analysis.message_timing import quantile
 
 DURATION = 1.0
 #: Between two turns [s]: our stop takes 0.4 s, in which no loop is measured.

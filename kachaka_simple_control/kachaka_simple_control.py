@@ -57,7 +57,7 @@ from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.telemetry.event_bus import EventBus
-from kachaka_simple_control.telemetry.event_file import EventFile
+from kachaka_simple_control.telemetry.subscriber_process import EventFile
 from kachaka_simple_control.text import escaped, pluralize
 import rclpy
 from rclpy.node import Node

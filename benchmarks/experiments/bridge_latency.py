@@ -36,7 +36,7 @@ from benchmarks import ROOT
 from benchmarks.nanosleep import BILLION, sleep_until
 from benchmarks.resource_usage import process_time
 from benchmarks.tables import Table
-from kachaka_simple_control.analysis.quantiles import median, quantile
+from kachaka_simple_control.analysis.message_timing import median, quantile
 from program import JsonProcess
 from ros_domain import isolate_ros
 from ros_support import BridgeProcess

@@ -35,7 +35,7 @@ import time
 from typing import Any
 
 from benchmarks.progress import show
-from kachaka_simple_control.analysis.quantiles import median
+from kachaka_simple_control.analysis.message_timing import median
 from kachaka_simple_control.ros.dds_transport import PROFILES, RANGE
 from program import environment, Program, QUICK_COMMAND, quick_drive
 from ros_domain import use_own_domain

@@ -34,7 +34,7 @@ from benchmarks.progress import show
 from benchmarks.resource_usage import process_time
 from benchmarks.tables import number, Table
 from benchmarks.wire import jitters, movements, relative_error, Row
-from kachaka_simple_control.analysis.quantiles import median, quantile
+from kachaka_simple_control.analysis.message_timing import median, quantile
 from program import children_of
 from ros_domain import isolate_ros
 from terminals import at_terminal, TerminalProgram

@@ -20,7 +20,7 @@ import math
 from typing import Any
 
 from benchmarks.tables import number, Table
-from kachaka_simple_control.analysis.quantiles import median
+from kachaka_simple_control.analysis.message_timing import median
 
 #: In a long run at 10 Hz manual control must be renewed within this time [s].
 RENEWAL_LIMIT = 0.2

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from benchmarks.stop_matrix.expectation import Expectation, Zero
 from benchmarks.stop_matrix.trial import Trial
 from benchmarks.tables import number, Table
-from kachaka_simple_control.analysis.quantiles import median
+from kachaka_simple_control.analysis.message_timing import median
 
 HEAD = (
     'what happens', 'who stops it', 'times', 'to the first zero [ms], median / worst',

@@ -23,10 +23,49 @@ from itertools import pairwise, takewhile
 from kachaka_simple_control.analysis.drive_log import MotionLog
 from kachaka_simple_control.analysis.plan_timeline import ROUNDING
 from kachaka_simple_control.analysis.plan_view import ticks
-from kachaka_simple_control.analysis.quantiles import Quantiles, quantiles
 from kachaka_simple_control.control.events import VelocitySent
 from kachaka_simple_control.control.robot_drive import LATE
 from kachaka_simple_control.motion.plan import Plan
+
+
+@dataclass(frozen=True)
+class Quantiles:
+    """The median, the 99th percentile and the largest of some numbers."""
+
+    median: float
+    p99: float
+    worst: float
+
+
+def quantiles(values: Sequence[float]) -> Quantiles | None:
+    """Return the quantiles of numbers in any order; None if there are none."""
+    if not values:
+        return None
+    ordered = sorted(values)
+    return Quantiles(median(ordered), quantile(ordered, 0.99), ordered[-1])
+
+
+def quantile(values: Sequence[float], part: float) -> float:
+    """
+    Return the value below which a part of the values lies.
+
+    :param values: at least one number, in any order; may contain infinity
+    :param part: from 0, the least, to 1, the greatest
+    :returns: the value, interpolated between the two nearest
+    """
+    ordered = sorted(values)
+    place = part * (len(ordered) - 1)
+    below = min(int(place), len(ordered) - 1)
+    above = min(below + 1, len(ordered) - 1)
+    if place <= below or ordered[above] == ordered[below]:
+        return ordered[below]  # the difference of two infinities is no number
+    return ordered[below] + (place - below) * (ordered[above] - ordered[below])
+
+
+def median(values: Sequence[float]) -> float:
+    """Return the median of at least one number, in any order."""
+    return quantile(values, 0.5)
+
 
 #: A tick is lost if no message came within this part of a period of its time.
 LOST = 0.5

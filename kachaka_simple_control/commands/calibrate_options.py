@@ -32,7 +32,7 @@ from kachaka_simple_control.commands.cli import (
     split_ros_arguments,
     take_simulation,
 )
-from kachaka_simple_control.commands.confirmation import confirm
+from kachaka_simple_control.commands.drive_or_preview import confirm
 from kachaka_simple_control.commands.settings import choose_settings, Settings
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import UsageError

@@ -44,7 +44,7 @@ from kachaka_simple_control.errors import (
 )
 from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
-from kachaka_simple_control.report.report_directory import (
+from kachaka_simple_control.report.output_file import (
     missing_libraries,
     prepare_report_dir,
     REPORT_MODULE,

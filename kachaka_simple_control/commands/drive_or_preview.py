@@ -21,10 +21,10 @@ import dataclasses
 from pathlib import Path
 import shlex
 import sys
+import termios
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.commands.cli import Options, parse
-from kachaka_simple_control.commands.confirmation import confirm
 from kachaka_simple_control.control.interrupts import exit_on_interrupt, raise_on_interrupt
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import UsageError
@@ -32,6 +32,30 @@ from kachaka_simple_control.run_command import run_command
 
 if TYPE_CHECKING:
     from kachaka_simple_control.analysis.drive_log import DriveLog
+
+#: The answers that let it drive; the empty one is Enter alone.
+CONSENT = ('', 'y', 'yes')
+
+
+def confirm(floor_size: str, before: str = '') -> None:
+    """
+    Ask whether a robot may drive; return if it may.
+
+    Lines typed before the question do not answer it.
+
+    :param floor_size: how much free floor it needs, in words
+    :param before: what to do before
+    :raises UsageError: if nobody can be asked, or the answer is not Enter, y or yes
+    """
+    if not sys.stdin.isatty():
+        raise UsageError('a robot will move: pass --yes, for there is no terminal to ask at')
+    print(f'\nThe robot needs {floor_size} of free floor.  {before}Enter drives, n or Ctrl+C '
+          'ends.', flush=True)
+    with contextlib.suppress(OSError, termios.error):
+        termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+    answer = sys.stdin.readline()
+    if not answer or answer.strip().lower() not in CONSENT:
+        raise UsageError('not confirmed: nothing was driven')
 
 
 def drive(options: Options) -> DriveLog:
@@ -62,7 +86,7 @@ def _run(options: Options) -> None:
     if options.repeat == 1:
         _drive_confirmed(options)
         return
-    from kachaka_simple_control.report.report_directory import prepare_report_dir
+    from kachaka_simple_control.report.output_file import prepare_report_dir
     with contextlib.ExitStack() as stack:
         if options.report is not None:
             stack.enter_context(prepare_report_dir(options.report))

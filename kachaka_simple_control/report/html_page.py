@@ -34,7 +34,7 @@ from kachaka_simple_control.report.drive_plots import (
     time_span,
 )
 from kachaka_simple_control.report.json_export import start_datetime
-from kachaka_simple_control.report.report_directory import NEEDS_JINJA2
+from kachaka_simple_control.report.output_file import NEEDS_JINJA2
 from kachaka_simple_control.report.speed_table import speed_rows
 from kachaka_simple_control.report.table_layout import fold, Gap, repeat_labels
 from kachaka_simple_control.text import format_fixed, pluralize

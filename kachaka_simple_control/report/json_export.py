@@ -23,8 +23,8 @@ import math
 from typing import Any
 
 from kachaka_simple_control.analysis.drive_log import MotionLog
+from kachaka_simple_control.analysis.message_timing import Quantiles
 from kachaka_simple_control.analysis.paths import simplify
-from kachaka_simple_control.analysis.quantiles import Quantiles
 from kachaka_simple_control.analysis.step_results import StepResult
 from kachaka_simple_control.analysis.summary import PoseError, signal_name, Summary
 from kachaka_simple_control.motion.geometry import Displacement, Pose

@@ -34,7 +34,7 @@ from kachaka_simple_control.control.events import (
 )
 from kachaka_simple_control.motion.geometry import ORIGIN
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.report.report_directory import NEEDS_MCAP
+from kachaka_simple_control.report.output_file import NEEDS_MCAP
 from kachaka_simple_control.report.rosbag2_metadata import (
     bag_information,
     BEST_EFFORT,

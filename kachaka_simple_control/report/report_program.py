@@ -39,7 +39,7 @@ from kachaka_simple_control.control.events import (
     VelocityKind,
     VelocitySent,
 )
-from kachaka_simple_control.control.latch import shared_state
+from kachaka_simple_control.control.guardian import shared_state
 from kachaka_simple_control.control.output import make_nonblocking, STDERR
 from kachaka_simple_control.control.processes import lower_priority
 from kachaka_simple_control.control.waiting import wait_until
@@ -49,8 +49,7 @@ from kachaka_simple_control.report.drive_plots import draw_drive_plots, DrivePlo
 from kachaka_simple_control.report.html_page import render_page
 from kachaka_simple_control.report.json_export import run_json
 from kachaka_simple_control.report.mcap_recorder import McapRecorder
-from kachaka_simple_control.report.output_file import write_atomically
-from kachaka_simple_control.report.report_directory import NEEDS_JINJA2, NEEDS_MCAP
+from kachaka_simple_control.report.output_file import NEEDS_JINJA2, NEEDS_MCAP, write_atomically
 from kachaka_simple_control.telemetry.subscriber_process import decode
 from kachaka_simple_control.text import escaped, MAX_LINE_LENGTH
 

@@ -19,9 +19,12 @@ from collections.abc import Callable
 import threading
 from typing import Any
 
-from kachaka_simple_control.control.drive_requests import DriveRequest
-from kachaka_simple_control.control.run_progress import RunProgress
-from kachaka_simple_control.control.service_requests import ResumeConfirmation, StopRequests
+from kachaka_simple_control.control.drive_requests import (
+    DriveRequest,
+    ResumeConfirmation,
+    StopRequests,
+)
+from kachaka_simple_control.control.robot_drive import RunProgress
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR, MOVED, OVERRIDE, PAUSE
 from kachaka_simple_control.control.timing import RESUME_CONFIRM_TIMEOUT, RESUME_QUIET_TIME
 from kachaka_simple_control.errors import (

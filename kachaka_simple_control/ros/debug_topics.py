@@ -22,13 +22,16 @@ import threading
 import time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 from kachaka_simple_control.control.events import Event, VelocitySent
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.endpoints import with_qos_overrides
-from kachaka_simple_control.ros.names import COMMANDED_VELOCITY, SPEED_FACTOR
+from kachaka_simple_control.ros.names import COMMANDED_VELOCITY, DIAGNOSTICS, SPEED_FACTOR
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.telemetry.diagnosis import Diagnosis
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -208,3 +211,39 @@ class CommandedVelocityPublisher:
         message.twist.linear.x = velocity.linear_x
         message.twist.angular.z = velocity.angular_z
         return bytes(serialize_message(message))
+
+
+DEPTH = 10
+
+
+class DiagnosticsPublisher:
+    """
+    Publishes a diagnosis on request, if there are subscribers.
+
+    :param velocities: the publisher that moves the robot
+    :param robot: name of the robot
+    :param diagnose: makes the diagnosis; None when there is none to make
+    :raises UsageError: if the topic is remapped to where it would move the robot
+    """
+
+    def __init__(
+            self, node: Node, velocities: VelocityPublisher, thread: PublisherThread, robot: str,
+            diagnose: Callable[[], Diagnosis | None]) -> None:
+        self._publisher = create_debug_publisher(
+            node, velocities, DiagnosticArray, DIAGNOSTICS, QoSProfile(depth=DEPTH))
+        self._thread = thread
+        self._clock = node.get_clock()
+        self._name = f'{node.get_fully_qualified_name().lstrip("/")}: drive'
+        self._robot = f'{robot} on {velocities.topic_name}'
+        self._diagnose = diagnose
+
+    def publish(self) -> None:
+        """Publish the diagnosis now."""
+        if not self._publisher.get_subscription_count():
+            return
+        diagnosis = self._diagnose()
+        if diagnosis is None:
+            return
+        message = conversions.diagnostics(
+            {self._name: diagnosis}, self._clock.now().to_msg(), self._robot)
+        self._thread.publish(self._publisher, lambda: bytes(serialize_message(message)))

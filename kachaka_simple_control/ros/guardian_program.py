@@ -25,7 +25,7 @@ import signal
 import sys
 import time
 
-from kachaka_simple_control.control.latch import shared_state
+from kachaka_simple_control.control.guardian import shared_state
 from kachaka_simple_control.control.processes import boottime, is_stopped
 from kachaka_simple_control.control.signals import wakeup_pipe
 from kachaka_simple_control.control.stop import send_stop

@@ -139,7 +139,7 @@ class IntrospectionPublishers:
 
     def _add_diagnostics(self, velocities: VelocityPublisher, robot: str) -> None:
         try:
-            from kachaka_simple_control.ros.diagnostics import DiagnosticsPublisher
+            from kachaka_simple_control.ros.debug_topics import DiagnosticsPublisher
         except ImportError:
             return
         diagnostics = DiagnosticsPublisher(

@@ -22,7 +22,7 @@ import threading
 import time
 
 from kachaka_simple_control.control import processes
-from kachaka_simple_control.control.drive_loop import DriveLoop
+from kachaka_simple_control.control.drive_loop import DriveLoop, old_objects_frozen
 from kachaka_simple_control.control.drive_requests import DriveRequest, DriveRequests
 from kachaka_simple_control.control.events import (
     Event,
@@ -30,7 +30,6 @@ from kachaka_simple_control.control.events import (
     MotionPlanned,
     VelocityKind,
 )
-from kachaka_simple_control.control.garbage_collection import old_objects_frozen
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
@@ -70,7 +69,7 @@ from kachaka_simple_control.ros.executors import BackgroundExecutor
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.names import RobotNames
-from kachaka_simple_control.ros.node_parameters import NodeParameters
+from kachaka_simple_control.ros.parameters import NodeParameters
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 from kachaka_simple_control.ros.session_status import StatusReader

@@ -19,8 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
-from kachaka_simple_control.control.robot_drive import RobotDrive
-from kachaka_simple_control.control.run_progress import RunProgress, RunState
+from kachaka_simple_control.control.robot_drive import RobotDrive, RunProgress, RunState
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.velocity_gate import GateState
 from kachaka_simple_control.errors import ControlError

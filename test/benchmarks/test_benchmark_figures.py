@@ -37,7 +37,7 @@ from benchmarks.wire import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.analysis.quantiles import median, quantile
+from kachaka_simple_control.analysis.message_timing import median, quantile
 from program import ROOT
 import pytest
 

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.real_time
 
 ASK = """
 import sys, time
-from kachaka_simple_control.commands.confirmation import confirm
+from kachaka_simple_control.commands.drive_or_preview import confirm
 from kachaka_simple_control.run_command import run_command
 print('begun', flush=True)
 time.sleep(float(sys.argv[1]))

@@ -25,7 +25,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.control.drive_loop import DriveLoop, Sleeper
 from kachaka_simple_control.control.events import VelocityKind, VelocitySent
-from kachaka_simple_control.control.latch import Latch
+from kachaka_simple_control.control.guardian import Latch
 from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.tick_scheduler import Tick, TickScheduler

@@ -17,7 +17,7 @@ import gc
 import threading
 import time
 
-from kachaka_simple_control.control.garbage_collection import old_objects_frozen
+from kachaka_simple_control.control.drive_loop import old_objects_frozen
 import pytest
 
 #: How long a collection may take [s of the thread's CPU time].

@@ -19,9 +19,8 @@ import math
 from fake_time import FakePublisher, FakeTime
 from kachaka_simple_control.control.drive_loop import DriveLoop
 from kachaka_simple_control.control.events import MotionStarted, VelocitySent
-from kachaka_simple_control.control.latch import Latch
-from kachaka_simple_control.control.robot_drive import RobotDrive
-from kachaka_simple_control.control.run_progress import RunState
+from kachaka_simple_control.control.guardian import Latch
+from kachaka_simple_control.control.robot_drive import RobotDrive, RunState
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.control.timing import CHECK_PERIOD, max_gap

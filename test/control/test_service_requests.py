@@ -15,7 +15,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.control.service_requests import ResumeConfirmation, StopRequests
+from kachaka_simple_control.control.drive_requests import ResumeConfirmation, StopRequests
 from kachaka_simple_control.control.timing import RESUME_CONFIRM_TIMEOUT, RESUME_QUIET_TIME
 from kachaka_simple_control.errors import MotionRefusedError
 import pytest

@@ -40,7 +40,7 @@ from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Repeat, Turn
 from kachaka_simple_control.report.html_page import MAX_ROWS, render_page
 from kachaka_simple_control.report.json_export import fields, run_json
-from kachaka_simple_control.report.report_directory import missing_libraries
+from kachaka_simple_control.report.output_file import missing_libraries
 from kachaka_simple_control.report.report_program import try_write_report, write_report
 from outcome_logs import done, faulted, hour, killed, lesson, never_began, stopped
 from plans import EMPTY, LESSON, SQUARE

@@ -37,7 +37,7 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.report import report_program
-from kachaka_simple_control.report.report_directory import prepare_report_dir, REPORT_MODULE
+from kachaka_simple_control.report.output_file import prepare_report_dir, REPORT_MODULE
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.subscriber_process import (
     SubscriberProcess,

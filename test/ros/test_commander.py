@@ -24,8 +24,8 @@ import threading
 import time
 
 from kachaka_simple_control.commands.cli import parse
+from kachaka_simple_control.control.drive_requests import StopRequests
 from kachaka_simple_control.control.events import OdometryReceived, VelocitySent
-from kachaka_simple_control.control.service_requests import StopRequests
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.errors import ControlError, MotionRefusedError, PauseTimeoutError
 from kachaka_simple_control.files.robot_profile import KACHAKA

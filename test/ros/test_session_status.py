@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from kachaka_simple_control.control.run_progress import RunProgress
+from kachaka_simple_control.control.robot_drive import RunProgress
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.telemetry.diagnosis import Level
