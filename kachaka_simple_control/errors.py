@@ -73,11 +73,67 @@ class InvalidMotionError(ControlError, ValueError):
     """
     A motion is invalid: a value is missing, wrong or beyond a limit; nothing moved.
 
-    :param message: the value with its unit, the bound, what to do; without the path
+    :param message: the value with its unit, the bound, what to do; without path and name
     :param path: the key path in the motion, as in ``steps[2].turn.speed``; None if there is none
+    :param name: the name of the value that is wrong; None if it is about more than one value
     """
 
-    def __init__(self, message: str, path: str | None = None) -> None:
-        super().__init__(message if path is None else f'{path}: {message}')
+    def __init__(self, message: str, path: str | None = None, name: str | None = None) -> None:
+        super().__init__(message, path, name)
         self.message = message
         self.path = path
+        self.name = name
+
+    def __str__(self) -> str:
+        """Return path, name and message, as far as there are any."""
+        text = self.message if self.name is None else f'{self.name} is {self.message}'
+        return text if self.path is None else f'{self.path}: {text}'
+
+    def at(self, path: str) -> InvalidMotionError:
+        """Return the error with a path."""
+        return InvalidMotionError(self.message, path, self.name)
+
+    def by(self, whose: str) -> InvalidMotionError:  # noqa: ARG002 (of a limit alone)
+        """Return the error with who limits the value, as in ``the robot's``, if a limit is why."""
+        return self
+
+
+class LimitError(InvalidMotionError):
+    """
+    A value is beyond a limit; nothing moved.
+
+    :param value: the value
+    :param unit: the unit of value and bounds
+    :param highest: the highest value that is allowed
+    :param lowest: the lowest; None if only the highest can be exceeded
+    :param whose: who limits it, as in ``the robot's``
+    :param note: what else tightens the limit; empty for nothing
+    :param name: the name of the value; None if its path says it
+    """
+
+    def __init__(
+            self, value: float, unit: str, highest: float, lowest: float | None = None, *,
+            whose: str, note: str = '', name: str | None = None) -> None:
+        if lowest is None:
+            text = f'{value} {unit} is above {whose} limit of {highest:.10g} {unit}{note}'
+        else:
+            text = (f'{value} {unit}, outside {whose} limits of {lowest:.6g} to {highest:.6g} '
+                    f'{unit}{note}')
+        super().__init__(text, None, name)
+        self.value, self.unit, self.highest, self.lowest = value, unit, highest, lowest
+        self.whose, self.note = whose, note
+
+    def at(self, path: str) -> LimitError:
+        """Return the error with a path."""
+        return self._changed(path, self.whose)
+
+    def by(self, whose: str) -> LimitError:
+        """Return the error with another one who limits the value."""
+        return self._changed(self.path, whose)
+
+    def _changed(self, path: str | None, whose: str) -> LimitError:
+        changed = LimitError(
+            self.value, self.unit, self.highest, self.lowest, whose=whose, note=self.note,
+            name=self.name)
+        changed.path = path
+        return changed

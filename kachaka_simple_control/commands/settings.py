@@ -21,7 +21,7 @@ import math
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.timing import MAX_RATE, min_rate
-from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.motion.units import point_advice, require_number
 from kachaka_simple_control.ros.parameters import NodeParameters, parameter_arguments
@@ -79,10 +79,10 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
     profile = find_robot(robot)
     try:
         check_rate(rate, profile)
-    except UsageError as error:
+    except InvalidMotionError as error:
         if motion_file is None or motion_file.rate is None or 'rate' in given:
-            raise
-        raise motion_file.error_at('rate', str(error)) from None
+            raise UsageError(str(error)) from None
+        raise motion_file.error_at('rate', error.message) from None
     closed_loop = bool(values['closed_loop'])
     if closed_loop:
         profile.feedback_delay()
@@ -94,13 +94,13 @@ def check_rate(rate: float, profile: RobotProfile) -> None:
     Check that a robot can be driven at a rate.
 
     :param rate: how often a velocity is sent [Hz]
-    :raises UsageError: if it cannot
+    :raises InvalidMotionError: if it cannot
     """
     lowest = min_rate(profile.command_timeout)
     if not lowest <= rate <= MAX_RATE:
-        raise UsageError(
-            f'rate is {rate:g} Hz; for {profile.name} it must be from {lowest:g} to '
-            f'{MAX_RATE:g} Hz')
+        raise InvalidMotionError(
+            f'{rate:g} Hz; for {profile.name} it must be from {lowest:g} to {MAX_RATE:g} Hz',
+            name='rate')
 
 
 def describe_overrides(

@@ -217,13 +217,9 @@ class Document:
         Record the error of a class that refused its fields.
 
         :param path: the path of the mapping that the object was to be made from
-        :param error: its message begins with the name of the field, as in ``speed is ...``
+        :param error: the error, which may name a field
         """
-        field_name, verb, rest = error.message.partition(' is ')
-        if verb and field_name.isidentifier():
-            self.add_problem([*path, field_name], rest)
-        else:
-            self.add_problem(path, error.message)
+        self.add_problem(path if error.name is None else [*path, error.name], error.message)
 
     def read_quantity(self, path: KeyPath, quantity: Quantity) -> float | None:
         """

@@ -24,7 +24,7 @@ import re
 from types import MappingProxyType
 from typing import Any
 
-from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.errors import InvalidMotionError, LimitError
 from kachaka_simple_control.files.document import (
     Document,
     is_path,
@@ -96,8 +96,8 @@ class MotionFile:
         if closed_loop:
             whose, planned = "the closed loop's", tightened.scaled(CLOSED_LOOP_SHARE)
         problems = [
-            *(self._problem(error, f"{robot}'s") for error in self._excesses(limits)),
-            *(self._problem(error, whose) for error in find_errors(self.motion, planned))]
+            *(self._problem(error.by(f"{robot}'s")) for error in self._excesses(limits)),
+            *(self._problem(error.by(whose)) for error in find_errors(self.motion, planned))]
         if problems:
             raise MotionFileError(self.source, problems)
         return tightened
@@ -109,16 +109,14 @@ class MotionFile:
         :param path: its path, as in ``rate``
         :param message: what is wrong
         """
-        return MotionFileError(
-            self.source, [self._problem(InvalidMotionError(message, path), 'the')])
+        return MotionFileError(self.source, [self._problem(InvalidMotionError(message, path))])
 
-    def _excesses(self, limits: Limits) -> Iterator[InvalidMotionError]:
+    def _excesses(self, limits: Limits) -> Iterator[LimitError]:
         """Return an error for each limit of the file that is above the robot's."""
         for name, value in self.limits.items():
             bound, unit = _bound(limits, name), LIMIT_QUANTITIES[name].unit
             if value > bound:
-                yield InvalidMotionError(
-                    f'{value} {unit} is above the limit of {bound} {unit}', f'limits.{name}')
+                yield LimitError(value, unit, bound, whose='the').at(f'limits.{name}')
 
     def _tighten(self, limits: Limits) -> Limits:
         """Return the limits of a robot, lowered to those of the file."""
@@ -130,12 +128,9 @@ class MotionFile:
         return replace(tightened, max_backward_velocity=min(
             limits.max_backward_velocity, own.get('max_linear_velocity', math.inf)))
 
-    def _problem(self, error: InvalidMotionError, whose: str) -> Problem:
+    def _problem(self, error: InvalidMotionError) -> Problem:
         path = error.path or ''
-        text = error.message.removeprefix(f'{path.rpartition(".")[2]} is ')
-        text = text.replace('the limit of', f'{whose} limit of')
-        text = text.replace("the robot's limit", f'{whose} limit')
-        return Problem(text, self._line(path), path)
+        return Problem(error.message, self._line(path), path)
 
     def _line(self, path: str) -> int | None:
         return self.root.at(parse_path(path)).line if self.root and path else None

@@ -110,7 +110,7 @@ class Calibration:
             veer = abs(self.veer) * drive if math.isfinite(drive) else 0.0
             if bound * angular <= veer:
                 raise InvalidMotionError(
-                    f'veer is {self.veer} rad/m, which needs all of {name}, {bound:g}')
+                    f'{self.veer} rad/m, which needs all of {name}, {bound:g}', name='veer')
             return bound * angular - veer
 
         return replace(

@@ -68,15 +68,9 @@ class DriveOrder:
         try:
             planned = plan(self.motion, self.limits, self.rate)
         except InvalidMotionError as error:
-            raise error if self.corrected is None else _of_the_loop(error) from None
+            raise error if self.corrected is None else error.by("the closed loop's") from None
         if self.limits.exceeds(self.allowed):
             # The gate would refuse such a velocity in mid-motion.
             for velocity in {segment.velocity for segment in planned.segments}:
                 self.allowed.check(velocity)
         return planned
-
-
-def _of_the_loop(error: InvalidMotionError) -> InvalidMotionError:
-    """Return an error whose limits are those that a closed loop plans with."""
-    return InvalidMotionError(
-        error.message.replace("the robot's limits", "the closed loop's limits"), error.path)

@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 import math
 
-from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.errors import LimitError
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.units import (
     ANGULAR_ACCELERATION,
@@ -162,6 +162,4 @@ OPTIONAL = ('max_linear_deceleration', 'max_angular_deceleration', 'max_backward
 def _check(name: str, value: float, backward: float, forward: float, unit: str) -> None:
     # NaN is within no limits, and infinity is not within infinite ones.
     if not (math.isfinite(value) and -backward <= value <= forward):
-        raise InvalidMotionError(
-            f"{name} is {value} {unit}, outside the robot's limits of "
-            f'-{backward:.6g} to {forward:.6g} {unit}')
+        raise LimitError(value, unit, forward, -backward, whose="the robot's", name=name)

@@ -81,8 +81,8 @@ class OdometryCalibration:
             require_between('track', self.track, MIN_TRACK, MAX_TRACK, 'm')
         elif self.wheel_ratio != 1.0:
             raise InvalidMotionError(
-                f'wheel_ratio is {self.wheel_ratio}, which needs track, the one that odometry '
-                'uses, such as 0.2 m')
+                f'{self.wheel_ratio}, which needs track, the one that odometry uses, such as '
+                '0.2 m', name='wheel_ratio')
 
     def to_floor(self, velocity: Velocity) -> Velocity:
         """
@@ -131,7 +131,8 @@ class OdometryCalibration:
             lost = abs(cross) * other if math.isfinite(other) else 0.0
             if bound <= lost:
                 raise InvalidMotionError(
-                    f'wheel_ratio is {self.wheel_ratio}, which needs all of {name}, {bound:g}')
+                    f'{self.wheel_ratio}, which needs all of {name}, {bound:g}',
+                    name='wheel_ratio')
             return (bound - lost) / own * (1.0 - MARGIN)
 
         def linear(name: str, bound: float, *angular: float) -> float:

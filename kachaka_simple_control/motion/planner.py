@@ -122,8 +122,8 @@ class MotionValidator:
             self._refuse(f'the motion takes {duration:.10g} s, its repeats counted; it may take '
                          f'{MAX_DURATION:.10g} s at most')
 
-    def _refuse(self, message: str, path: str | None = None) -> None:
-        self.errors.append(InvalidMotionError(message, path))
+    def _refuse(self, message: str) -> None:
+        self.errors.append(InvalidMotionError(message))
 
     def _block(self, times: int, steps: Sequence[Step], prefix: str) -> RepeatBlock:
         return RepeatBlock(times, [
@@ -135,4 +135,4 @@ class MotionValidator:
         if block is not None:
             return self._block(*block, place)
         return PlannedItem(path, step, step.trajectories(
-            self._limits, lambda name, message: self._refuse(message, place + name)))
+            self._limits, lambda name, error: self.errors.append(error.at(place + name))))

@@ -21,7 +21,7 @@ from dataclasses import dataclass, fields, MISSING
 import math
 from typing import Any, ClassVar, NamedTuple
 
-from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.errors import InvalidMotionError, LimitError
 from kachaka_simple_control.motion.geometry import Displacement
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.replanning import PathLimits
@@ -40,7 +40,7 @@ MAX_DURATION = 86_400.0
 #: A speed may be this part above a limit: what rounding makes of the same number.
 ROUNDING = 1e-9
 #: Called with the name of a field and what is wrong with it.
-Refuse = Callable[[str, str], None]
+Refuse = Callable[[str, InvalidMotionError], None]
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class Count:
         :raises InvalidMotionError: if it is refused
         """
         if isinstance(value, bool) or not isinstance(value, int):
-            raise InvalidMotionError(f'{name} is {value!r}; it must be a whole number')
+            raise InvalidMotionError(f'{value!r}; it must be a whole number', name=name)
         if not 0 <= value <= self.largest:
-            raise InvalidMotionError(f'{name} is {value}; it must be from 0 to {self.largest}')
+            raise InvalidMotionError(f'{value}; it must be from 0 to {self.largest}', name=name)
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,8 @@ class Step(ABC):
             path = [(segment, PathLimits(min(speed, bounds.velocity), *bounds[1:]))
                     for segment, bounds in path]
         if any(min(bounds) == math.inf for _, bounds in path):
-            refuse('speed', 'it is not given, and the robot has no limit either; give one')
+            refuse('speed', InvalidMotionError(
+                'it is not given, and the robot has no limit either; give one'))
             return []
         # A lower bound, checked first: no profile is computed from extreme numbers.
         duration = sum(segment.distance / bounds.velocity for segment, bounds in path)
@@ -200,8 +201,9 @@ class Step(ABC):
             if duration <= MAX_DURATION:
                 return driven
         extent = self._extent()
-        refuse(extent, f'{getattr(self, extent)} {self._unit(extent)} takes {duration:.10g} s; '
-               f'a motion may take {MAX_DURATION:.10g} s at most')
+        refuse(extent, InvalidMotionError(
+            f'{getattr(self, extent)} {self._unit(extent)} takes {duration:.10g} s; a motion may '
+            f'take {MAX_DURATION:.10g} s at most'))
         return []
 
     def limit_note(self) -> str:
@@ -211,8 +213,7 @@ class Step(ABC):
     def _check_speed(self, speed: float, limit: float, refuse: Refuse) -> None:
         unit = self._unit('speed')
         if speed > limit * (1.0 + ROUNDING):
-            refuse('speed', f'{speed} {unit} is above the limit of {limit:.10g} {unit}'
-                   f'{self.limit_note()}')
+            refuse('speed', LimitError(speed, unit, limit, whose='the', note=self.limit_note()))
 
     def _extent(self) -> str:
         return [item.name for item in fields(self)  # type: ignore[arg-type]
@@ -229,8 +230,8 @@ class Step(ABC):
         duration = sum(trajectory.duration for trajectory in held)
         if duration <= MAX_DURATION:
             return held
-        refuse(self._extent(), f'{duration} s is too long; a motion may take '
-               f'{MAX_DURATION:.10g} s at most')
+        refuse(self._extent(), InvalidMotionError(
+            f'{duration} s is too long; a motion may take {MAX_DURATION:.10g} s at most'))
         return []
 
 
@@ -242,7 +243,7 @@ def step_tuple(steps: object) -> tuple[Step, ...]:
     :raises InvalidMotionError: if it is something else
     """
     if isinstance(steps, (str, bytes)) or not isinstance(steps, Iterable):
-        raise InvalidMotionError(f'steps is {steps!r}; it must be a sequence of steps')
+        raise InvalidMotionError(f'{steps!r}; it must be a sequence of steps', name='steps')
     kept = tuple(steps)
     for index, step in enumerate(kept):
         if not isinstance(step, Step):

@@ -204,8 +204,8 @@ class Arc(Step):
         """
         if abs(require_finite('radius', self.radius, 'm')) < MIN_RADIUS:
             raise InvalidMotionError(
-                f'radius is {self.radius} m; its size must be at least {MIN_RADIUS:g} m; to turn '
-                'in place, use a turn')
+                f'{self.radius} m; its size must be at least {MIN_RADIUS:g} m; to turn in place, '
+                'use a turn', name='radius')
         super().__post_init__()
 
     def path(self) -> tuple[PathSegment, ...]:
@@ -327,7 +327,7 @@ class Motion:
         """
         for what, text in (('name', self.name), ('description', self.description)):
             if not isinstance(text, str):
-                raise InvalidMotionError(f'{what} is {text!r}; it must be text')
+                raise InvalidMotionError(f'{text!r}; it must be text', name=what)
         object.__setattr__(self, 'steps', step_tuple(self.steps))
 
     def settled(self) -> Motion:
@@ -338,11 +338,12 @@ class Motion:
 
 
 def _try(
-        check: Callable[[float], None], value: float, refuse: Callable[[str], None]) -> None:
+        check: Callable[[float], None], value: float,
+        refuse: Callable[[InvalidMotionError], None]) -> None:
     try:
         check(value)
     except InvalidMotionError as error:
-        refuse(error.message)
+        refuse(error)
 
 
 def _nesting(step: Step) -> int:

@@ -132,8 +132,7 @@ class Quantity:
         """
         number = require_finite(name, value, self.unit)
         if self.sign is SignRule.NOT_NEGATIVE and number < 0.0:
-            raise InvalidMotionError(
-                f'{name} is {value} {self.unit}; it must not be negative')
+            raise InvalidMotionError(f'{value} {self.unit}; it must not be negative', name=name)
         if self.sign is SignRule.POSITIVE:
             require_positive(name, value, self.unit)
 
@@ -204,7 +203,7 @@ def require_number(name: str, value: object, unit: str) -> float:
     """
     # bool is a Real in Python, and move_robot(True, ...) is a mistake.
     if isinstance(value, bool) or not isinstance(value, (int, float, Real)):
-        raise InvalidMotionError(f'{name} is {value!r}; it must be a number [{unit}]')
+        raise InvalidMotionError(f'{value!r}; it must be a number [{unit}]', name=name)
     try:
         return float(value)
     except OverflowError:  # an int may have any number of digits
@@ -221,7 +220,7 @@ def require_finite(name: str, value: object, unit: str) -> float:
     """
     number = require_number(name, value, unit)
     if not math.isfinite(number):
-        raise InvalidMotionError(f'{name} is {number} {unit}; it must be a finite number')
+        raise InvalidMotionError(f'{number} {unit}; it must be a finite number', name=name)
     return number
 
 
@@ -238,7 +237,7 @@ def require_between(
     unit = unit and f' {unit}'
     if not lowest <= value <= highest:
         raise InvalidMotionError(
-            f'{name} is {value}{unit}; it must be from {lowest:g} to {highest:g}{unit}')
+            f'{value}{unit}; it must be from {lowest:g} to {highest:g}{unit}', name=name)
 
 
 def require_positive(name: str, value: object, unit: str) -> None:
@@ -251,7 +250,7 @@ def require_positive(name: str, value: object, unit: str) -> None:
     """
     # Written so that NaN fails.
     if not require_number(name, value, unit) > 0.0:
-        raise InvalidMotionError(f'{name} is {value} {unit}; it must be above 0 {unit}')
+        raise InvalidMotionError(f'{value} {unit}; it must be above 0 {unit}', name=name)
 
 
 def format_number(value: float) -> str:

@@ -15,7 +15,7 @@
 
 import math
 
-from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.errors import InvalidMotionError, LimitError
 from kachaka_simple_control.motion.steps import (
     Arc,
     Forward,
@@ -81,6 +81,21 @@ def test_an_error_has_its_place_and_its_message():
     assert str(error) == 'steps[1].forward.distance: 2 m is too far'
     plain = InvalidMotionError('2 m is too far')
     assert ('2 m is too far', '2 m is too far', None) == (str(plain), plain.message, plain.path)
+
+
+def test_an_error_of_a_limit_can_name_whose_it_is():
+    error = LimitError(0.5, 'm/s', 0.3, -0.1, whose="the robot's", name='linear_x')
+    assert str(error) == "linear_x is 0.5 m/s, outside the robot's limits of -0.1 to 0.3 m/s"
+    placed = error.by("the closed loop's").at('steps[1].move.linear_x')
+    assert placed.message == "0.5 m/s, outside the closed loop's limits of -0.1 to 0.3 m/s"
+    assert str(placed) == f'steps[1].move.linear_x: linear_x is {placed.message}'
+    assert placed.by('the').path == placed.path
+    assert (placed.value, placed.unit, placed.lowest, placed.highest) == (0.5, 'm/s', -0.1, 0.3)
+    speed = LimitError(2.0, 'm/s', 0.3, whose='the', note=', in a curve')
+    assert str(speed.by("kachaka's")) == (
+        "2.0 m/s is above kachaka's limit of 0.3 m/s, in a curve")
+    other = InvalidMotionError('2 m is too far', name='distance')
+    assert str(other.by("the robot's")) == 'distance is 2 m is too far'
 
 
 def test_lists_of_steps_are_kept_as_tuples():
