@@ -22,7 +22,6 @@ import threading
 import time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 from kachaka_simple_control.control.events import Event, VelocitySent
 from kachaka_simple_control.errors import UsageError
@@ -213,9 +212,6 @@ class CommandedVelocityPublisher:
         return bytes(serialize_message(message))
 
 
-DEPTH = 10
-
-
 class DiagnosticsPublisher:
     """
     Publishes a diagnosis on request, if there are subscribers.
@@ -223,14 +219,16 @@ class DiagnosticsPublisher:
     :param velocities: the publisher that moves the robot
     :param robot: name of the robot
     :param diagnose: makes the diagnosis; None when there is none to make
+    :raises ImportError: if diagnostic_msgs is not installed
     :raises UsageError: if the topic is remapped to where it would move the robot
     """
 
     def __init__(
             self, node: Node, velocities: VelocityPublisher, thread: PublisherThread, robot: str,
             diagnose: Callable[[], Diagnosis | None]) -> None:
+        from diagnostic_msgs.msg import DiagnosticArray
         self._publisher = create_debug_publisher(
-            node, velocities, DiagnosticArray, DIAGNOSTICS, QoSProfile(depth=DEPTH))
+            node, velocities, DiagnosticArray, DIAGNOSTICS, QoSProfile(depth=10))
         self._thread = thread
         self._clock = node.get_clock()
         self._name = f'{node.get_fully_qualified_name().lstrip("/")}: drive'

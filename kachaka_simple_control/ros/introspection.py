@@ -30,6 +30,7 @@ from kachaka_simple_control.control.events import (
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.ros.debug_topics import (
     CommandedVelocityPublisher,
+    DiagnosticsPublisher,
     PublisherThread,
     SpeedFactorPublisher,
 )
@@ -138,12 +139,12 @@ class IntrospectionPublishers:
             publisher.on_plan(plan)
 
     def _add_diagnostics(self, velocities: VelocityPublisher, robot: str) -> None:
+        # Optional, as for the paths.
         try:
-            from kachaka_simple_control.ros.debug_topics import DiagnosticsPublisher
+            diagnostics = DiagnosticsPublisher(
+                self._node, velocities, self._thread, robot, self._diagnose)
         except ImportError:
             return
-        diagnostics = DiagnosticsPublisher(
-            self._node, velocities, self._thread, robot, self._diagnose)
         # A timer would otherwise follow /clock, which may stand still while the robot drives.
         self._timer = self._node.create_timer(
             DIAGNOSTICS_PERIOD,
