@@ -29,7 +29,7 @@ help:  ## print this list
 	@echo 'make TARGET [PYTHON=python3.12] [DISTRO=kilted]'
 	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' Makefile
 
-run: setup  ## set up (40 s, once), then drive a simulated robot; 11 s
+run: setup  ## set up (30 s, once), then drive a simulated robot; 11 s
 	$(VENV)/bin/kachaka_simple_control --sim
 
 # Pure tests first, on all cores; then those in real time, by more workers: they mostly wait.
@@ -88,7 +88,7 @@ docs:  ## build docs/ as a site in docs/_build, and do what it tells a reader to
 	    -d docs/_build/doctrees docs docs/_build/$(DOCS)
 	$(VENV)-colcon/bin/python -m pytest -rs -n 4 --dist worksteal test/test_docs.py
 
-setup:  ## make the environment, if what it is made from has changed; 40 s
+setup:  ## make the environment, if what it is made from has changed; 30 s
 	$(SET_UP) $(VENV)
 
 # Debian names it one way, Ubuntu the other.

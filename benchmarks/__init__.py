@@ -12,15 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Benchmarks of our timing and stopping, and of the loops that people write otherwise.
+Benchmarks of timing and stopping: this package, and other common ways to send velocities.
 
 ``python -m benchmarks`` measures, ``python -m benchmarks.compare`` compares two runs.  Only
-``loops``, ``loop_process``, ``resource_usage`` and ``robot`` use ROS; the figures are pure.
+``loops``, ``loop_process``, ``resource_usage`` and ``robot`` use ROS.
 """
 
 from pathlib import Path
 import sys
 
 ROOT = Path(__file__).resolve().parent.parent
-# Where the tests' listener is, and their way to start programs.
+# This folder has the listener of the tests, and the functions that start programs.
 sys.path.append(str(ROOT / 'test'))

@@ -32,15 +32,15 @@ from benchmarks.tables import Table, tables
 from benchmarks.thresholds import judge
 from ros_domain import isolate_ros
 
-#: The run that the page shows.
+#: The run that the documentation shows.
 REFERENCE = RESULTS / 'reference.json'
 PAGE = ROOT / 'docs' / 'benchmarks.md'
 IMAGES = ROOT / 'docs' / 'images'
 
 
 def measure(scale: Scale) -> dict[str, Any]:
-    """Run all measurements; return the run, plain data."""
-    # Before anything loads rclpy.
+    """Run all measurements, and return the results as plain data."""
+    # Called before any module imports rclpy.
     isolate_ros()
     from benchmarks import machine, planning, startup_shutdown, timing
     described = machine.describe()
@@ -60,13 +60,13 @@ def measure(scale: Scale) -> dict[str, Any]:
 
 
 def draw(file: Path, folder: Path, python: str) -> None:
-    """Draw a run into a folder, by a Python that has matplotlib; ours may not have it."""
+    """Draw the plots of a run in a folder, with a Python interpreter that has matplotlib."""
     subprocess.run(
         [python, '-m', 'benchmarks.plots', str(file), str(folder)], cwd=ROOT, check=True)
 
 
 def write_page(shown: list[Table], run: dict[str, Any]) -> None:
-    """Write the tables of a run to the page."""
+    """Write the tables of a run to the documentation page."""
     counts = ', '.join(f'{count} at {rate} Hz' for rate, count in run['moves'].items())
     head = f'Measured on {run["date"]}.  Movements of one second by each loop: {counts}.'
     measured = '\n'.join([head, '', *(table.markdown() for table in shown)])
@@ -74,7 +74,7 @@ def write_page(shown: list[Table], run: dict[str, Any]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure as the arguments ask; return 1 if a threshold was missed, else 0."""
+    """Measure according to the arguments; return 1 if a threshold was missed, else 0."""
     parser = argparse.ArgumentParser(prog='benchmarks', description=__doc__)
     parser.add_argument('--quick', action='store_true', help='measure little; leaves docs alone')
     parser.add_argument('--no-bars', action='store_true', help='a missed threshold is no failure')

@@ -43,27 +43,27 @@ import rclpy
 from rclpy.node import Node
 from ros_domain import isolate_ros
 
-#: Number of processes of the other nodes, each with a context and participant of its own.
+#: The number of processes of the other nodes; each has its own context and participant.
 PROCESSES = 4
-#: How long they have to discover each other before the first run [s].
+#: The time for discovery before the first run [s].
 SETTLING_TIME = 15.0
-#: Longest run, with start, discovery and stop [s].
+#: The longest duration of a run, with start, discovery and stop [s].
 MAX_RUN_TIME = 120.0
 
 
 def restart_nodes(count: int, rate: float, seconds: float) -> None:
     """
-    Make nodes, and restart one after the other.
+    Start nodes, and restart them one after the other.
 
-    :param count: number of nodes
-    :param rate: restarts per second
-    :param seconds: for how long [s]
+    :param count: the number of nodes
+    :param rate: the restarts per second
+    :param seconds: the duration [s]
     """
     end = time.monotonic() + seconds
     stop = [_start_node(number) for number in range(count)]
     due = time.monotonic()
     for number in range(count, count + round(seconds * rate)):
-        # Restarts that are late are not caught up with.
+        # Late restarts are not made up for.
         due = max(due + 1.0 / rate, time.monotonic())
         if due >= end:
             return
@@ -73,7 +73,7 @@ def restart_nodes(count: int, rate: float, seconds: float) -> None:
 
 
 def _start_node(number: int) -> Callable[[], None]:
-    """Start a node; return what stops it."""
+    """Start a node; return a function that stops it."""
     context = rclpy.Context()
     context.init(args=[])
     node = Node(
@@ -92,14 +92,14 @@ def _start_node(number: int) -> Callable[[], None]:
 def others(
         nodes: int, restarts: float, longest: float, domain: int | None = None) -> Iterator[None]:
     """
-    Run and restart other nodes beside the ``with`` block, which begins at once.
+    Run and restart other nodes during the ``with`` block, which begins at once.
 
-    They have ROS's default transports, and reach this machine alone.
+    The nodes use ROS's default transports on this machine only.
 
-    :param nodes: number of nodes
-    :param restarts: restarts per second
-    :param longest: they end by themselves after this time [s]
-    :param domain: their ROS domain; None for that of the environment
+    :param nodes: the number of nodes
+    :param restarts: the restarts per second
+    :param longest: the time after which the nodes end by themselves [s]
+    :param domain: their ROS domain; None for the domain of the environment
     """
     variables = {name: value for name, value in os.environ.items() if name not in CHOICES}
     # Humble has no discovery range.
@@ -116,7 +116,7 @@ def others(
     try:
         yield
     finally:
-        # Killed, they would leave locked shared memory behind.
+        # Killed nodes would leave locked shared memory behind.
         for process in started:
             process.terminate()
         for process in started:
@@ -128,13 +128,13 @@ def others(
 
 def measure(motion: str, rate: float, runs: int, nice: int) -> Counter[str]:
     """
-    Drive some runs.
+    Drive several runs, and count how they ended.
 
-    :param motion: name of a library motion
-    :param rate: how often a velocity is sent [Hz]
-    :param runs: number of runs
-    :param nice: added to the niceness of each
-    :returns: count of each last message; empty for runs that reached their end
+    :param motion: the name of a library motion
+    :param rate: the rate of velocity messages [Hz]
+    :param runs: the number of runs
+    :param nice: a number added to the niceness of each run
+    :returns: the count of each last message; the message is empty for a completed run
     """
     command = [*processes.python_command('kachaka_simple_control.__main__'), motion, '--quiet',
                '--rate', str(rate)]
@@ -151,7 +151,7 @@ def measure(motion: str, rate: float, runs: int, nice: int) -> Counter[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure and print; return 1 if a run did not reach its end, else 0."""
+    """Measure and print; return 1 if a run was not completed, else 0."""
     parser = argparse.ArgumentParser(prog='benchmarks.churn', description=__doc__)
     parser.add_argument('--motion', default='square', help='of the library (default: square)')
     parser.add_argument('--rate', type=float, default=50.0, help='[Hz] (default: 50)')

@@ -25,12 +25,12 @@ from typing import Any
 from benchmarks.figures import figures
 from benchmarks.tables import NAMES, number, Table
 
-#: A relative change below this is not marked.
+#: The smallest relative change that is shown.
 NOISE = 0.1
 
 
 def compare(before: dict[str, Any], after: dict[str, Any]) -> Table:
-    """Return a table of two runs, with a row for each figure that both have."""
+    """Return a table that compares two runs, with a row for each figure of both runs."""
     others = {(figure.what, figure.loop): figure for figure in figures(after)}
     rows = []
     for one in figures(before):
@@ -52,13 +52,13 @@ def change(before: float, after: float) -> str:
 
 
 def differences(before: dict[str, str], after: dict[str, str]) -> list[str]:
-    """Return a line for each difference between the machines of two runs."""
+    """Return a line for each difference between the machine descriptions of two runs."""
     return [f'{name}: {before.get(name, "-")} -> {after.get(name, "-")}'
             for name in {**before, **after} if before.get(name) != after.get(name)]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the comparison of the runs that the arguments name."""
+    """Print the comparison of the two runs that the arguments name."""
     parser = argparse.ArgumentParser(
         prog='benchmarks.compare', description='Set two runs of the benchmarks side by side.')
     parser.add_argument('before', type=Path)

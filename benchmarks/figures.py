@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Named figures of a run, computed from its data; pure."""
+"""Compute the named figures (measured values) of a run from its data."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from typing import Any
 
 from kachaka_simple_control.analysis.message_timing import median, quantile
 
-#: The figure of what never came.
+#: The value of an event that never came.
 NEVER = math.inf
 
 
 @dataclass(frozen=True)
 class Figure:
     """
-    A figure.
+    A measured value with its name.
 
-    :param what: what was measured
-    :param loop: of which loop
-    :param value: in the unit; infinite for what never came
+    :param what: the measured quantity
+    :param loop: the name of the measured loop
+    :param value: the value in the unit; infinite for an event that never came
     :param unit: the unit
     """
 
@@ -52,16 +52,16 @@ def figures(run: dict[str, Any]) -> list[Figure]:
 
 
 def find(found: Sequence[Figure], what: str, loop: str) -> float | None:
-    """Return the value of one figure; None if there is none."""
+    """Return the value of the figure of a loop; None if there is no such figure."""
     return next((one.value for one in found if (one.what, one.loop) == (what, loop)), None)
 
 
 def where(rate: int, busy: int) -> str:
     """
-    Return the part of a figure's name for rate and load.
+    Return the part of a figure's name that describes rate and load.
 
-    :param rate: of the loop [Hz]
-    :param busy: number of busy processes beside it
+    :param rate: the rate of the loop [Hz]
+    :param busy: the number of busy processes that load the machine
     """
     return f'at {rate} Hz' + (', loaded' if busy else '')
 
@@ -133,9 +133,9 @@ def _planning(entries: Sequence[dict[str, Any]]) -> Iterator[Figure]:
 
 def signal_groups(entries: list[dict[str, Any]]) -> list[tuple[str, int, tuple[str, ...]]]:
     """
-    Group the processes that a signal was sent to.
+    Group the processes that received a signal.
 
-    :returns: loop, number of busy processes and signals of each group that is not empty
+    :returns: the loop, the number of busy processes and the signals of each non-empty group
     """
     kinds = (('SIGINT', 'SIGTERM'), ('SIGKILL',), ('SIGSTOP',))
     return list(dict.fromkeys(
@@ -146,7 +146,7 @@ def signal_groups(entries: list[dict[str, Any]]) -> list[tuple[str, int, tuple[s
 def zeros(
         entries: list[dict[str, Any]], loop: str, busy: int,
         names: Sequence[str]) -> list[float]:
-    """Return the times to the first zero in a group [s]; infinite where no zero came."""
+    """Return the times from signal to first zero in a group [s]; infinite if no zero came."""
     return _times(
         entry['zero'] for entry in entries
         if (entry['loop'], entry['busy']) == (loop, busy) and entry['signal'] in names)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A simulated robot with a gRPC server, and the bridge between it and ROS 2, as processes."""
+"""Start a simulated robot with a gRPC server and its bridge to ROS 2, as two processes."""
 
 from __future__ import annotations
 
@@ -22,37 +22,37 @@ from kachaka_simple_control.motion.geometry import Pose
 from program import environment
 from ros_support import BridgeProcess
 
-#: How long the robot may take to respond [s].
+#: The longest response time of the robot [s].
 RESPONSE_TIMEOUT = 5.0
 
 
 class GrpcRobot:
     """
-    ``kachaka_sim`` and ``kachaka_bridge --address``; ``close`` ends both.
+    The processes ``kachaka_sim`` and ``kachaka_bridge --address``; ``close`` ends both.
 
-    :param namespace: of the robot in ROS
+    :param namespace: the ROS namespace of the robot
     :param domain: the bridge's ROS domain
     :raises AssertionError: if the robot does not start
     """
 
     def __init__(self, namespace: str, domain: int) -> None:
         self._robot = SimulatedRobot()
-        #: of the robot, ``HOST:PORT``
+        #: the address of the robot, ``HOST:PORT``
         self.address = self._robot.address
-        # Only this process holds the other end of its standard input: it ends with us.
+        # The bridge ends with this process, which holds the other end of its standard input.
         self._bridge = BridgeProcess(
             '--address', self.address, '--namespace', namespace, '--with-parent',
             stdin=subprocess.PIPE, env=environment(ROS_DOMAIN_ID=str(domain)))
 
     def send(self, signum: int) -> float:
-        """Send the bridge a signal; return when [s, system clock]."""
+        """Send the bridge a signal; return the time of the signal [s, system clock]."""
         return self._bridge.send(signum)
 
     def pose(self) -> Pose:
         """
-        Request the odometry of the robot by gRPC; the heading is between -pi and pi.
+        Request the odometry of the robot over gRPC; the heading is between -pi and pi.
 
-        :raises RuntimeError: if it does not respond
+        :raises RuntimeError: if the robot does not respond
         """
         from kachaka_simple_control.kachaka.grpc_client.address import Address
         from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
@@ -65,6 +65,6 @@ class GrpcRobot:
         return conversions.pose(response.odometry)
 
     def close(self, timeout: float = 0.0, signum: int = 0) -> None:
-        """End both, the bridge first; harmless if they have ended."""
+        """End both processes, the bridge first; do nothing if they have ended."""
         for process in (self._bridge, self._robot):
             process.close(timeout, signum)

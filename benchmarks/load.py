@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Keep the processors busy for a while."""
+"""Load the processors for a time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import contextlib
 import subprocess
 import sys
 
-#: A busy process; it ends by itself, also if the one that started it was killed.
+#: The program of a busy process, which ends by itself, also if its parent was killed.
 WORK = """
 import sys, time
 end = time.monotonic() + float(sys.argv[1])
@@ -31,7 +31,7 @@ while time.monotonic() < end:
 
 @contextlib.contextmanager
 def busy(count: int, max_duration: float = 600.0) -> Iterator[None]:
-    """Run busy processes beside the ``with`` block; they end by themselves after a time [s]."""
+    """Run busy processes during the ``with`` block, for a longest duration [s]."""
     processes = [
         subprocess.Popen([sys.executable, '-c', WORK, str(max_duration)]) for _ in range(count)]
     try:

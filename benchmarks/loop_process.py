@@ -14,9 +14,9 @@
 """
 The process of one loop; ``python -m benchmarks.loop_process NAME MODE RATE NAMESPACE``.
 
-Modes: ``serve`` reads movements from standard input; ``drive`` moves once, for long; ``lesson``
-makes the first movements of the lesson; ``signals`` makes a new node after every signal.
-It writes a JSON value a line to standard output.
+Modes: ``serve`` reads movements from standard input; ``drive`` makes one long movement;
+``lesson`` makes the first movements of the lesson; ``signals`` makes a new node after every
+signal.  The process writes one JSON value per line to standard output.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from benchmarks.resource_usage import ResourceMeter
 import rclpy
 
 VELOCITY = 0.1
-#: Duration of a movement that is to be interrupted [s].
+#: The duration of a movement that will be interrupted [s].
 LONG = 30.0
 
 
 def write(value: object) -> None:
-    """Write a value to standard output."""
+    """Write a value to standard output as one JSON line."""
     print(json.dumps(value), flush=True)
 
 
 def serve(loop: Loop, meter: ResourceMeter) -> None:
-    """Connect to the robot; then, for each line of the input, make movements and measure them."""
+    """Connect to the robot; then make and measure the movements of each input line."""
     loop.connect()
     write('ready')
     for line in sys.stdin:
@@ -52,12 +52,12 @@ def serve(loop: Loop, meter: ResourceMeter) -> None:
 def measure_movements(
         loop: Loop, meter: ResourceMeter, durations: list[float]) -> dict[str, object]:
     """
-    Move forwards and backwards in turn, until a fault.
+    Move forward and backward alternately, until a fault.
 
-    :param loop: moves
-    :param meter: measures
-    :param durations: of the movements [s]
-    :returns: the resources used, and the faults
+    :param loop: the loop that moves the robot
+    :param meter: the meter of the used resources
+    :param durations: the durations of the movements [s]
+    :returns: the used resources, and the faults
     """
     faults: list[str] = []
     with meter:
@@ -72,7 +72,7 @@ def measure_movements(
 
 
 def move(loop: Loop, velocity: float, duration: float) -> list[str]:
-    """Hold a forward velocity [m/s] for a duration [s]; return the fault, if any."""
+    """Hold a forward velocity [m/s] for a duration [s]; return a list with the fault, if any."""
     try:
         loop.move(velocity, duration)
     except GIVEN_UP as error:
@@ -81,7 +81,7 @@ def move(loop: Loop, velocity: float, duration: float) -> list[str]:
 
 
 def drive(loop: Loop, _meter: ResourceMeter) -> None:
-    """Move at once and for long, and write when the robot was discovered."""
+    """Start a long movement at once, and write the time at which the robot was discovered."""
     threading.Thread(target=_write_match, args=(loop,), daemon=True).start()
     loop.move(VELOCITY, LONG)
 
@@ -95,14 +95,15 @@ def lesson(loop: Loop, _meter: ResourceMeter) -> None:
 
 def signals(rate: float, namespace: str) -> None:
     """
-    Move until a signal, then again with a new node: a signal stops a node permanently.
+    Move until a signal, then move again with a new node, and repeat.
 
-    A handler of the program's own keeps the process alive; the node handles each signal as in a
-    program without one.  There is no guardian: it does not affect the measurement, and to start
-    hundreds would take ten minutes.
+    A new node is necessary, because a signal stops a node permanently.
+    The program's own signal handler keeps the process alive.  The node handles each signal as in
+    a program without a handler.  There is no guardian: it does not affect the measurement, and
+    starting hundreds of guardians would take ten minutes.
 
-    :param rate: how often a velocity is sent [Hz]
-    :param namespace: of the robot
+    :param rate: the rate of velocity messages [Hz]
+    :param namespace: the namespace of the robot
     """
     signal.signal(signal.SIGINT, lambda *_: None)
     while True:
@@ -112,7 +113,7 @@ def signals(rate: float, namespace: str) -> None:
 
 
 def main() -> None:
-    """Run the loop in the mode that the arguments name, and end as the lesson's program does."""
+    """Run the loop in the mode that the arguments name, and end like the lesson's program."""
     name, mode, rate, namespace = sys.argv[1], sys.argv[2], float(sys.argv[3]), sys.argv[4]
     meter = ResourceMeter()
     rclpy.init()

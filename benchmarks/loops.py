@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The loops that are compared: ours, three that people write, and the floor.
+The compared loops: this package, three common loops, and the lower bound.
 
-The three are as good as their means allow: the first message is sent at once, and the end is
-computed before the timer or the rate is made, so that there is no period too many.  Like the
+The three common loops are well written: the first message is sent at once, and the end time is
+computed before the timer or the rate is created, so that there is no extra period.  Like the
 lesson, they use the ROS clock and log each movement.
 """
 
@@ -40,19 +40,19 @@ from rclpy.time import Time
 
 TOPIC = 'manual_control/cmd_vel'
 SERVICE = 'manual_control/set_enabled'
-#: How long zeros are sent before a measurement, until the reader has matched for certain [s].
+#: The time of sending zeros before a measurement, until the reader has certainly matched [s].
 MATCH_TIME = 1.0
 
 
 class Loop(Protocol):
-    """One way to hold a velocity for a time."""
+    """The interface of a loop that holds a velocity for a time."""
 
     @property
     def has_matched(self) -> bool:
-        """Return whether the program has discovered all that it needs to move the robot."""
+        """Return whether the program has discovered the robot and can move it."""
 
     def connect(self) -> None:
-        """Wait until the robot is discovered; not measured."""
+        """Wait until the robot is discovered; this time is not measured."""
 
     def move(self, velocity: float, duration: float) -> None:
         """Hold a forward velocity [m/s] for a duration [s], then send a zero."""
@@ -61,7 +61,7 @@ class Loop(Protocol):
         """Stop the robot as the program does at its end."""
 
     def recover(self) -> None:
-        """Be ready to move again after a fault."""
+        """Prepare to move again after a fault."""
 
     def close(self) -> None:
         """Destroy the node."""
@@ -69,10 +69,10 @@ class Loop(Protocol):
 
 class Ours:
     """
-    Our node, by its public API.
+    The node of this package, used through its public API.
 
-    :param rate: how often a velocity is sent [Hz]
-    :param namespace: of the robot
+    :param rate: the rate of velocity messages [Hz]
+    :param namespace: the namespace of the robot
     :param parameters: other parameters of the node
     """
 
@@ -84,12 +84,12 @@ class Ours:
 
     @property
     def has_matched(self) -> bool:
-        """Return whether node and guardian have a subscriber, and the robot's service is there."""
+        """Return whether node and guardian have a subscriber and the robot's service is ready."""
         services = [name for name, _ in self.node.get_service_names_and_types()]
         return self.node.is_heard and self._service in services
 
     def connect(self) -> None:
-        """Let the first movement find the robot."""
+        """Make a short first movement, which waits for the robot."""
         self.node.move_robot(0.0, 0.0, 0.2)
 
     def move(self, velocity: float, duration: float) -> None:
@@ -101,7 +101,7 @@ class Ours:
         self.node.stop_robot()
 
     def recover(self) -> None:
-        """Make a new node: one that the guardian has stopped never moves again."""
+        """Make a new node, because a node that its guardian has stopped cannot move again."""
         self.close()
         self.node = KachakaSimpleControl(parameter_overrides=self._parameters)
         self.connect()
@@ -112,7 +112,7 @@ class Ours:
 
 
 class _LoopNode(Node):
-    """What the other loops share: publisher, discovery and the lesson's stop."""
+    """The base class of the other loops: publisher, discovery and the lesson's stop."""
 
     def __init__(self, rate: float, namespace: str) -> None:
         super().__init__('kachaka_simple_control')
@@ -157,7 +157,7 @@ class _LoopNode(Node):
 
 
 class LessonLoop(_LoopNode):
-    """Publish, spin once for at most a period, and compare the time, as the lesson does."""
+    """A loop like the lesson's: publish, spin once for at most a period, and check the time."""
 
     def hold(self, message: Twist, duration: float) -> None:
         """Publish a message for a duration [s]."""
@@ -168,7 +168,7 @@ class LessonLoop(_LoopNode):
 
 
 class TimerLoop(_LoopNode):
-    """Publish in the callback of an rclpy timer."""
+    """A loop that publishes in the callback of an rclpy timer."""
 
     def hold(self, message: Twist, duration: float) -> None:
         """Publish a message for a duration [s]."""
@@ -188,7 +188,7 @@ class TimerLoop(_LoopNode):
 
 
 class RateLoop(_LoopNode):
-    """Publish, then sleep by an rclpy Rate, which needs another thread that spins the node."""
+    """A loop that publishes and sleeps with an rclpy Rate, while another thread spins the node."""
 
     def __init__(self, rate: float, namespace: str) -> None:
         super().__init__(rate, namespace)
@@ -207,7 +207,7 @@ class RateLoop(_LoopNode):
         self.destroy_rate(rate)
 
     def close(self) -> None:
-        """End the thread, and destroy the node."""
+        """End the spinning thread, and destroy the node."""
         self._executor.shutdown(timeout_sec=0.0)
         self._thread.join(5.0)
         self.destroy_node()
@@ -219,9 +219,9 @@ class RateLoop(_LoopNode):
 
 class Floor(_LoopNode):
     """
-    The least that a Python program can do: the kernel's own sleep, and serialized messages.
+    The lower bound for a Python program: a kernel sleep, and serialized messages.
 
-    It cannot be interrupted, checks nothing and logs nothing; no loop can be below it.
+    The loop cannot be interrupted, checks nothing and logs nothing.
     """
 
     def move(self, velocity: float, duration: float) -> None:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Describe the machine and the versions that a run was made with."""
+"""Describe the machine and the software versions of a run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp', 'ros-fastrtps', 'geometry_msgs')
 
 
 def describe() -> dict[str, str]:
-    """Return lines for a table, without the names of people, hosts or folders."""
+    """Return the description as table rows, without names of users, hosts or folders."""
     return {
         'processor': processor(),
         'cores': str(len(os.sched_getaffinity(0))),
@@ -45,7 +45,7 @@ def processor() -> str:
 
 
 def version(package: str) -> str:
-    """Return name and version of a package; empty if it is not installed."""
+    """Return the name and the version of a package; empty if it is not installed."""
     try:
         return f'{package} {metadata.version(package)}'
     except metadata.PackageNotFoundError:

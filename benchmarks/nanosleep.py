@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Sleep until an absolute deadline in the kernel, which Python's library does not offer."""
+"""Sleep until an absolute time with ``clock_nanosleep``, which Python's library lacks."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def sleep_until(deadline: int) -> None:
     """
     Sleep until a time on the clock of ``time.monotonic_ns`` [ns].
 
-    :raises OSError: if the kernel refuses
+    :raises OSError: if the system call fails
     """
     request = _Timespec(*divmod(deadline, BILLION))
     code = errno.EINTR

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How long planning takes, and how exact each method of sending a goal is; needs no ROS."""
+"""Measure the time of planning and the accuracy of methods to reach a goal; needs no ROS."""
 
 from __future__ import annotations
 
@@ -30,29 +30,29 @@ from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 
 #: The velocity limits of a Kachaka, with gentle accelerations.
 LIMITS = Limits(0.3, 1.57, 0.3, 1.5, 1.5, 8.0)
-#: How often a velocity is sent in the plans whose time is measured [Hz].
+#: The rate of velocities in the plans whose time is measured [Hz].
 RATE = 50.0
-#: How often each length is planned; the shortest time counts, other work of the machine does not.
+#: The number of plans of each length; only the shortest time counts.
 TRIES = 5
 RATES = (5, 10, 20, 50, 100)
 GOALS: dict[str, Forward | Turn] = {
     'forward 0.5 m': Forward(0.5),
     'forward 0.05 m': Forward(0.05),
     'turn 90 deg': Turn(math.pi / 2.0)}
-#: With a jerk limit, and without: the trapezoid that most programs have.
+#: The limits with a jerk limit (S-curve), and without (trapezoid, as in most programs).
 SHAPES = {'S-curve': LIMITS, 'trapezoid': Limits(0.3, 1.57, 0.3, 1.5)}
-#: When between two of its messages a smoother receives a new target [periods].
+#: The times between two messages at which a smoother receives a new target [periods].
 PHASES = tuple(number / 20.0 for number in range(20))
 
 
 def measure_planning(lengths: Sequence[int], tries: int = TRIES) -> list[dict[str, Any]]:
     """
-    Measure time and memory of planning.
+    Measure the time and the memory of planning.
 
-    :param lengths: approximate durations of the motions [s]
-    :param tries: how often each is timed
-    :returns: for each the number of steps and segments, the duration of the motion [s], the
-        shortest time to plan it [s], and the peak memory meanwhile [MB]
+    :param lengths: the approximate durations of the motions [s]
+    :param tries: the number of plans of each motion
+    :returns: for each motion the number of steps and segments, its duration [s], the shortest
+        time to plan it [s], and the peak memory of planning [MB]
     """
     entries = []
     for length in lengths:
@@ -66,16 +66,16 @@ def measure_planning(lengths: Sequence[int], tries: int = TRIES) -> list[dict[st
             'length': length, 'steps': len(planned.steps), 'segments': len(planned.segments),
             'duration': planned.duration, 'time': min(times)})
         del planned
-        # Not in a timed run: to trace allocations takes time.
+        # Measured in a separate run, because tracing allocations takes time.
         entries[-1]['memory'] = _peak(motion)
     return entries
 
 
 def tour(duration: float) -> Motion:
     """
-    Return a motion of a duration [s] or longer, in which no two steps are equal.
+    Return a motion of at least a duration [s], in which no two steps are equal.
 
-    So no result can be reused.
+    The planner therefore cannot reuse the result of a step.
     """
     steps: list[Step] = []
     taken = 0.0
@@ -101,9 +101,9 @@ def measure_exactness(rates: Sequence[int] = RATES) -> list[dict[str, Any]]:
     """
     Compute the displacement of an ideal robot for each goal, profile, rate and method.
 
-    :param rates: how often a velocity is sent [Hz]
-    :returns: for each the displacement asked for, in metres or radians, and the least and the
-        most that came out
+    :param rates: the rates of velocity messages [Hz]
+    :returns: for each case the requested displacement, the smallest result and the largest
+        result [m or rad]
     """
     entries = []
     for (name, goal), shape, rate, method in product(GOALS.items(), SHAPES, rates, METHODS):
@@ -116,14 +116,14 @@ def measure_exactness(rates: Sequence[int] = RATES) -> list[dict[str, Any]]:
 
 
 def ours(goal: Forward | Turn, limits: Limits, rate: float) -> list[float]:
-    """Return the displacement of our plan: the sum of velocity times interval [m or rad]."""
+    """Return the displacement of this package's plan, summed over its velocities [m or rad]."""
     return [math.fsum(
         (segment.velocity.linear_x + segment.velocity.angular_z) * (segment.end - segment.start)
         for segment in plan(Motion('goal', (goal,)), limits, rate).segments)]
 
 
 def sampled(goal: Forward | Turn, limits: Limits, rate: float) -> list[float]:
-    """Return the displacement if each message has the profile's velocity then [m or rad]."""
+    """Return the displacement if each message samples the velocity profile [m or rad]."""
     path = goal.path()[0]
     profile = time_optimal_profile(path.distance, *limits_along(path, limits))
     count = math.ceil(profile.duration * rate)
@@ -132,11 +132,11 @@ def sampled(goal: Forward | Turn, limits: Limits, rate: float) -> list[float]:
 
 def smoothed(goal: Forward | Turn, limits: Limits, rate: float) -> list[float]:
     """
-    Return the displacement by a velocity smoother, for each phase [m or rad].
+    Return the displacement with a velocity smoother, for each phase [m or rad].
 
-    Its target is the largest velocity for as long as the path takes at that velocity, and then
-    zero.  Each message changes the velocity by what acceleration and deceleration allow in a
-    period, in open loop, as Nav2's smoother does.  It has no jerk limit.
+    The target is the largest velocity for the time that the path takes at this velocity, and then
+    zero.  Each message changes the velocity by at most the acceleration or deceleration limit
+    times the period, in open loop, like Nav2's smoother.  The smoother has no jerk limit.
     """
     path = goal.path()[0]
     limits_here = limits_along(path, limits)
@@ -156,6 +156,6 @@ def _smoothed(distance: float, limits: PathLimits, rate: float, phase: float) ->
     return driven
 
 
-#: The methods that are compared.
+#: The compared methods.
 METHODS: dict[str, Callable[[Forward | Turn, Limits, float], list[float]]] = {
     'ours': ours, 'samples': sampled, 'smoother': smoothed}

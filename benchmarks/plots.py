@@ -30,7 +30,7 @@ from matplotlib.figure import Figure as Picture
 
 mpl.use('agg')
 
-#: Colours of Okabe and Ito, distinct for the colour-blind; markers differ as well.
+#: The colours of Okabe and Ito, which colour-blind people can distinguish; markers differ, too.
 STYLES = {
     'ours': {'color': '#0072B2', 'marker': 'o'},
     'lesson': {'color': '#D55E00', 'marker': 's'},
@@ -59,7 +59,7 @@ def draw_errors(axes: Axes, run: dict[str, Any]) -> None:
 
 def draw_by_rate(
         title: str, label: str, names: Sequence[str]) -> Callable[[Axes, dict[str, Any]], None]:
-    """Return a function that draws the sum of some figures over the rate."""
+    """Return a function that draws the sum of the named figures over the rate."""
     def draw(axes: Axes, run: dict[str, Any]) -> None:
         found = figures(run)
         rates = sorted({entry['rate'] for entry in run['timing'] if not entry['busy']})
@@ -76,7 +76,7 @@ def draw_by_rate(
 
 
 def draw_signals(axes: Axes, run: dict[str, Any]) -> None:
-    """Draw the share of the programs that have sent a zero, over the time."""
+    """Draw the share of programs that have sent a zero, over the time since the signal."""
     groups = {
         f'{NAMES[loop]}: {" or ".join(names)}{", loaded" if busy else ""}':
             (loop, zeros(run['starts'], loop, busy, names))
@@ -96,7 +96,7 @@ def draw_signals(axes: Axes, run: dict[str, Any]) -> None:
 
 
 def draw_firsts(axes: Axes, run: dict[str, Any]) -> None:
-    """Draw what arrived of the lesson's first movement."""
+    """Draw the part of the lesson's first movement that arrived at the robot."""
     places = [(late, loop) for late in (False, True) for loop in ('ours', 'lesson')]
     for number, (late, loop) in enumerate(places):
         arrived = [entry['arrived'] for entry in run['firsts']
@@ -127,7 +127,7 @@ PICTURES = {
 
 
 def draw_all(run: dict[str, Any], folder: Path) -> None:
-    """Draw all pictures of a run into a folder."""
+    """Draw all plots of a run in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, draw in PICTURES.items():
         picture = Picture(figsize=(7.5, 4.2), layout='constrained')
@@ -139,7 +139,7 @@ def draw_all(run: dict[str, Any], folder: Path) -> None:
         if axes.get_legend_handles_labels()[0]:
             axes.legend(fontsize='small', frameon=False, loc='center left',
                         bbox_to_anchor=(1.0, 0.5))
-        # No version in the file: the same figures give the same bytes.
+        # No version in the file, so that the same data gives the same bytes.
         picture.savefig(folder / name, dpi=130, metadata={'Software': None})
 
 

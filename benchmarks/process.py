@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The process of one loop."""
+"""Start and control the process of one loop."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class LoopProcess(JsonProcess):
     """
     The process of one loop.
 
-    :param name: of the loop
-    :param mode: what it does, see ``benchmarks.loop_process``
-    :param rate: how often it sends a velocity [Hz]
-    :param namespace: of the robot
+    :param name: the name of the loop
+    :param mode: the mode, see ``benchmarks.loop_process``
+    :param rate: the rate of velocity messages [Hz]
+    :param namespace: the namespace of the robot
     """
 
     def __init__(self, name: str, mode: str, rate: float, namespace: str) -> None:
@@ -41,12 +41,12 @@ class LoopProcess(JsonProcess):
             cwd=ROOT)
 
     def move(self, durations: list[float]) -> dict[str, Any]:
-        """Let it make movements of these durations [s]; return what they cost."""
+        """Make the loop move for durations [s]; return the used resources and the faults."""
         self.write(durations)
         costs: dict[str, Any] = self.read(20.0 + 3.0 * sum(durations))
         return costs
 
     def wait(self, timeout: float) -> None:
-        """Wait until it ends by itself, and print its output if it fails."""
+        """Wait until the process ends by itself; print its output if it fails."""
         if self.end(timeout) != 0:
             print(f'\n{self.name} ended with {self.process.returncode}; {self}')

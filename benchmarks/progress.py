@@ -19,7 +19,7 @@ import sys
 
 
 def show(text: str, number: int, count: int) -> None:
-    """Print number (from 1 on) and count: in place on a terminal, elsewhere at the end alone."""
+    """Print a text with number and count, in place on a terminal; elsewhere only at the end."""
     if sys.stdout.isatty():
         print(f'\r{text}: {number} of {count}', end='' if number < count else '\n', flush=True)
     elif number == count:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""CPU time, messages and memory that a piece of work uses."""
+"""Measure the CPU time, the messages and the memory of a block of code."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ from rclpy.publisher import Publisher
 
 class ResourceMeter:
     """
-    Measures its ``with`` block, with the messages of all publishers of the process.
+    Measures the resources of its ``with`` block, with the messages of all publishers.
 
-    It must be made before any publisher is used.  Helpers are child processes, such as a guardian.
+    The meter must be created before a publisher is used.  Helpers are child processes, for example
+    a guardian.
     """
 
     def __init__(self) -> None:
@@ -47,10 +48,10 @@ class ResourceMeter:
 
     def report(self) -> dict[str, float]:
         """
-        Return what the block used.
+        Return the resources that the block used.
 
-        :returns: CPU time of thread, process and helpers [s], number of messages sent, and peak
-            memory of process and helpers so far [MB]
+        :returns: the CPU time of thread, process and helpers [s], the number of sent messages,
+            and the peak memory of process and helpers so far [MB]
         """
         names = ('sent', 'thread', 'process', 'helpers')
         return {
@@ -73,7 +74,7 @@ class ResourceMeter:
 def process_time(pid: int) -> float:
     """Return the CPU time of another process [s]; 0 if it has ended."""
     try:
-        # How Linux names the CPU clock of a process; see clock_getcpuclockid(3).
+        # The id of a process's CPU clock on Linux; see clock_getcpuclockid(3).
         return time.clock_gettime((~pid << 3) | 2)
     except OSError:
         return 0.0

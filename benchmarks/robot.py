@@ -22,20 +22,20 @@ import time
 from benchmarks.wire import Row
 from listener import Listener
 
-#: How long a robot has been there before a program is started [s].
+#: The time between the start of a robot and the start of a program [s].
 SETTLING_TIME = 2.0
 _NUMBERS = itertools.count(1)
 
 
 class Robot(Listener):
     """
-    Subscribes as the official bridge does: best effort, a queue of five.
+    Subscribes to velocities like the official bridge: best effort, a queue of five.
 
     Times are the source timestamps of DDS, so that delays of this process do not matter.  Each
-    robot has a namespace of its own: a program that was killed stays on the graph for a while, and
+    robot has its own namespace, because a killed program stays on the graph for some time, and
     counts as another publisher.
 
-    :param namespace: of the robot; None for a new one
+    :param namespace: the namespace of the robot; None for a new namespace
     """
 
     def __init__(self, namespace: str | None = None) -> None:
@@ -43,32 +43,32 @@ class Robot(Listener):
         super().__init__(self.namespace)
 
     def __enter__(self) -> Robot:
-        """Subscribe."""
+        """Subscribe to the velocities."""
         super().__enter__()
         return self
 
     def rows(self, mark: int = 0) -> list[Row]:
-        """Return time and forward velocity of each message after the first ``mark``."""
+        """Return the time and the forward velocity of each message after the first ``mark``."""
         return [Row(velocity.time, velocity.linear_x) for velocity in self.received[mark:]]
 
     @property
     def publishers(self) -> int:
-        """Return the number of publishers of velocities that this robot has discovered."""
+        """Return the number of velocity publishers that this robot has discovered."""
         return self._node.count_publishers(self._subscription.topic_name)
 
 
 def new_namespace() -> str:
-    """Return a namespace that no robot has had."""
+    """Return a new namespace."""
     return f'bench_{next(_NUMBERS)}'
 
 
 def robots(count: int, lasting: bool) -> Iterator[Robot]:
     """
-    Yield a robot for each of several programs, after it has been there for a while.
+    Yield a robot for each of several programs, when the robot is ready.
 
-    :param count: number of programs
-    :param lasting: whether one robot serves all; after a program that is killed the next one needs
-        a robot of its own
+    :param count: the number of programs
+    :param lasting: whether one robot serves all programs; False if programs are killed, because
+        each program then needs its own robot
     """
     for _ in range(1 if lasting else count):
         with Robot() as robot:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The results of a run: their file, and the measured part of a page."""
+"""Save the results of a run, and write them into a documentation page."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ END = '<!-- measured: end -->'
 
 
 def today() -> str:
-    """Return the date of a run, such as ``2026-01-31``, in UTC."""
+    """Return today's date in UTC, for example ``2026-01-31``."""
     return f'{datetime.now(timezone.utc):%Y-%m-%d}'
 
 
 def save(run: dict[str, Any], name: str) -> Path:
-    """Write a run to a new file whose name begins with ``name``; return the file."""
+    """Write a run to a new file whose name starts with ``name``; return its path."""
     file = RESULTS / f'{name}-{datetime.now(timezone.utc):%Y%m%d-%H%M%S}.json'
     file.write_text(json.dumps(run, indent=1) + '\n')
     return file
@@ -41,18 +41,18 @@ def save(run: dict[str, Any], name: str) -> Path:
 
 def write_measured(page: Path, measured: str, begin: str = BEGIN, end: str = END) -> None:
     """
-    Replace the part of a page between two lines.
+    Replace the part of a page between two marker lines.
 
-    :raises ValueError: if the page has not one such part
+    :raises ValueError: if the page does not have exactly one such part
     """
     page.write_text(updated(page.read_text(), measured, begin, end))
 
 
 def updated(page: str, measured: str, begin: str = BEGIN, end: str = END) -> str:
     """
-    Return a page with the part between two lines replaced.
+    Return a page with a new part between two marker lines.
 
-    :raises ValueError: if the page has not one such part
+    :raises ValueError: if the page does not have exactly one such part
     """
     if page.count(begin) != 1 or page.count(end) != 1 or page.index(end) < page.index(begin):
         raise ValueError(f'the page must have one line {begin!r} and one line {end!r} after it')

@@ -23,17 +23,17 @@ class Scale:
     """
     The number of measurements of each kind.
 
-    :param moves: by the rate [Hz], the movements of one second that each loop makes
-    :param loaded: the same, on a loaded machine
-    :param busy: the busy processes that load it
-    :param turn: the movements of a loop until it is the next one's turn
-    :param starts: the starts of our program that a signal ends
-    :param killed: the times it is killed, and the times it is frozen
-    :param others: the starts of each other program that a signal ends
-    :param signals: the signals sent to one process
-    :param firsts: the starts of the lesson with a robot that is there
-    :param late: the starts of the lesson with a robot that comes late
-    :param plans: the durations of the motions that are planned [s]
+    :param moves: the number of 1 s movements of each loop, by rate [Hz]
+    :param loaded: the number of 1 s movements of each loop on a loaded machine, by rate [Hz]
+    :param busy: the number of busy processes that load the machine
+    :param turn: the number of movements of a loop in each turn
+    :param starts: the number of starts of this package's program, each ended by a signal
+    :param killed: the number of starts that SIGKILL ends, and the number that SIGSTOP freezes
+    :param others: the number of starts of each other program, each ended by a signal
+    :param signals: the number of signals to one process
+    :param firsts: the number of starts of the lesson with a robot that is ready
+    :param late: the number of starts of the lesson with a robot that starts later
+    :param plans: the durations of the planned motions [s]
     """
 
     moves: dict[int, int]
@@ -53,7 +53,7 @@ FULL = Scale(
     moves={10: 50, 20: 50, 50: 50, 100: 50, 200: 5, 500: 5, 1000: 5},
     loaded={10: 5, 100: 5}, busy=2, turn=10, starts=20, killed=20, others=6, signals=200,
     firsts=6, late=3, plans=(360, 3600, 36000))
-#: For a first look, and for continuous integration.
+#: The scale for a short run, and for continuous integration.
 QUICK = Scale(
     moves={10: 4, 100: 4, 1000: 1},
     loaded={100: 2}, busy=2, turn=2, starts=3, killed=2, others=1, signals=10,

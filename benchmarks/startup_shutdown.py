@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How long programs take from their start to the first velocity, and from a signal to a zero."""
+"""Measure the time from the start to the first velocity, and from a signal to the first zero."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from benchmarks.wire import displacement, movements
 RATE = 10
 #: A zero that is not sent within this time counts as never sent [s].
 ZERO_TIMEOUT = 1.5
-#: How long a program may take to make the robot move [s].
+#: The longest time until a program moves the robot [s].
 MOTION_TIMEOUT = 30.0
-#: The robot counts publishers with this period [s].
+#: The period at which the robot counts publishers [s].
 POLL_PERIOD = 0.02
-#: Signals that no program can handle.
+#: The signals that no program can handle.
 UNCATCHABLE = ['SIGKILL', 'SIGSTOP']
 OTHERS = ('lesson', 'timer', 'rate')
 
 
 def measure_starts(scale: Scale) -> list[dict[str, Any]]:
-    """Start programs, and stop them in mid-motion; ours on a loaded machine, too."""
+    """Start programs, and stop them during a motion; this package's also on a loaded machine."""
     def in_turn(count: int) -> list[str]:
         return [*itertools.islice(itertools.cycle(['SIGINT', 'SIGTERM']), count)]
 
@@ -57,11 +57,11 @@ def measure_starts(scale: Scale) -> list[dict[str, Any]]:
 
 def stopped(name: str, names: Sequence[str], load: int) -> list[dict[str, Any]]:
     """
-    Start a program for each signal, and send it the signal in mid-motion.
+    Start a program for each signal, and send it the signal during a motion.
 
-    :param name: the loop
-    :param names: the signals
-    :param load: number of busy processes beside it
+    :param name: the name of the loop
+    :param names: the names of the signals
+    :param load: the number of busy processes that load the machine
     :returns: an entry for each process
     """
     entries = []
@@ -84,10 +84,10 @@ def start_of(process: LoopProcess, robot: Robot, mark: int) -> dict[str, float |
 
     :param process: the program
     :param robot: its robot
-    :param mark: number of messages that the robot had received before
-    :returns: the time from the start of the process to t = 0, and from the last match to t = 0:
-        of the program with the robot (ours: and of its guardian), or of the robot with a
-        publisher [s]
+    :param mark: the number of messages that the robot received before
+    :returns: the time from the start of the process to t = 0, and from the last match to t = 0
+        [s]; a match is the discovery of the robot by the program or its guardian, or of a
+        publisher by the robot
     """
     known, matched = 0, process.started
     end = time.monotonic() + MOTION_TIMEOUT
@@ -104,12 +104,12 @@ def start_of(process: LoopProcess, robot: Robot, mark: int) -> dict[str, float |
 
 def zero_after(process: LoopProcess, robot: Robot, signum: int) -> float | None:
     """
-    Send a signal in mid-motion, and wait for the first zero.
+    Send a signal during a motion, and wait for the first zero.
 
-    :returns: the time between the two [s]; None if no zero came; 0 if the movement had ended by
-        itself just before
+    :returns: the time from the signal to the zero [s]; None if no zero came; 0 if the movement
+        ended by itself just before the signal
     """
-    # At a random time between two messages, to meet the worst, too.
+    # At a random time between two messages, to include the worst case.
     time.sleep(random.uniform(0.2, 0.4))
     mark = len(robot.received)
     sent = process.send(signum)
@@ -119,9 +119,9 @@ def zero_after(process: LoopProcess, robot: Robot, signum: int) -> float | None:
 
 def measure_signals(scale: Scale) -> list[float | None]:
     """
-    Send many signals to one process, which moves again after each of them.
+    Send many signals to one process, which moves again after each signal.
 
-    :returns: the time from each signal to the first zero [s]; None where no zero came
+    :returns: the time from each signal to the first zero [s]; None if no zero came
     """
     times: list[float | None] = []
     with Robot() as robot, LoopProcess('ours', 'signals', RATE, robot.namespace) as process:
@@ -136,7 +136,7 @@ def measure_signals(scale: Scale) -> list[float | None]:
 
 
 def measure_firsts(scale: Scale) -> list[dict[str, Any]]:
-    """Start the lesson, and measure how much of its first movement arrives."""
+    """Start the lesson, and measure how much of its first movement reaches the robot."""
     entries = []
     for late, count in ((False, scale.firsts), (True, scale.late)):
         names, measure = ['lesson', 'ours'] * count, late_firsts if late else plain_firsts
@@ -147,7 +147,7 @@ def measure_firsts(scale: Scale) -> list[dict[str, Any]]:
 
 
 def plain_firsts(names: Sequence[str]) -> Iterator[float]:
-    """Start the lesson of each loop with a robot that is there; yield what arrived [m]."""
+    """Start the lesson of each loop with a ready robot; yield the received displacement [m]."""
     for name, robot in zip(names, robots(len(names), lasting=False)):
         with LoopProcess(name, 'lesson', RATE, robot.namespace) as process:
             process.wait(MOTION_TIMEOUT)
@@ -156,9 +156,9 @@ def plain_firsts(names: Sequence[str]) -> Iterator[float]:
 
 def late_firsts(names: Sequence[str]) -> Iterator[float]:
     """
-    Start the lesson of each loop 1.5 s before its robot; yield what arrived [m].
+    Start the lesson of each loop 1.5 s before its robot; yield the received displacement [m].
 
-    By then the lesson's loop is in the middle of its first movement.
+    When the robot starts, the lesson's loop is in the middle of its first movement.
     """
     for name in names:
         namespace = new_namespace()
@@ -171,5 +171,5 @@ def late_firsts(names: Sequence[str]) -> Iterator[float]:
 
 
 def moved(robot: Robot) -> float:
-    """Return the displacement that a robot was sent [m]."""
+    """Return the displacement of all velocities that a robot received [m]."""
     return sum(displacement(rows) for rows in movements(robot.rows()))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The tables of a run, for a terminal and for a page; pure."""
+"""The tables of a run, for a terminal and for a documentation page."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
 
     def text(self) -> str:
-        """Return the table for a terminal."""
+        """Return the table as text for a terminal."""
         grid = [self.head, *self.rows]
         widths = [max(len(row[column]) for row in grid) for column in range(len(self.head))]
         grid.insert(1, tuple('-' * width for width in widths))
@@ -63,7 +63,7 @@ def tables(run: dict[str, Any]) -> list[Table]:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number with so many significant digits; ``-`` for None, ``never`` for inf."""
+    """Return a number with a number of significant digits; ``-`` for None, ``never`` for inf."""
     if value is None:
         return '-'
     if math.isinf(value):

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Thresholds of our own figures, and whether a run meets them; pure."""
+"""The thresholds of this package's figures, and the check of a run against them."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ MANY = 'SIGINT to first zero, many in one process'
 @dataclass(frozen=True)
 class Threshold:
     """
-    The upper limit of one of our figures.
+    The upper limit of one of this package's figures.
 
-    :param what: the figure
-    :param limit: in the figure's unit, or relative to that of another loop
+    :param what: the name of the figure
+    :param limit: the limit in the figure's unit, or relative to the figure of another loop
     :param relative_to: the loop whose figure the limit is relative to; None for an absolute limit
     """
 
@@ -56,11 +56,11 @@ THRESHOLDS = (
 @dataclass(frozen=True)
 class ThresholdResult:
     """
-    Whether a run meets a threshold.
+    The result of checking a run against a threshold.
 
     :param threshold: the threshold
-    :param value: the run's figure; None if it was not measured
-    :param limit: the limit in the figure's unit; None if it was not measured
+    :param value: the run's figure; None if not measured
+    :param limit: the limit in the figure's unit; None if not measured
     :param unit: the unit
     """
 
@@ -71,7 +71,7 @@ class ThresholdResult:
 
     @property
     def is_met(self) -> bool:
-        """Return whether the threshold is met; what was not measured does not meet it."""
+        """Return whether the threshold is met; False if the figure was not measured."""
         return self.value is not None and self.limit is not None and self.value <= self.limit
 
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How exact the timing of each loop is, and what it costs."""
+"""Measure the accuracy of each loop's timing, and the resources that each loop uses."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from benchmarks.wire import jitters, movements, relative_error, Row, ticks
 from kachaka_simple_control.analysis.message_timing import quantile
 
 DURATION = 1.0
-#: Between two turns [s]: our stop takes 0.4 s, in which no loop is measured.
+#: The pause between two turns [s]; the stop of this package takes 0.4 s, which is not measured.
 PAUSE = 0.6
-#: After the start of the last loop [s]: while programs discover each other, DDS may delay a
-#: publisher by some hundred milliseconds, whichever loop it is of.
+#: The wait after the start of the last loop [s]; during discovery, DDS may delay the publisher of
+#: any loop by some hundred milliseconds.
 SETTLING_TIME = 4.0
 COSTS = ('sent', 'thread', 'process', 'helpers')
 PEAKS = ('memory', 'helper_memory')
 
 
 def measure_timing(scale: Scale) -> list[dict[str, Any]]:
-    """Measure each loop at each rate, idle and loaded; return an entry for each of these."""
+    """Measure each loop at each rate on an idle and a loaded machine; return all entries."""
     entries: list[dict[str, Any]] = []
     for load, moves in ((0, scale.moves), (scale.busy, scale.loaded)):
         for rate, count in moves.items():
@@ -54,13 +54,13 @@ def at_rate(rate: int, count: int, turn: int, load: int) -> list[dict[str, Any]]
     """
     Measure each loop at one rate.
 
-    The loops take turns, each time in another order, so that other work of the machine affects
-    all of them alike.
+    The loops take turns in a changing order, so that other work of the machine affects all loops
+    equally.
 
     :param rate: the rate [Hz]
-    :param count: how many movements each loop makes
-    :param turn: how many of them at a time
-    :param load: how many busy processes run beside them
+    :param count: the number of movements of each loop
+    :param turn: the number of movements of each turn
+    :param load: the number of busy processes that load the machine
     :returns: an entry for each loop
     """
     statistics = {name: LoopStatistics(name, rate, load) for name in LOOPS}
@@ -79,7 +79,7 @@ def at_rate(rate: int, count: int, turn: int, load: int) -> list[dict[str, Any]]
 
 @contextlib.contextmanager
 def loop_processes(rate: int) -> Iterator[list[tuple[LoopProcess, Robot]]]:
-    """Start a process for each loop, at a rate [Hz], and wait until each has found its robot."""
+    """Start a process for each loop at a rate [Hz], and wait until each one finds its robot."""
     with contextlib.ExitStack() as stack:
         started = []
         for name in LOOPS:
@@ -94,11 +94,11 @@ def loop_processes(rate: int) -> Iterator[list[tuple[LoopProcess, Robot]]]:
 
 class LoopStatistics:
     """
-    What was measured of one loop at one rate.
+    The measurements of one loop at one rate.
 
-    :param name: the loop
+    :param name: the name of the loop
     :param rate: its rate [Hz]
-    :param load: number of busy processes beside it
+    :param load: the number of busy processes that load the machine
     """
 
     def __init__(self, name: str, rate: int, load: int) -> None:
@@ -113,7 +113,7 @@ class LoopStatistics:
         self._seen = 0
 
     def add(self, costs: dict[str, Any], found: list[list[Row]]) -> None:
-        """Add a turn: what it cost, and the movements that the robot received."""
+        """Add a turn: the used resources, and the movements that the robot received."""
         for name in COSTS:
             self._costs[name] += costs[name]
         for name in PEAKS:
@@ -127,7 +127,7 @@ class LoopStatistics:
                 self._ticks[name] += number
 
     def entry(self) -> dict[str, Any]:
-        """Return all of it as plain data."""
+        """Return all measurements as plain data."""
         return {
             **self._head, 'errors': [round(error, 7) for error in self._errors], **self._ticks,
             'seen': self._seen, 'jitter': {

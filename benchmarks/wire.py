@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Movements, displacement and timing, from the messages that a receiver got; pure."""
+"""Compute movements, displacement and timing from the messages that a receiver got."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from kachaka_simple_control.analysis.message_timing import LATE, LOST
 
 
 class Row(NamedTuple):
-    """A message: when it was sent [s], and its forward velocity [m/s]."""
+    """A message: the time at which it was sent [s], and its forward velocity [m/s]."""
 
     time: float
     velocity: float
@@ -34,11 +34,11 @@ class Row(NamedTuple):
 @dataclass(frozen=True)
 class Ticks:
     """
-    The ticks of a movement, one every period from the first message on.
+    The number of ticks of a movement; a tick is due every period from the first message on.
 
-    :param due: number of ticks
-    :param late: number with the nearest message a quarter of a period or more from its time
-    :param lost: number without a message within half a period of its time
+    :param due: the number of all ticks
+    :param late: the number of ticks whose nearest message is a quarter of a period or more away
+    :param lost: the number of ticks without a message within half a period
     """
 
     due: int
@@ -48,10 +48,10 @@ class Ticks:
 
 def movements(rows: Iterable[Row]) -> list[list[Row]]:
     """
-    Cut messages into movements of one velocity other than zero.
+    Split messages into movements; a movement has one nonzero velocity.
 
     :param rows: the messages, in order of time
-    :returns: of each movement its messages and, if there is one, the next, which ended it
+    :returns: the messages of each movement, with the next message, which ends it, if there is one
     """
     found: list[list[Row]] = []
     current: list[Row] | None = None
@@ -68,28 +68,28 @@ def movements(rows: Iterable[Row]) -> list[list[Row]]:
 
 def displacement(rows: Sequence[Row]) -> float:
     """
-    Return the displacement of a receiver that holds each velocity until the next [m].
+    Return the displacement of a receiver that holds each velocity until the next message [m].
 
-    :param rows: the messages, in order; the last one only ends the one before
+    :param rows: the messages, in order; the last message only ends the one before it
     """
     return math.fsum(one.velocity * (two.time - one.time) for one, two in pairwise(rows))
 
 
 def relative_error(rows: Sequence[Row], duration: float) -> float:
     """
-    Return the relative error of the displacement of a movement; positive if it is too long.
+    Return the relative error of the displacement of a movement; positive if too long.
 
-    :param rows: its messages and the one that ended it
-    :param duration: of the movement asked for [s]
+    :param rows: the messages of the movement, and the message that ended it
+    :param duration: the requested duration of the movement [s]
     """
     return displacement(rows) / (rows[0].velocity * duration) - 1.0
 
 
 def jitters(rows: Sequence[Row], period: float) -> list[float]:
     """
-    Return the absolute differences between intervals and period [s].
+    Return the absolute differences between the message intervals and the period [s].
 
-    :param rows: the messages of a movement and the one that ended it, which is no tick
+    :param rows: the messages of a movement, and the message that ended it, which is not a tick
     :param period: the time between two ticks [s]
     """
     return [abs(two.time - one.time - period) for one, two in pairwise(rows[:-1])]
@@ -99,9 +99,9 @@ def ticks(rows: Sequence[Row], period: float, duration: float) -> Ticks:
     """
     Count the ticks of a movement.
 
-    :param rows: the messages of the movement and the one that ended it
+    :param rows: the messages of the movement, and the message that ended it
     :param period: the time between two ticks [s]
-    :param duration: of the movement asked for [s]
+    :param duration: the requested duration of the movement [s]
     """
     due = round(duration / period)
     nearest = [math.inf] * due

@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Drive a robot by exactly timed velocities, and stop it whatever happens.
+Drive a robot with exactly timed velocities, and stop it at the end or after any error.
 
-Importing this package needs no ROS; each name is loaded when it is asked for.
+Importing this package needs no ROS, because each name is loaded at its first use.
 """
 
 from __future__ import annotations
 
-# Not typing.TYPE_CHECKING: that import takes a while, and type checkers take this name for true.
+# Not typing.TYPE_CHECKING: its import is slow, and type checkers treat this name as true.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
@@ -72,8 +72,8 @@ __all__ = [
     'plan',
 ]
 
-#: The module of each name.  A command begins with this package: until its first line of code
-#: runs, Ctrl+C prints a traceback.
+#: The module of each name.  Loading on demand keeps the start of a command short: until its first
+#: line of code runs, Ctrl+C prints a traceback.
 _MODULES = {
     'Arc': 'motion.steps',
     'ControlError': 'errors',

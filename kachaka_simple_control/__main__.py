@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The entry point of ``kachaka_simple_control``, the one command that a shell can complete."""
+"""The entry point of the command ``kachaka_simple_control``, with shell completion."""
 
 # PYTHON_ARGCOMPLETE_OK: a shell that completes all commands may ask this one.
 

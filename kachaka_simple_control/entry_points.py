@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The commands' entry points: what holds while their modules are imported, which takes a while."""
+"""The entry points of the commands; they handle Ctrl+C during the slow import of modules."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def run(module: str) -> int:
     """
     Run the ``main`` of a module of this package.
 
-    :param module: its name within the package
+    :param module: the name of the module within the package
     :returns: the exit code
     """
     exit_on_interrupt()
-    # Imported from here on: until then Ctrl+C prints a traceback.
+    # Imported only after this point, because before it Ctrl+C prints a traceback.
     from importlib import import_module
 
     from kachaka_simple_control.control.output import open_closed_streams

@@ -11,13 +11,13 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The errors that refuse or end a motion; each message is one line for a user."""
+"""The errors that refuse or end a motion; each message is one line for the user."""
 
 from __future__ import annotations
 
 
 class ControlError(RuntimeError):
-    """Base of all errors of this package; one line, or one for each problem of a file."""
+    """The base class of all errors of this package; a file error has one line per problem."""
 
 
 class UsageError(ControlError):
@@ -25,41 +25,41 @@ class UsageError(ControlError):
 
 
 class RobotNotFoundError(ControlError):
-    """No robot was found, or none could be driven, within the timeout; nothing moved."""
+    """No robot was found, or no robot was ready, within the timeout; nothing moved."""
 
 
 class RobotTakenError(RobotNotFoundError):
-    """Another program drives the robot, or is a bridge under its names; nothing moved."""
+    """Another program drives the robot, or runs a bridge with the same names; nothing moved."""
 
 
 class MotionRefusedError(ControlError):
-    """No motion is allowed now: a stop, another motion, or a call in a callback forbids it."""
+    """No motion may start now: after a stop, during another motion, or in a callback."""
 
 
 class MotionRunningError(MotionRefusedError):
-    """Another thread of this program drives the robot; that motion goes on."""
+    """Another thread of this program drives the robot; the other motion continues."""
 
 
 class MotionStoppedError(MotionRefusedError):
-    """A motion was ended by a call that stops the robot: as somebody wanted."""
+    """A stop request ended a motion, as intended."""
 
 
 class RobotMovedError(MotionRefusedError):
-    """A pause is not ended: somebody moved the robot meanwhile."""
+    """A motion stays paused, because the robot was moved during the pause."""
 
 
 class RunFaultError(ControlError):
-    """A run could not go on as planned; the robot was stopped."""
+    """A run could not continue as planned; the robot was stopped."""
 
 
 def control_error(error: BaseException) -> ControlError:
-    """Return an error as one of this package, for a run that it ends."""
+    """Convert an error that ends a run to an error of this package."""
     if isinstance(error, ControlError):
         return error
     return MotionRefusedError(f'the motion was ended by {error!r}')
 
 
-#: Why a program is held up, and what to do; every message that says so ends with it.
+#: The likely causes of a blocked program and the remedies; the end of each such message.
 HELD_UP_ADVICE = (
     'its machine was busy or suspended, or it was stopped by Ctrl+Z. End what keeps the machine '
     'busy, and drive again')
@@ -73,9 +73,10 @@ class InvalidMotionError(ControlError, ValueError):
     """
     A motion is invalid: a value is missing, wrong or beyond a limit; nothing moved.
 
-    :param message: the value with its unit, the bound, what to do; without path and name
-    :param path: the key path in the motion, as in ``steps[2].turn.speed``; None if there is none
-    :param name: the name of the value that is wrong; None if it is about more than one value
+    :param message: the value with its unit, the limit and the remedy, without path and name
+    :param path: the key path in the motion, for example ``steps[2].turn.speed``; None if there is
+        none
+    :param name: the name of the wrong value; None if more than one value is wrong
     """
 
     def __init__(self, message: str, path: str | None = None, name: str | None = None) -> None:
@@ -85,7 +86,7 @@ class InvalidMotionError(ControlError, ValueError):
         self.name = name
 
     def __str__(self) -> str:
-        """Return path, name and message, as far as there are any."""
+        """Return the path and the name, if there are any, and the message."""
         text = self.message if self.name is None else f'{self.name} is {self.message}'
         return text if self.path is None else f'{self.path}: {text}'
 
@@ -94,7 +95,7 @@ class InvalidMotionError(ControlError, ValueError):
         return InvalidMotionError(self.message, path, self.name)
 
     def by(self, whose: str) -> InvalidMotionError:  # noqa: ARG002 (of a limit alone)
-        """Return the error with who limits the value, as in ``the robot's``, if a limit is why."""
+        """Return the error itself; in ``LimitError``, change the owner of the limit."""
         return self
 
 
@@ -104,11 +105,11 @@ class LimitError(InvalidMotionError):
 
     :param value: the value
     :param unit: the unit of value and bounds
-    :param highest: the highest value that is allowed
-    :param lowest: the lowest; None if only the highest can be exceeded
-    :param whose: who limits it, as in ``the robot's``
-    :param note: what else tightens the limit; empty for nothing
-    :param name: the name of the value; None if its path says it
+    :param highest: the highest allowed value
+    :param lowest: the lowest allowed value; None if there is no lower limit
+    :param whose: the owner of the limit, for example ``the robot's``
+    :param note: a further cause that reduces the limit; empty if there is none
+    :param name: the name of the value; None if the path contains it
     """
 
     def __init__(
@@ -128,7 +129,7 @@ class LimitError(InvalidMotionError):
         return self._changed(path, self.whose)
 
     def by(self, whose: str) -> LimitError:
-        """Return the error with another one who limits the value."""
+        """Return the error with another owner of the limit, for example ``the robot's``."""
         return self._changed(self.path, whose)
 
     def _changed(self, path: str | None, whose: str) -> LimitError:

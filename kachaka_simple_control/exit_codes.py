@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Exit codes of the commands: which error gives which, and a parser that ends with one."""
+"""The exit codes of the commands, and an argument parser that uses them."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from kachaka_simple_control.errors import InvalidMotionError, RobotNotFoundError
 from kachaka_simple_control.text import escaped
 
 DONE = 0
-#: The run could not go on, or something unexpected happened; the robot was stopped.
+#: The run could not continue, or an unexpected error occurred; the robot was stopped.
 FAULTED = 1
-#: A bad option, parameter, file or motion; nothing moved.
+#: An invalid option, parameter, file or motion; nothing moved.
 BAD_USAGE = 2
-#: No robot listens, or another program drives it; nothing moved.
+#: No robot listens, or another program drives the robot; nothing moved.
 NO_ROBOT = 3
-#: Stopped by a signal: this and the number of the signal.
+#: Stopped by a signal: the exit code is this number plus the number of the signal.
 SIGNALLED = 128
 
 HELP = """
@@ -40,23 +40,23 @@ program drives it; 128 + N stopped by signal N (130 after Ctrl+C)
 
 
 def code_of(error: BaseException) -> int:
-    """Return the exit code of a command that ended by an error."""
+    """Return the exit code of a command that ended with an error."""
     if isinstance(error, (InvalidMotionError, UsageError)):
         return BAD_USAGE
     return NO_ROBOT if isinstance(error, RobotNotFoundError) else FAULTED
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """A parser whose error messages are one line, whatever was typed."""
+    """An argument parser whose error messages are always one line."""
 
     def set_completers(self, completers: Mapping[str, Callable[..., list[str]]]) -> None:
-        """Set what a shell completes arguments by, for argcomplete, by their names."""
+        """Set the argcomplete functions that complete arguments in a shell, by argument name."""
         for action in self._actions:
             if action.dest in completers:
                 action.completer = completers[action.dest]  # type: ignore[attr-defined]
 
     def error(self, message: str) -> NoReturn:
-        """Print a message and exit with code 2; for an unknown option, with the nearest one."""
+        """Print a message and exit with code 2; suggest a similar option for an unknown one."""
         word = message.removeprefix('unrecognized arguments: ').partition('=')[0].partition(' ')[0]
         if word != message.partition('=')[0].partition(' ')[0]:
             options = [option for action in self._actions for option in action.option_strings]

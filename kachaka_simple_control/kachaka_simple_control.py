@@ -25,7 +25,7 @@ import time
 from typing import Any
 
 if __name__ == '__main__':
-    # Run as a file, Python looks for packages beside it, and would find the file itself.
+    # If this file is run directly, Python would import the file instead of the package.
     sys.path[0] = __file__.rpartition('/kachaka_simple_control/')[0] or '..'
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
@@ -39,11 +39,10 @@ from kachaka_simple_control.errors import (
     MotionRunningError,
     UsageError,
 )
-from kachaka_simple_control.kachaka.own_simulation import OwnSimulation, start_on_this_machine
-from kachaka_simple_control.motion.drive_order import DriveOrder
+from kachaka_simple_control.kachaka.bridge_process import OwnSimulation, start_on_this_machine
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import Plan
+from kachaka_simple_control.motion.plan import DriveOrder, Plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.ros.commander import Commander
 from kachaka_simple_control.ros.dds_transport import use_udp_transport
@@ -64,44 +63,44 @@ from rclpy.node import Node
 import rclpy.signals
 
 NAME = 'kachaka_simple_control'
-#: The node's own services, besides those that every node has.
+#: The node's own services, in addition to the services of every node.
 SERVICES = ('~/stop', '~/run', '~/pause', '~/resume')
 
 
-# Here, and not with the first node: a script may fail before it has one.
+# Called at import, because a script may fail before it creates a node.
 signal_dispatcher.handle_uncaught()
 
 
 class KachakaSimpleControl(Node):
     """
-    Drives a robot by exactly timed velocities, and stops it at the end.
+    Drives a robot with exactly timed velocities, and stops it at the end.
 
     Control is feedforward, unless the parameter ``closed_loop`` is set.
 
     Positive ``linear_x`` is forward [m/s], positive ``angular_z`` turns left [rad/s] (REP-103).
-    Whatever ends the program (its end, a signal, an exception), the robot is stopped first.
+    The robot is stopped before the program ends, also after a signal or an exception.
 
-    :ivar profile: the kind of robot
+    :ivar profile: the profile of the robot
     :ivar node_parameters: the values of the node's parameters
     :ivar event_bus: publishes the events of each drive
-    :ivar session: the connection with the robot, for the command; a user needs the methods only
-    :ivar commander: what services and keys call, for the command
-    :ivar publisher: the publisher of velocities, to inspect; its ``publish()`` raises
+    :ivar session: the connection with the robot, for internal use by the command
+    :ivar commander: the functions that services and keys call, for internal use by the command
+    :ivar publisher: the publisher of velocities, for inspection only; its ``publish()`` raises
     """
 
     def __init__(
             self, parameter_defaults: Mapping[str, Any] | None = None, *, sim: bool = False,
             **node_options: Any) -> None:
         """
-        Make the node; nothing is sent before the first movement.
+        Create the node, and call ``rclpy.init()`` if needed.
 
-        Calls ``rclpy.init()`` if that is not done.
+        Nothing is sent before the first movement.
 
-        :param parameter_defaults: values of parameters, for those that nothing else sets
-        :param sim: whether to start a simulated robot, on this machine alone; at the end a table
-            is printed
-        :param node_options: options of ``rclpy.node.Node``, such as ``namespace``
-        :raises UsageError: if the value of a parameter, or a name, cannot work
+        :param parameter_defaults: default values of parameters
+        :param sim: whether to start a simulated robot that is visible only on this machine; a
+            table is printed at the end
+        :param node_options: options of ``rclpy.node.Node``, for example ``namespace``
+        :raises UsageError: if the value of a parameter, or a name, is invalid
         """
         if sim:
             start_on_this_machine(self)
@@ -116,7 +115,7 @@ class KachakaSimpleControl(Node):
         try:
             self._set_up(parameter_defaults or {}, sim)
         except BaseException:
-            # A publisher that is left over would be taken for another program that drives.
+            # A remaining publisher would be mistaken for another driving program.
             super().destroy_node()
             raise
         self.get_logger().info('Robot control node has started')
@@ -159,21 +158,21 @@ class KachakaSimpleControl(Node):
 
     def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
         """
-        Hold a velocity for a time, exactly, then send a zero; returns when that is done.
+        Hold a velocity for an exact duration, then send a zero and return.
 
-        The first movement waits for the robot and enables its manual control.  The next one may
-        follow at once; when none does, a whole stop is sent.
+        The first movement waits for the robot and enables its manual control.  If no movement
+        follows at once, a whole stop is sent.
 
-        :param linear_x: forward velocity [m/s], negative backwards; no odometry corrects it
+        :param linear_x: forward velocity [m/s], negative backwards; odometry does not correct it
         :param angular_z: turning velocity [rad/s], positive to the left
-        :param duration: how long [s]
+        :param duration: the duration [s]
         :raises InvalidMotionError: if a value is not finite or beyond the robot's limits;
             nothing has moved
         :raises RobotNotFoundError: if no robot listens; nothing has moved
-        :raises ControlError: if the run could not go on; the robot was stopped
+        :raises ControlError: if the run could not continue; the robot was stopped
         """
         step = Move(linear_x, angular_z, duration)
-        # The planner would name the step's place in a motion that the caller never wrote.
+        # Checked here, because the planner's error would name a step that the caller cannot know.
         self.profile.planning_limits.check(step.velocity)
         self.session.drive(DriveOrder.of(
             Motion('move_robot', (step,)), self.profile.planning_limits,
@@ -186,21 +185,21 @@ class KachakaSimpleControl(Node):
     def run(self, motion: Motion, limits: Limits | None = None,
             request: DriveRequest | None = None) -> None:
         """
-        Drive a motion, exactly timed; returns when its last zero was sent.
+        Drive a motion with exact timing, and return after its last zero.
 
-        With the parameter ``closed_loop`` odometry corrects the velocities, and at the end of the
-        motion the heading.
+        With the parameter ``closed_loop``, odometry corrects the velocities during the motion, and
+        the heading at its end.
 
-        The first drive waits for the robot and enables its manual control.  The next one may
-        follow at once; when none does, a whole stop is sent.
+        The first drive waits for the robot and enables its manual control.  If no drive follows
+        at once, a whole stop is sent.
 
         :param motion: the motion
-        :param limits: what to plan it with; None for the robot's limits
+        :param limits: the limits for the plan; None for the robot's limits
         :param request: a request that ``session.request`` accepted before, in another thread
-        :raises UsageError: if it is no motion; nothing has moved
-        :raises InvalidMotionError: if the robot cannot do it; nothing has moved
+        :raises UsageError: if ``motion`` is not a ``Motion``; nothing has moved
+        :raises InvalidMotionError: if the robot cannot drive the motion; nothing has moved
         :raises RobotNotFoundError: if no robot listens; nothing has moved
-        :raises ControlError: if the run could not go on; the robot was stopped
+        :raises ControlError: if the run could not continue; the robot was stopped
         """
         if not isinstance(motion, Motion):
             raise UsageError(
@@ -216,30 +215,31 @@ class KachakaSimpleControl(Node):
 
     def stop_robot(self) -> None:
         """
-        Stop the robot, and end the movement of another thread, running or waiting.
+        Stop the robot, and end a running or waiting movement of another thread.
 
-        Nothing is sent to a robot that this node has not taken: even a zero would take it.
+        Nothing is sent if this node has not yet taken control of the robot.
 
-        :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
+        :raises RunFaultError: if the stop could not be sent, or odometry still shows motion
         """
         self.session.stop('stop_robot()')
 
     def pause(self) -> None:
         """
-        Bring the robot to rest within its limits, and hold the motion there; from any thread.
+        Pause the motion: brake within the robot's limits, and hold.  Any thread may call this.
 
-        A pause is not a stop: it brakes gently and goes on when asked.  To stop, call
-        ``stop_robot()``.  Without a motion the next one is held at its start.
+        A pause is not a stop: the robot brakes gently, and ``resume()`` continues the motion.  To
+        stop, call ``stop_robot()``.  Without a running motion, the next motion is held at its
+        start.
         """
         self.commander.pause()
 
     def resume(self, even_if_moved: bool = False) -> None:
         """
-        Go on with a motion that is paused; from any thread.
+        Resume a paused motion; any thread may call this.
 
-        :param even_if_moved: whether to go on from where somebody moved the robot to
-        :raises ControlError: if a motion could not start now either, or the robot was moved by
-            more than 2 cm or 2 degrees; it stays paused
+        :param even_if_moved: whether to resume also if the robot was moved during the pause
+        :raises ControlError: if no motion may start now, or the robot was moved by more than 2 cm
+            or 2 degrees; the motion stays paused
         """
         self.commander.resume(even_if_moved)
 
@@ -248,7 +248,7 @@ class KachakaSimpleControl(Node):
         """
         Return the speed relative to the plan, from 0 to 1: the product of all factors.
 
-        Set it, above 0 and up to 1, to drive slower; from any thread.  The path stays the same.
+        Set a value above 0 and up to 1 to drive slower on the same path.  Any thread may set it.
         """
         return self.session.speed_factor.value
 
@@ -258,7 +258,7 @@ class KachakaSimpleControl(Node):
 
     @property
     def drive_log(self) -> DriveLog:
-        """Return the log of all drives so far; it is empty without the parameter ``summary``."""
+        """Return the log of all drives so far; empty without the parameter ``summary``."""
         log = DriveLog()
         if self._event_file is not None:
             self.event_bus.flush()
@@ -268,15 +268,15 @@ class KachakaSimpleControl(Node):
 
     @property
     def is_heard(self) -> bool:
-        """Whether the velocities of this node and of its guardian have a subscriber."""
+        """Whether the velocity topics of this node and of its guardian have a subscriber."""
         return self.session.has_subscriber
 
     @property
     def stop_confirmed_after(self) -> float | None:
         """
-        Return how long after the start of the last stop odometry showed standstill [s].
+        Return the time between the start of the last stop and standstill in odometry [s].
 
-        None if it still moves, or there is no odometry.
+        None if the robot still moves, or there is no odometry.
         """
         return self.session.stop_confirmed_after
 
@@ -289,7 +289,7 @@ class KachakaSimpleControl(Node):
         super().destroy_node()
 
     def _delay(self, driven: Plan) -> str:
-        """Return how long the newest run took, if it was slower than its plan."""
+        """Return a text with the duration of the last run if it was late; empty otherwise."""
         assert self.session.gate.run is not None
         took = time.monotonic() - self.session.gate.run.began
         is_delayed = took > driven.duration + driven.period + MAX_LATENESS
@@ -303,7 +303,7 @@ class KachakaSimpleControl(Node):
         self.event_bus.publish(OdometryReceived(now, pose, velocity))
 
     def _stop_on_every_exit(self) -> None:
-        # rclpy's own handlers would shut the context down before anything could be published.
+        # rclpy's handlers would shut the context down before the stop could be published.
         rclpy.signals.uninstall_signal_handlers()
         if not signal_dispatcher.register(self._signal_handler):
             self.get_logger().warning(
@@ -311,18 +311,18 @@ class KachakaSimpleControl(Node):
                 'main thread, or call stop_robot() on the way out')
         signal_dispatcher.reinstall()
         before_shutdown(self.context, self._release)
-        # Called in reverse order: the robot is released first.
+        # atexit calls in reverse order, so the robot is released first.
         atexit.unregister(_discard_if_stopped)
         atexit.register(_discard_if_stopped)
         atexit.register(self._close)
 
     def _release(self) -> None:
-        """Stop the robot and release it, while something can be published."""
+        """Stop the robot and release it before the ROS context shuts down."""
         self.session.close()
         self.event_bus.flush()
 
     def _close(self) -> None:
-        """Stop the robot and release it; end the simulated one."""
+        """Stop the robot and release it; end the simulated robot if there is one."""
         self.session.close()
         self.event_bus.close()
         if self._event_file is not None:
@@ -339,17 +339,17 @@ class _SignalHandler:
         self._guard_condition = node.create_guard_condition(lambda: None)
 
     def on_signal(self, signum: int) -> None:
-        """Stop at once and permanently; called in a thread of its own."""
+        """Stop at once and permanently; called in a separate thread."""
         name = signal.Signals(signum).name
         self._node.session.stop_permanently(MotionRefusedError(f'stopped by {name}'))
 
     def wake(self) -> None:
-        """Make a main thread that spins return to Python, whose signal handlers run there."""
+        """Wake a spinning main thread, so that Python runs its signal handlers there."""
         self._guard_condition.trigger()
         wake_main_thread()
 
     def uncaught(self, error: BaseException) -> None:
-        """Stop: an exception ends the main thread, and other threads may still drive."""
+        """Stop permanently after an uncaught exception, because other threads may still drive."""
         if isinstance(error, MotionRunningError):
             return
         if isinstance(error, KeyboardInterrupt):
@@ -382,10 +382,10 @@ def play_lesson(robot_control: KachakaSimpleControl) -> None:
 
 def lesson(arguments: list[str] | None) -> None:
     """
-    Drive the lesson from the first line of a program to its last.
+    Initialize ROS, drive the lesson, and shut ROS down.
 
-    :param arguments: what ROS is told; None for the arguments of the process
-    :raises ControlError: if it could not be driven to its end; the robot was stopped
+    :param arguments: the arguments of ROS; None for the process's arguments
+    :raises ControlError: if the lesson could not be completed; the robot was stopped
     """
     rclpy.init(args=arguments)
     robot_control = KachakaSimpleControl()
@@ -403,9 +403,9 @@ def lesson(arguments: list[str] | None) -> None:
 
 def main(args: list[str] | None = None) -> int:
     """
-    Drive the lesson; the command of the same name can do more.
+    Drive the lesson; the command ``kachaka_simple_control`` has more functions.
 
-    :param args: what ROS is told; None for the arguments of the process
+    :param args: the arguments of ROS; None for the process's arguments
     :returns: the exit code
     """
     return run_command(lambda: lesson(args))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Run the program of a command: its last error becomes one line and an exit code."""
+"""Run the program of a command, and turn its error into one line and an exit code."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from kachaka_simple_control.files.document import FileError, location
 from kachaka_simple_control.files.library import LESSON_FUNCTION
 from kachaka_simple_control.text import escaped, escaped_lines, MAX_LINE_LENGTH
 
-#: The command that most programs belong to.
+#: The default name of the command.
 NAME = 'kachaka_simple_control'
 
 
@@ -36,8 +36,9 @@ def run_command(body: Callable[[], None], name: str = NAME) -> int:
     """
     Run a program, and turn the error that ends it into one line and an exit code.
 
+    :param body: the program
     :param name: the name of the program
-    :returns: the exit code; after a signal that of the signal, whatever followed from it
+    :returns: the exit code; after a signal, always the exit code of the signal
     """
     code = DONE
     try:
@@ -47,10 +48,10 @@ def run_command(body: Callable[[], None], name: str = NAME) -> int:
         code = SIGNALLED + 2
     except Exception as error:
         code = code_of(error)
-        # After a signal an expected error only says that it stopped the motion.
+        # After a signal, an expected error only says that the signal stopped the motion.
         if signal_dispatcher.signum is None or not _is_expected(error):
             first = error.__context__
-            # An error of the stop must not hide why there was a stop.
+            # An error of the stop must not hide the reason for the stop.
             with contextlib.suppress(OSError):  # a full disk
                 if isinstance(first, ControlError) and not error.__suppress_context__:
                     print(_message(first, name), file=sys.stderr)
@@ -64,7 +65,7 @@ def _is_expected(error: Exception) -> bool:
 
 def _message(error: Exception, name: str) -> str:
     if isinstance(error, FileError) and error.problems[0].line is not None:
-        # File and line come first: there editors look for a link.
+        # File and line come first, because editors make a link of them.
         return escaped_lines(error)
     if isinstance(error, InvalidMotionError) and (line := _line_of_lesson(error)):
         return f'{line}: {escaped(error, MAX_LINE_LENGTH)}'
@@ -77,7 +78,7 @@ def _message(error: Exception, name: str) -> str:
 
 
 def _line_of_lesson(error: Exception) -> str:
-    """Return file and line of the movement of an edited lesson; empty if the error is none's."""
+    """Return the file and line of the lesson's movement that failed; empty if there is none."""
     frames = traceback.extract_tb(error.__traceback__)
     return next((escaped(location(frame.filename, frame.lineno), MAX_LINE_LENGTH)
                  for frame in reversed(frames) if frame.name == LESSON_FUNCTION), '')

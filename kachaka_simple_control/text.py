@@ -11,25 +11,26 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Text for people: what comes from outside made safe to print, counts with their nouns, widths."""
+"""Format text for users: escape unsafe text, format numbers and counts, fit text to a width."""
 
 from __future__ import annotations
 
 import unicodedata
 
-#: The longest line that is printed of an error [characters]; a path may be long.
+#: The longest printed line of an error [characters]; a path may be long.
 MAX_LINE_LENGTH = 1000
 
 
 def escaped(text: object, max_length: int = 200) -> str:
     r"""
-    Return a text in one line that does nothing to a terminal.
+    Return a text as one line that is safe to print on a terminal.
 
-    Line breaks, escape sequences and other characters that cannot be printed are written as
-    Python writes them: ``\n``, ``\x1b``.
+    Line breaks, escape sequences and other unprintable characters are written as in Python
+    source: ``\n``, ``\x1b``.
 
     :param text: the text, of any length
-    :param max_length: of the result [characters]; a longer text ends with three dots
+    :param max_length: the largest length of the result [characters]; a longer text is cut and
+        ends with three dots
     """
     line = ''.join(
         sign if sign.isprintable() else sign.encode('unicode_escape').decode('ascii')
@@ -38,31 +39,33 @@ def escaped(text: object, max_length: int = 200) -> str:
 
 
 def escaped_lines(error: BaseException) -> str:
-    """Return the text of an error, each line escaped; an invalid file has one for each problem."""
+    """Return the text of an error with each line escaped; a file error has several lines."""
     return '\n'.join(escaped(line, MAX_LINE_LENGTH) for line in str(error).split('\n'))
 
 
 def quoted(text: str, max_length: int = 40) -> str:
     """
-    Return a text in quotes, as Python writes it.
+    Return a text in quotes, as in Python source.
 
-    :param max_length: how many of its characters are shown; a longer text ends with three dots
+    :param text: the text
+    :param max_length: the largest length [characters]; a longer text is cut and ends with three
+        dots
     """
     return repr(text if len(text) <= max_length else text[:max_length - 3] + '...')
 
 
 def format_fixed(value: float, digits: int) -> str:
-    """Return a number with some digits behind the point; what rounds to zero has no sign."""
+    """Return a number with fixed decimal places; a result of zero has no sign."""
     return f'{round(value, digits) + 0.0:.{digits}f}'
 
 
 def pluralize(count: int, singular: str, plural: str | None = None) -> str:
-    """Return a count with its noun; the plural is that of the singular with an s by default."""
+    """Return a count with its noun; by default the plural is the singular with an s."""
     return f'{count} {singular if count == 1 else plural or singular + "s"}'
 
 
 def one_line(text: str, width: int) -> str:
-    """Return a text of any length and characters as one line, cut to a width with an ellipsis."""
+    """Return any text as one printable line, cut to a width [columns] with an ellipsis."""
     line = ' '.join(text.split())
     return cut(''.join(char if char.isprintable() else '?' for char in line), width)
 
@@ -78,8 +81,8 @@ def cut(text: str, width: int) -> str:
 
 
 def width_of(text: str) -> int:
-    """Return how many columns of a terminal a text takes."""
-    # Chinese and Japanese letters are twice as wide as others; combining marks take no room.
+    """Return the width of a text in a terminal [columns]."""
+    # Chinese and Japanese characters have double width; combining marks have no width.
     return sum(
         0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in 'WF')
         for char in text)

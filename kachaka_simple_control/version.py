@@ -11,24 +11,24 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Versions of the package and of ROS; apart, because to look them up takes long."""
+"""Look up the versions of the package and of ROS; a separate module, because this is slow."""
 
 from __future__ import annotations
 
 from importlib import metadata
 import os
 
-#: The distributions of ROS 2 that the package runs on.
+#: The supported distributions of ROS 2.
 DISTROS = ('humble', 'jazzy', 'kilted')
 
 
 def installed_version() -> str:
-    """Return the version that is installed, as in ``0.1.0``; ``unknown`` if none is."""
+    """Return the installed version, for example ``0.1.0``; ``unknown`` if not installed."""
     return _version('kachaka_simple_control') or 'unknown'
 
 
 def ros_distro() -> str:
-    """Return the ROS distribution that is sourced or comes from PyPI; ``unknown`` if none does."""
+    """Return the ROS distribution, sourced or from PyPI; ``unknown`` if there is none."""
     from_pypi = (distro for distro in DISTROS if _version(f'ros-{distro}-rclpy'))
     return os.environ.get('ROS_DISTRO') or next(from_pypi, 'unknown')
 

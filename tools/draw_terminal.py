@@ -13,9 +13,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Draw what a terminal shows: ``tmux capture-pane -e -p | draw_terminal.py TITLE PICTURE.svg``.
+Draw the content of a terminal: ``tmux capture-pane -e -p | draw_terminal.py TITLE PICTURE.svg``.
 
-The pictures of the documentation are made of real drives in this way.
+The documentation's pictures of real drives are made with this program.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ import sys
 from rich.console import Console
 from rich.text import Text
 
-#: Fonts that are there; the picture loads none.
+#: Common fonts; the picture loads no font.
 FONT = "font-family: 'DejaVu Sans Mono', Menlo, Consolas, monospace;"
 
 
 def main() -> None:
     """Read the terminal's lines from standard input, and write the picture."""
     title, picture = sys.argv[1:]
-    # A line more, for the picture cuts the last one off a little below its letters.
+    # One more line, because the picture cuts off the bottom of the last line.
     lines = [*sys.stdin.read().rstrip('\n').split('\n'), '']
     texts = [Text.from_ansi(line) for line in lines]
     width = max(text.cell_len for text in texts) + 1

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Make the environment that the project runs in, once.
+Make the virtual environment of the project, unless it exists.
 
-Where ROS 2 is sourced, its rclpy is the one to run with, and PyPI gives the tools alone;
-elsewhere PyPI gives rclpy too.  Every problem is reported in one line.
+If ROS 2 is sourced, the environment uses its rclpy, and installs only the tools from PyPI.
+Otherwise it also installs rclpy from PyPI.  Every problem is reported in one line.
 """
 
 from __future__ import annotations
@@ -35,18 +35,18 @@ import time
 ROOT = Path(__file__).resolve().parent.parent
 DISTROS = ('jazzy', 'kilted')
 NEWEST_PYTHON = (3, 14)
-#: What Ubuntu 22.04 has, and newer ones do not take the oldest releases of some libraries.
+#: The Python of Ubuntu 22.04; a newer Python cannot use the oldest releases of some libraries.
 LOWEST_PYTHON = (3, 10)
 GLIBC = (2, 28)
 STAMP = 'set-up-of'
 LOG = 'set-up.log'
-#: What an environment is made from, beside its locks.
+#: The files that an environment depends on, in addition to its lock files.
 INPUTS = ('setup.py', 'setup.cfg', 'tools/environment.py')
-#: A folder without any code can be imported as rclpy, so ask for a module in it; and messages
-#: import more than rclpy does, such as numpy.
+#: The check of ROS.  A folder without code can be imported as ``rclpy``, so a module in it is
+#: imported.  A message is created, because messages need more libraries, for example numpy.
 USE_ROS = 'import rclpy.node; from geometry_msgs.msg import Twist; Twist()'
-#: What the program can do without, what for, and how to install it: a sourced ROS may be without,
-#: and from PyPI matplotlib would want another numpy than that ROS.
+#: The optional libraries with their purpose and the command that installs them.  A sourced ROS may
+#: lack them; matplotlib from PyPI would need another numpy than this ROS.
 OPTIONAL = {
     'jinja2': ('the page of a report', 'sudo apt install python3-jinja2'),
     'matplotlib': ('a picture of a plan or report', 'sudo apt install python3-matplotlib'),
@@ -57,26 +57,26 @@ OPTIONAL = {
     'numpy': ('a real robot', 'sudo apt install python3-numpy'),
     'kachaka_api': ('a real robot', 'pip install --no-deps kachaka-api'),
 }
-#: Purposes that take no ROS and nothing but a lock of their own, and what that has.
+#: The purposes that need only their own lock file and no ROS, with a description.
 ALONE = {'humble-linters': 'the linters of Humble', 'lowest': 'the oldest releases'}
-#: What pip says when nobody answers; a refused or unknown release reads otherwise.
+#: The messages of pip if the package index does not respond.
 UNREACHABLE = ('connection broken', 'Could not fetch URL', 'ReadTimeoutError')
 
 
 class RefusalError(Exception):
-    """The environment cannot be made here; the text says why, and what to do."""
+    """The environment cannot be made here; the text gives the reason and the remedy."""
 
 
 @dataclass(frozen=True)
 class Recipe:
     """
-    What to make.
+    The description of an environment to make.
 
-    :param folder: where, below the project's root
+    :param folder: the folder of the environment, below the project's root
     :param distro: the ROS 2 distro; empty for none
-    :param sourced: whether it is the one sourced here, so that none of it comes from PyPI
-    :param purpose: the lock of the tools that go in: ``development``, ``colcon``, or one of
-        those without ROS: ``lowest``, the oldest releases of everything, or ``humble-linters``
+    :param sourced: whether the distro is sourced here; if not, it is installed from PyPI
+    :param purpose: the name of the lock file of the tools: ``development``, ``colcon``, or
+        without ROS ``lowest`` (the oldest releases of all libraries) or ``humble-linters``
     """
 
     folder: Path
@@ -86,9 +86,9 @@ class Recipe:
 
     def locks(self) -> list[Path]:
         """
-        Return the locks to install.
+        Return the lock files to install.
 
-        :returns: their paths, in the order to install them in
+        :returns: their paths, in the order of installation
         """
         distro = [] if self.sourced else [self.distro]
         names = ['build', self.purpose] if self.purpose in ALONE else [
@@ -97,9 +97,9 @@ class Recipe:
 
     def digest(self) -> str:
         """
-        Return what changes whenever the environment has to be made anew.
+        Return a digest that changes when the environment must be made again.
 
-        :returns: a digest
+        :returns: the digest
         """
         made_from = [*self.locks(), *(ROOT / name for name in INPUTS)]
         circumstances = repr((self, str(ROOT), sys.executable, sys.version))
@@ -110,7 +110,7 @@ class Recipe:
 
     def __str__(self) -> str:
         """
-        Return the recipe in words.
+        Return the description as text.
 
         :returns: a part of a sentence
         """
@@ -123,9 +123,9 @@ class Recipe:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
-    Make the environment that the arguments ask for, unless it is there.
+    Make the environment that the arguments name, unless it exists.
 
-    :param arguments: the arguments without the program's name; None for those of the process
+    :param arguments: the arguments without the program's name; None for the process's arguments
     :returns: the exit code
     """
     parser = argparse.ArgumentParser(prog='set-up', description='Make an environment.')
@@ -145,13 +145,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def recipe(folder: Path, distro: str | None, purpose: str) -> Recipe:
     """
-    Decide where ROS comes from.
+    Choose the source of ROS, and return the description of the environment.
 
-    :param folder: where the environment is to be
-    :param distro: the distro asked for; None for the one sourced here, or else the default
-    :param purpose: what the environment is for
-    :returns: what to make
-    :raises RefusalError: if what is asked for cannot be had here
+    :param folder: the folder of the environment
+    :param distro: the requested distro; None for the sourced distro, or else the default
+    :param purpose: the purpose of the environment
+    :returns: the description
+    :raises RefusalError: if the request cannot be met here
     """
     if purpose == 'lowest' and sys.version_info[:2] != LOWEST_PYTHON:
         raise RefusalError(
@@ -171,10 +171,11 @@ def recipe(folder: Path, distro: str | None, purpose: str) -> Recipe:
 
 def sourced_distro() -> str | None:
     """
-    Return the name of the ROS distro that this Python can use without our help.
+    Return the name of the sourced ROS distro that this Python can use.
 
-    :returns: the name; None where no ROS is sourced
-    :raises RefusalError: if one is sourced for another Python: it would stand before any other
+    :returns: the name; None if no ROS is sourced
+    :raises RefusalError: if the sourced ROS is for another Python, because its path would come
+        first
     """
     distro = os.environ.get('ROS_DISTRO')
     if not distro:
@@ -194,9 +195,9 @@ def sourced_distro() -> str | None:
 
 def require_wheels() -> None:
     """
-    Require a machine and a Python for which PyPI has rclpy.
+    Check that PyPI has rclpy for this machine and this Python.
 
-    :raises RefusalError: if it has none
+    :raises RefusalError: if PyPI does not have it
     """
     libc, libc_version = platform.libc_ver()
     machine = platform.machine()
@@ -217,10 +218,10 @@ def require_wheels() -> None:
 
 def set_up(wanted: Recipe) -> None:
     """
-    Make an environment, unless it is there.
+    Make an environment, unless it exists and is up to date.
 
-    :param wanted: which one
-    :raises RefusalError: if it cannot be made
+    :param wanted: the description of the environment
+    :raises RefusalError: if the environment cannot be made
     """
     stamp = wanted.folder / STAMP
     digest = wanted.digest()
@@ -235,10 +236,10 @@ def set_up(wanted: Recipe) -> None:
 
 def make(wanted: Recipe) -> None:
     """
-    Make an environment from nothing.
+    Make a new environment, and remove the old content of its folder.
 
-    :param wanted: which one
-    :raises RefusalError: if it cannot be made
+    :param wanted: the description of the environment
+    :raises RefusalError: if the environment cannot be made
     """
     if importlib.util.find_spec('ensurepip') is None or importlib.util.find_spec('venv') is None:
         raise RefusalError(
@@ -247,7 +248,7 @@ def make(wanted: Recipe) -> None:
     options = ['--system-site-packages'] if wanted.sourced else []
     run(wanted, [sys.executable, '-m', 'venv', '--clear', *options, str(wanted.folder)])
     for lock in wanted.locks():
-        # A lock names all that is wanted; more than that would be what it left out on purpose.
+        # A lock file names all packages; other dependencies are left out on purpose.
         pip(wanted, '--no-deps', '--require-hashes', f'--requirement={lock}')
     if wanted.purpose not in ('colcon', 'humble-linters'):
         pip(wanted, '--no-deps', f'--editable={ROOT}')
@@ -267,11 +268,11 @@ def make(wanted: Recipe) -> None:
 
 def no_ros(wanted: Recipe, failure: str) -> str:
     """
-    Return why an environment cannot use ROS, and what to do.
+    Return the reason why an environment cannot use ROS, and the remedy.
 
-    :param wanted: the environment
-    :param failure: what the trial ended with
-    :returns: the sentence of a refusal
+    :param wanted: the description of the environment
+    :param failure: the error of the check
+    :returns: the text of a refusal
     """
     text = f'ROS 2 {wanted.distro} cannot be used in {wanted.folder.name}: {failure}'
     if not wanted.sourced or sys.prefix == sys.base_prefix:
@@ -284,7 +285,7 @@ def no_ros(wanted: Recipe, failure: str) -> str:
 
 def lacking(python: Path) -> list[str]:
     """
-    Return which optional libraries an environment does not have.
+    Return the optional libraries that an environment lacks.
 
     :param python: the Python of the environment
     :returns: their names
@@ -299,24 +300,24 @@ def lacking(python: Path) -> list[str]:
 
 def pip(wanted: Recipe, *arguments: str) -> None:
     """
-    Let pip install something into an environment.
+    Install packages into an environment with pip.
 
-    :param wanted: the environment
-    :param arguments: what to install
-    :raises RefusalError: if it could not
+    :param wanted: the description of the environment
+    :param arguments: the arguments that name the packages
+    :raises RefusalError: if the installation fails
     """
     python = str(wanted.folder / 'bin' / 'python')
-    # Isolated builds would fetch what no lock names.  Python compiles what it imports by itself:
-    # to compile all would be a third of the time.
+    # Isolated builds would download packages that no lock file names.  Compiling all modules would
+    # take a third of the time, and Python compiles each module at its first import.
     run(wanted, [python, '-m', 'pip', '--quiet', '--disable-pip-version-check', 'install',
                  '--no-compile', '--no-input', '--no-build-isolation', *arguments])
 
 
 def run(wanted: Recipe, command: list[str]) -> None:
     """
-    Run one command of the set-up, in silence unless it fails.
+    Run one command of the set-up, and show no output unless it fails.
 
-    :param wanted: the environment that it works on, where a failure is written down
+    :param wanted: the description of the environment, whose folder gets the log of a failure
     :param command: the command
     :raises RefusalError: if it fails
     """
@@ -333,9 +334,9 @@ def run(wanted: Recipe, command: list[str]) -> None:
 
 def reason(output: str) -> str:
     """
-    Return in one line why a command failed.
+    Return the reason of a failed command in one line.
 
-    :param output: what it printed
+    :param output: the output of the command
     :returns: the line
     """
     if any(sign in output for sign in UNREACHABLE):

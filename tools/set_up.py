@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Run the set-up; refuse a Python that is too old, with a message that any Python can print."""
+"""Run the set-up; a Python that is too old gets an error message instead of a syntax error."""
 
 import sys
 

@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Print how the package is built: ``structure.py [CHECKOUT]``; by default the checkout of this file.
+Print metrics of the package's structure: ``structure.py [CHECKOUT]``; default: this checkout.
 
-A *module* is a Python file with more than a docstring.  *Code lines* are those of all Python files
-that hold more than blanks, comments and docstrings.  A *room* is a folder of the package with the
-modules directly in it; in the package's own folder each module is a room, and so is its
-``__init__``.  An *arrow* goes from a room to another one that it imports something from, wherever
-the import stands: in a function and under ``TYPE_CHECKING`` too.  *Floors* are the rooms of the
-longest chain of arrows, where rooms that import each other in a circle are one.
+A *module* is a Python file with more than a docstring.  *Code lines* are the lines of all Python
+files without blank lines, comments and docstrings.  A *room* is a folder of the package with the
+modules directly in it; in the package's top folder, each module is a room, and so is its
+``__init__``.  An *arrow* is an import from one room by another room; imports in functions and
+under ``TYPE_CHECKING`` count.  *Floors* is the number of rooms in the longest chain of arrows,
+where rooms with cyclic imports count as one room.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NO_CODE = (
 
 
 def main() -> None:
-    """Print the figures of a checkout."""
+    """Print the metrics of a checkout."""
     checkout = Path(*sys.argv[1:2]) if sys.argv[1:] else Path(__file__).resolve().parent.parent
     for name, figure in structure(checkout / PACKAGE).items():
         print(f'{name:10} {figure:6}')
@@ -46,9 +46,9 @@ def main() -> None:
 
 def structure(package: Path) -> dict[str, int]:
     """
-    Return the figures of a package.
+    Return the metrics of a package by name.
 
-    :param package: its folder, named as the package is
+    :param package: the folder of the package, with the name of the package
     """
     texts = {path: path.read_text('utf-8') for path in package.rglob('*.py')}
     trees = {_name(package, path): ast.parse(text) for path, text in texts.items()}
@@ -74,13 +74,13 @@ def _has_code(tree: ast.Module) -> bool:
 
 
 def _room(name: str, packages: set[str]) -> str:
-    """Return the room of a module: itself, or the folder that it stands in."""
+    """Return the room of a module: the module itself, or its folder."""
     folder = name.rpartition('.')[0]
     return name if name in packages or '.' not in folder else folder
 
 
 def _imports(tree: ast.Module, known: Container[str]) -> Iterator[str]:
-    """Yield the modules of the package that a module imports, or imports something from."""
+    """Yield the modules of the package that a module imports."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -96,13 +96,13 @@ def _imports(tree: ast.Module, known: Container[str]) -> Iterator[str]:
 
 
 def _floors(rooms: set[str], arrows: set[tuple[str, str]]) -> int:
-    """Return the length of the longest chain of arrows, circles counted as one room."""
+    """Return the number of rooms in the longest chain of arrows; a cycle counts as one room."""
     below = {room: {other for one, other in arrows if one == room} for room in rooms}
-    for _ in rooms:  # as often as the longest way has arrows, at most
+    for _ in rooms:  # the longest chain has fewer arrows than there are rooms
         below = {room: found.union(*(below[other] for other in found))
                  for room, found in below.items()}
     heights: dict[str, int] = {}
-    # Whoever reaches more stands higher; those of one circle reach the same.
+    # A room that reaches more rooms is higher; rooms of one cycle reach the same rooms.
     for room in sorted(rooms, key=lambda room: len(below[room] - {room})):
         heights[room] = 1 + max((
             heights[other] for other in below[room] if room not in below[other]), default=0)

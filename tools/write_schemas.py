@@ -12,7 +12,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Write the JSON Schemas of motions and robots anew, after a change to a step or a quantity."""
+"""Write the JSON Schemas of motions and robots again after a change to a step or a quantity."""
 
 import json
 from pathlib import Path
@@ -25,13 +25,13 @@ from kachaka_simple_control.files.schema import motion_schema, PATH, read_schema
 
 
 def main() -> None:
-    """Write the files that the package has for editors."""
+    """Write the schema files of the package, which editors use."""
     write(PATH, motion_schema())
     write(SCHEMA, read_schema(SCHEMA))
 
 
 def write(path: str, schema: dict[str, Any]) -> None:
-    """Write a schema into the package; a list of words stands in one line."""
+    """Write a schema file in the package, with each list of words on one line."""
     text = json.dumps(schema, indent=2, ensure_ascii=False)
     text = re.sub(r'\[\n[^][{}]*\]', lambda found: re.sub(r'\s*\n\s*', ' ', found[0]), text)
     target = Path(kachaka_simple_control.__file__).parent / path

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Measurements behind figures in docs/ that no run repeats by itself; each is a program.
+Programs for measurements in docs/ that are not part of a benchmark run.
 
 ``bridge_latency`` and ``three_processes`` belong to docs/kachaka.md, ``telemetry_cost`` to
 docs/live.md, ``driven_robot`` and ``run_and_stop`` to docs/safety.md.
-``long_drive`` tries what no test has the time for.
+``long_drive`` checks a drive that is too long for a test.
 """

@@ -43,14 +43,14 @@ from ros_support import BridgeProcess
 from waiting import poll
 
 RATES = (10, 50, 100)
-#: How long each of the two is measured at a time at each rate [s], and how many times.
+#: The duration of a turn of the bridge or the bare call at each rate [s], and the number of turns.
 BLOCK, TURNS = 6.0, 3
-#: Threshold of the bridge's median, relative to that of the bare call.
+#: The threshold of the bridge's median latency, relative to the median of the bare call.
 MAX_RATIO = 2.0
 NAMES = ('floor', 'bridge')
 HEAD = ('rate', 'bare call, median / 95 %', 'through the bridge, median / 95 %',
         'of the bare call', 'CPU a command: bare / bridge')
-#: Difference between two velocities, relative to the largest: it identifies each message.
+#: The difference between two velocities, relative to the largest; it identifies each message.
 STEP = 1e-4
 MAX_LINEAR = 0.3
 
@@ -61,14 +61,14 @@ def measure(
         rates: Sequence[int] = RATES, block: float = BLOCK,
         turns: int = TURNS) -> list[dict[str, Any]]:
     """
-    Measure both.
+    Measure the latency of the bridge and of the bare gRPC call, in turns.
 
-    :param rates: how often a velocity is sent [Hz]
-    :param block: duration of a turn [s]
-    :param turns: number of turns
-    :returns: for each of the two and each rate: ``who``, ``rate`` [Hz], ``latency`` (of each
-        velocity that arrived [s]), ``sent``, and ``cpu`` (of the caller or the bridge, for each
-        velocity [s])
+    :param rates: the rates of velocity messages [Hz]
+    :param block: the duration of a turn [s]
+    :param turns: the number of turns
+    :returns: for the bridge and the bare call at each rate: ``who``, ``rate`` [Hz], ``latency``
+        (of each velocity that arrived [s]), ``sent``, and ``cpu`` (CPU time of the caller or the
+        bridge for each velocity [s])
     """
     isolate_ros()
     entries = [{'who': who, 'rate': rate, 'latency': [], 'sent': 0, 'cpu': 0.0}
@@ -84,21 +84,21 @@ def measure(
 
 
 def ratio(entries: Sequence[dict[str, Any]], rate: int) -> float:
-    """Return the bridge's median latency relative to that of the bare call, at a rate [Hz]."""
+    """Return the bridge's median latency at a rate [Hz], relative to the bare gRPC call."""
     medians = {entry['who']: median(entry['latency']) for entry in entries
                if entry['rate'] == rate}
     return medians['bridge'] / medians['floor']
 
 
 def table(entries: Sequence[dict[str, Any]]) -> Table:
-    """Return the table, with a row for each rate."""
+    """Return the table of latencies, with a row for each rate."""
     rates = dict.fromkeys(entry['rate'] for entry in entries)
     return Table('From asking to arrival at the robot', HEAD, tuple(
         _row(rate, *(_entry(entries, who, rate) for who in NAMES)) for rate in rates))
 
 
 def lost(entries: Sequence[dict[str, Any]]) -> str:
-    """Return a sentence on the velocities that did not arrive through the bridge."""
+    """Return a sentence about the velocities that were lost in the bridge."""
     through = [entry for entry in entries if entry['who'] == 'bridge']
     sent = sum(entry['sent'] for entry in through)
     missing = sent - sum(len(entry['latency']) for entry in through)
@@ -181,7 +181,7 @@ def _bridge(robot: _Robot) -> Iterator[tuple[Send, Callable[[], float]]]:
 
 
 class _Robot(JsonProcess):
-    """A robot in a process of its own, which records arrivals."""
+    """A robot in its own process, which records the arrival of velocities."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -190,7 +190,7 @@ class _Robot(JsonProcess):
         self.address = self.read()
 
     def rows(self) -> list[tuple[float, float]]:
-        """Return what arrived since the last call: when [s], and the forward velocity."""
+        """Return the arrivals since the last call: time [s] and forward velocity [m/s]."""
         self.write('rows')
         rows: list[tuple[float, float]] = self.read()
         return rows

@@ -41,12 +41,12 @@ from program import environment, Program, QUICK_COMMAND, quick_drive
 from ros_domain import use_own_domain
 from ros_support import bridge
 
-#: What the other program sends [m/s]; ours sends 0 and 0.1.
+#: The velocity of the other program [m/s]; the command sends 0 and 0.1.
 VELOCITY = 0.05
 RATES, HEAD_STARTS = (20, 5), (0.5, 1.0, 3.0)
-#: Thresholds of start to t = 0, median and worst [s].
+#: The thresholds of the time from start to t = 0, median and worst [s].
 MAX_MEDIAN, MAX_WORST = 2.2, 4.0
-#: When a motion had ended [s, system clock], and how long it took [s].
+#: Matches the end time of a motion [s, system clock] and its duration [s].
 COMPLETED = re.compile(r'\[([\d.]+)\] .*Motion completed: .* ([\d.]+) seconds')
 TOPIC = '/kachaka/manual_control/cmd_vel'
 OTHER = f"""
@@ -69,7 +69,7 @@ rclpy.shutdown()
 
 
 class Observer:
-    """A subscriber to the velocities: the times of those that are not the other program's."""
+    """Subscribes to the velocities, and records all that the other program did not send."""
 
     def __init__(self) -> None:
         from geometry_msgs.msg import Twist
@@ -77,7 +77,7 @@ class Observer:
         from rclpy.qos import qos_profile_sensor_data
         rclpy.init(args=[])
         self.node = rclpy.create_node('observer')
-        #: when each came [s, system clock], and its forward velocity [m/s]
+        #: the arrival time [s, system clock] and the forward velocity [m/s] of each message
         self.ours: list[tuple[float, float]] = []
         self.others = 0
         self._subscription = self.node.create_subscription(
@@ -92,13 +92,13 @@ class Observer:
 
 
 def command(folder: Path, options: Sequence[str]) -> list[str]:
-    """Return a command for a short drive, with its guardian and all its times."""
+    """Return the command line for a short drive, with the guardian and default times."""
     drive = quick_drive(folder)
     return [*drive[:len(drive) - len(QUICK_COMMAND[3:])], '--ros-args', *options]
 
 
 def refused(observer: Observer, rate: float, head_start: float, drive: list[str]) -> str:
-    """Start another program, and the command; return what was wrong, empty if nothing was."""
+    """Start another program and then the command; return what was wrong, or an empty text."""
     observer.others = 0
     with Program([sys.executable, '-c', OTHER, str(rate)], env=environment()) as other:
         while observer.others < 2:
@@ -116,9 +116,9 @@ def refused(observer: Observer, rate: float, head_start: float, drive: list[str]
 
 def start_time(drive: list[str]) -> float:
     """
-    Start the command; return how long after that its t = 0 was [s].
+    Start the command, and return the time from its start to t = 0 [s].
 
-    By its own log: an observer may discover it later than its robot does.
+    The time is from the command's log, because an observer may discover it later than the robot.
     """
     began = time.time()
     with Program(drive) as ours:
@@ -129,7 +129,7 @@ def start_time(drive: list[str]) -> float:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print what was measured; return the exit code."""
+    """Measure and print the results; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--trials', type=int, default=100)
     parser.add_argument('--starts', type=int, default=50)

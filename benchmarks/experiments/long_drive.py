@@ -37,16 +37,16 @@ from ros_domain import isolate_ros
 from stall_observer import Stall, StallObservers
 
 RATE = 100
-#: How often the drive is paused, and for how long [s].
+#: The period and the duration of the pauses of the drive [s].
 PAUSE_PERIOD, PAUSE_DURATION = 10.0, 1.0
-#: From when on memory must not grow: libraries are loaded by then, and caches are full [s].
+#: The time after which memory must not grow [s]; libraries are then loaded and caches are full.
 SETTLING_TIME = 300.0
-#: What may grow after that [MB], and how long a collection may take [s of CPU time].
+#: The largest growth of memory after this time [MB], and the longest collection [s of CPU time].
 MAX_NODE_GROWTH, MAX_READER_GROWTH, MAX_COLLECTION = 1.0, 5.0, 0.002
-#: The longest interval may exceed the period by this [s].
+#: The largest excess of an interval over the period [s].
 MAX_EXCESS = 0.05
 READER = 'kachaka_simple_control.report.report_program'
-#: What drives: the command, in a program that has much else in its memory.
+#: The driving program: the command in a process with many objects in memory.
 SCRIPT = """
 import gc, json, sys, threading, time
 objects = [{'number': number} for number in range(1000000)]
@@ -76,7 +76,7 @@ sys.exit(code)
 
 
 def private_memory(pid: int | None) -> float | None:
-    """Return what a process shares with no other [MB]; None if it has gone."""
+    """Return the private memory of a process [MB]; None if the process has ended."""
     try:
         lines = Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines()
     except GONE:
@@ -85,9 +85,9 @@ def private_memory(pid: int | None) -> float | None:
 
 
 def longest_interval(recording: Path, topic: str, stalls: Sequence[Stall]) -> float:
-    """Return the longest interval between two velocities in which no core stood still [s]."""
+    """Return the longest interval between two velocities, except during stalls of a core [s]."""
     from mcap.reader import make_reader
-    # The recording has the system clock, the stalls have the steady one.
+    # The recording uses the system clock, the stalls use the steady clock.
     offset = time.time() - time.monotonic()
     with recording.open('rb') as file:
         times = [message.log_time / 1e9 - offset for _, _, message in make_reader(
@@ -97,7 +97,7 @@ def longest_interval(recording: Path, topic: str, stalls: Sequence[Stall]) -> fl
 
 
 def samples(drive: Program, namespace: str) -> Iterator[tuple[float, float, float]]:
-    """Pause and resume a drive until it ends; yield time [s], memory of node and reader [MB]."""
+    """Pause and resume a drive until its end; yield time [s], memory of node and reader [MB]."""
     import rclpy
     from std_srvs.srv import Trigger
     rclpy.init(args=[])
@@ -121,7 +121,7 @@ def samples(drive: Program, namespace: str) -> Iterator[tuple[float, float, floa
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Drive, and print what was measured; return the exit code."""
+    """Drive and print the measured values; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--minutes', type=float, default=30.0)
     minutes = parser.parse_args(arguments).minutes
@@ -154,7 +154,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(f'exit code {code}, {run["verdict"]["headline"]}; collections: {collections}')
     print(f'longest interval {1e3 * interval:.1f} ms, without {len(stalls)} times in which the '
           'machine stood still')
-    # The last samples are of the report, which is written after the drive.
+    # The last samples are from the time after the drive, when the report is written.
     settled = [sample for sample in found[:-3] if sample[0] >= min(SETTLING_TIME, minutes * 10)]
     growth = [settled[-1][column] - settled[0][column] for column in (1, 2)] if settled else [0, 0]
     print('growth from then on: node {:.2f} MB, reader {:.2f} MB'.format(*growth))

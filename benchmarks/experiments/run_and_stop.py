@@ -40,9 +40,9 @@ from waiting import poll, wait_until
 NODE = '/kachaka_simple_control'
 #: The longest time between the two requests of a pair [s].
 MAX_DELAY = 0.01
-#: How long to look for a motion after both answers [s]: a robot is taken anew within 1 s.
+#: The time to look for a motion after both answers [s]; a robot is taken again within 1 s.
 LOOK_TIME = 2.0
-#: How long to wait before a pair [s]: the stop after the pair before is over, and its window.
+#: The wait before a pair [s], until the stop of the last pair and its window are over.
 PAUSE = 1.0
 
 
@@ -59,7 +59,7 @@ class Client:
             assert client.wait_for_service(20.0), client.srv_name
 
     def call(self, name: str) -> dict[str, Any]:
-        """Call a service; return what will have its answer, and the time of that [s]."""
+        """Call a service; return a dictionary that receives the answer and its time [s]."""
         called: dict[str, Any] = {}
         future = self._clients[name].call_async(self._request())
         future.add_done_callback(
@@ -69,10 +69,11 @@ class Client:
 
 def pair(observer: Observer, client: Client, names: list[str], delay: float) -> tuple[bool, str]:
     """
-    Call both services; return whether the run was accepted, and what was wrong, if it was.
+    Call both services, and check that no motion follows.
 
-    :param names: of the services, in order
-    :param delay: between the calls [s]
+    :param names: the names of the services, in order
+    :param delay: the time between the calls [s]
+    :returns: whether the run was accepted, and what was wrong as text
     """
     called = {names[0]: client.call(names[0])}
     time.sleep(delay)
@@ -82,8 +83,7 @@ def pair(observer: Observer, client: Client, names: list[str], delay: float) -> 
     moves = poll(lambda: any(when > answered and velocity for when, velocity in observer.ours),
                  LOOK_TIME)
     run, stop = called['run'], called['stop']
-    # A run that was accepted long after the answer to the stop is a run that somebody wants: the
-    # machine stood still.
+    # If the machine stalled, the run may be accepted long after the stop; that run is valid.
     is_beside = run['time'] - stop['time'] < STOP_REQUEST_WINDOW
     if not stop['answer'].success:
         return run['answer'].success, f'the stop failed: {stop["answer"].message}'
@@ -91,7 +91,7 @@ def pair(observer: Observer, client: Client, names: list[str], delay: float) -> 
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print what was measured; return the exit code."""
+    """Measure and print the results; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--pairs', type=int, default=200)
     options = parser.parse_args(arguments)
@@ -102,7 +102,7 @@ def main(arguments: list[str] | None = None) -> int:
     numbers, accepted, failures = random.Random(26), 0, []
     with tempfile.TemporaryDirectory() as folder:
         command = quick_drive(Path(folder), '--wait', '--sim', duration=60.0)
-        # Without what is quick to start: with its guardian, as it is used.
+        # Without the test parameters for a quick start: with the guardian, as in normal use.
         with Program(command[:command.index('--ros-args')]) as node:
             node.wait_for_text('Standing by')
             observer = Observer()

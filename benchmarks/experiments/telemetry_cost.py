@@ -41,12 +41,12 @@ from terminals import at_terminal, TerminalProgram
 from waiting import poll
 
 RATE = 50
-#: Duration of each movement [s]; forwards and backwards in turn.
+#: The duration of each movement [s]; movements alternate between forward and backward.
 DURATION = 1.0
 VELOCITY = 0.1
-#: Movements at the beginning of a drive that are not measured.
+#: The number of movements at the start of a drive that are not measured.
 SETTLING_COUNT = 2
-#: How much longer than its movements a drive may take [s].
+#: The longest duration of a drive beyond its movements [s].
 DRIVE_TIMEOUT = 60.0
 HELPERS = {'display': 'display.display_program', 'reporter': 'report.report_program',
            'guardian': 'guardian_program'}
@@ -55,11 +55,11 @@ HELPERS = {'display': 'display.display_program', 'reporter': 'report.report_prog
 @dataclass(frozen=True)
 class Telemetry:
     """
-    What observes a drive.
+    The telemetry of a drive.
 
-    :param name: for the table
-    :param display: whether there is a display
-    :param report: whether there is a report
+    :param name: its name in the table
+    :param display: whether the drive has a display
+    :param report: whether the drive has a report
     """
 
     name: str
@@ -82,13 +82,13 @@ CHOICES = (Telemetry('neither', False, False), Telemetry('display', True, False)
 @dataclass
 class DriveStatistics:
     """
-    Measurements of all drives with the same telemetry.
+    The measurements of all drives with the same telemetry.
 
-    :param errors: relative error of each movement
-    :param jitters: of each message [s]
+    :param errors: the relative error of each movement
+    :param jitters: the jitter of each message [s]
     :param rounds: the 99th percentile of the jitter of each drive [s]
     :param worst: the worst relative error of each drive
-    :param cpu: CPU time per second of each drive [s], by the name of the process
+    :param cpu: the CPU time per second of each drive [s], by the name of the process
     """
 
     errors: list[float] = field(default_factory=list)
@@ -98,7 +98,7 @@ class DriveStatistics:
     cpu: dict[str, list[float]] = field(default_factory=dict)
 
     def add(self, found: Sequence[Sequence[Row]], cpu: dict[str, float]) -> None:
-        """Add a drive: its movements as received, and the CPU time of each process."""
+        """Add a drive: its received movements, and the CPU time of each process."""
         errors = [abs(relative_error(rows, DURATION)) for rows in found]
         late = [jitter for rows in found for jitter in jitters(rows, 1.0 / RATE)]
         self.errors += errors
@@ -122,10 +122,10 @@ def main() -> None:
 
 def measure(rounds: int, count: int) -> dict[str, DriveStatistics]:
     """
-    Drive with each telemetry in turn, each round in another order.
+    Drive with each telemetry in turn; each round has a different order.
 
-    :param rounds: number of rounds
-    :param count: number of movements of each drive
+    :param rounds: the number of rounds
+    :param count: the number of movements of each drive
     :returns: the measurements by the name of the telemetry
     """
     has_reporter = importlib.util.find_spec('kachaka_simple_control.report.report_program')
@@ -143,9 +143,9 @@ def drive(telemetry: Telemetry, count: int) -> tuple[list[list[Row]], dict[str, 
     """
     Drive once.
 
-    :param telemetry: what observes the drive
-    :param count: number of movements
-    :returns: the movements as received, and the CPU time per second of each process
+    :param telemetry: the telemetry of the drive
+    :param count: the number of movements
+    :returns: the received movements, and the CPU time per second of each process
     :raises RuntimeError: if the drive fails
     """
     from benchmarks.robot import Listener, new_namespace
@@ -174,7 +174,7 @@ def drive(telemetry: Telemetry, count: int) -> tuple[list[list[Row]], dict[str, 
 
 
 def motion_text(count: int) -> str:
-    """Return a motion file of so many movements forwards and backwards, in turn."""
+    """Return the text of a motion file with a number of forward and backward movements."""
     steps = [f'  - move: {{linear_x: {VELOCITY * (-1) ** place} m/s, angular_z: 0 rad/s, '
              f'duration: {DURATION} s}}' for place in range(count)]
     return '\n'.join(['name: there and back', f'rate: {RATE} Hz', 'steps:', *steps, ''])
@@ -183,9 +183,10 @@ def motion_text(count: int) -> str:
 def wait_for(
         condition: Callable[[], bool], process: TerminalProgram, timeout: float) -> None:
     """
-    Wait for a condition, and read what the program writes meanwhile.
+    Wait for a condition, and read the output of the program meanwhile.
 
-    :raises RuntimeError: if it is not true within the timeout [s], or the process ends before
+    :raises RuntimeError: if the condition is not met within the timeout [s], or the process ends
+        before
     """
     poll(lambda: process.text and (condition() or process.is_over), timeout, 0.1)
     if not condition():
@@ -193,7 +194,7 @@ def wait_for(
 
 
 def processes(pid: int) -> dict[str, int]:
-    """Return the ids of a drive's processes by name, without its robot."""
+    """Return the process ids of a drive by name, without the process of the robot."""
     found = {'drive': pid}
     for child in children_of(pid):
         line = Path(f'/proc/{child}/cmdline').read_bytes().decode()
@@ -202,7 +203,7 @@ def processes(pid: int) -> dict[str, int]:
 
 
 def tables(statistics: dict[str, DriveStatistics]) -> list[Table]:
-    """Return the tables."""
+    """Return the tables of the measurements."""
     plain = statistics['neither']
     names = ['drive', *HELPERS]
     return [
@@ -229,16 +230,16 @@ def tables(statistics: dict[str, DriveStatistics]) -> list[Table]:
 
 
 def span(values: Sequence[float], factor: float) -> str:
-    """Return the least and the most of some values, scaled by a factor, as text."""
+    """Return the smallest and the largest of values, multiplied by a factor, as text."""
     return f'{number(factor * min(values))} to {number(factor * max(values))}'
 
 
 def compare_with_plain(drives: DriveStatistics, plain: DriveStatistics) -> str:
     """
-    Compare drives with telemetry with those without.
+    Compare the drives with telemetry to the drives without.
 
-    :returns: ``within noise`` if the medians lie within the extremes of ``plain``, else what does
-        not
+    :returns: ``within noise`` if the medians lie within the extremes of ``plain``, else the
+        values that do not
     """
     worse = [name for name, own, others in (
         ('error', drives.worst, plain.worst), ('jitter', drives.rounds, plain.rounds))

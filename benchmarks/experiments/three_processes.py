@@ -45,11 +45,11 @@ from kachaka_simple_control.ros.parameters import NodeParameters
 from ros_domain import isolate_ros
 
 MOTIONS, RUNS = ('lesson', 'square'), 10
-#: Thresholds of the median: position [m] and heading [rad].
+#: The thresholds of the median errors: position [m] and heading [rad].
 MAX_OFFSET, MAX_ANGLE = 0.003, math.radians(0.5)
-#: A run takes at most this much longer than its motion: start, discovery, stop [s].
+#: The longest duration of a run beyond its motion: start, discovery, stop [s].
 MAX_OVERHEAD = 60.0
-#: How long after a run the robot is at rest [s].
+#: The time from the end of a run until the robot is at rest [s].
 REST_TIME = 0.5
 HEAD = ('motion', 'runs to the end', 'position off [mm], median / worst',
         'heading off [degrees], median / worst')
@@ -60,10 +60,10 @@ class Run:
     """
     The result of one run.
 
-    :param motion: its name
-    :param position: distance from the plan's end [m]
-    :param heading: absolute difference from the plan's heading at the end [rad]
-    :param failure: why it did not come to its end; empty if it did
+    :param motion: the name of the motion
+    :param position: the distance from the planned end [m]
+    :param heading: the absolute difference from the planned heading at the end [rad]
+    :param failure: the reason why the run was not completed; empty if it was
     """
 
     motion: str
@@ -73,7 +73,7 @@ class Run:
 
 
 def measure(motions: Sequence[str] = MOTIONS, runs: int = RUNS) -> list[Run]:
-    """Drive library motions, each so many times; return the results."""
+    """Drive each library motion several times; return the results."""
     isolate_ros()
     robot = GrpcRobot('kachaka', int(os.environ['ROS_DOMAIN_ID']))
     found = []
@@ -89,7 +89,7 @@ def measure(motions: Sequence[str] = MOTIONS, runs: int = RUNS) -> list[Run]:
 
 
 def planned_as_driven(motion: str) -> Plan:
-    """Plan a library motion as the command does for a Kachaka."""
+    """Plan a library motion for a Kachaka, like the command does."""
     file = find(motion)
     rate = file.rate or NodeParameters.rate
     return plan(file.motion, file.check(KACHAKA.limits, KACHAKA.name), rate)
@@ -97,19 +97,19 @@ def planned_as_driven(motion: str) -> Plan:
 
 def errors(start: Pose, end: Pose, planned: Pose) -> tuple[float, float]:
     """
-    Return how far off a robot came to rest.
+    Return the error of a robot's end pose.
 
-    :param start: where it began
-    :param end: where it came to rest
-    :param planned: where it should have, had it begun at the origin
-    :returns: how far from there [m], and how far from that heading [rad], neither with a sign
+    :param start: the measured start pose
+    :param end: the measured end pose
+    :param planned: the planned end pose for a start at the origin
+    :returns: the distance [m] and the heading difference [rad], both without sign
     """
     position, heading = distance_between(planned, relative_to(start, end))
     return position, abs(heading)
 
 
 def table(runs: Sequence[Run]) -> Table:
-    """Return the table, with a row for each motion."""
+    """Return the table of end errors, with a row for each motion."""
     return Table(
         'Where the robot ended, by its odometry', HEAD,
         tuple(_row(motion, [run for run in runs if run.motion == motion])
@@ -149,7 +149,7 @@ def _drive(robot: GrpcRobot, motion: str, planned: Plan) -> Run:
 
 
 def _command(motion: str, timeout: float) -> str:
-    """Run the command; return why it failed, empty if it did not."""
+    """Run the command; return the reason of a failure, or an empty text."""
     command = [*processes.python_command('kachaka_simple_control.__main__'), motion, '--quiet']
     done = subprocess.run(
         command, cwd=ROOT, env=processes.child_environment(), stdin=subprocess.DEVNULL, text=True,

@@ -12,8 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Measurements with node and robot in two network namespaces, and loss between them.
+Measurements with packet loss between node and robot, in two network namespaces.
 
-``python -m benchmarks.lossy_link`` runs them.  Only ``driver`` and ``robot`` use ROS, and only
-``network`` changes the machine's network; ``observed`` and ``tables`` are pure.
+``python -m benchmarks.lossy_link`` runs the measurements.  Only ``driver`` and ``robot`` use ROS,
+and only ``network`` changes the machine's network.
 """

@@ -33,9 +33,9 @@ from ros_domain import use_own_domain
 PAGE = ROOT / 'docs' / 'lossy_link.md'
 BEGIN = '<!-- measured: written by make lossy-link, changes here are lost -->'
 PARTS = ('stops', 'moves', 'answers', 'cable')
-#: Shares of the packets that are lost [%].
+#: The packet losses [%].
 LOSSES = (0, 10, 30, 50)
-#: Number of measurements of each part.
+#: The number of measurements of each part.
 FULL = {'stops': 200, 'moves': 20, 'answers': 15, 'cable': 5}
 QUICK = {'stops': 5, 'moves': 3, 'answers': 2, 'cable': 1}
 
@@ -44,12 +44,12 @@ def measure(parts: Sequence[str], losses: Sequence[int], counts: dict[str, int])
     """
     Run the measurements.
 
-    :param parts: which parts
-    :param losses: shares of the packets that are lost [%]
-    :param counts: number of measurements of each part
-    :returns: the run, plain data
+    :param parts: the names of the parts to measure
+    :param losses: the packet losses [%]
+    :param counts: the number of measurements of each part
+    :returns: the results as plain data
     """
-    # Before anything is started that loads rclpy.
+    # Called before any process that imports rclpy starts.
     use_own_domain()
     from benchmarks.lossy_link.disconnects import measure_disconnects
     from benchmarks.lossy_link.fixture import fixture
@@ -75,7 +75,7 @@ def measure(parts: Sequence[str], losses: Sequence[int], counts: dict[str, int])
 
 
 def joined(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the runs of several parts as one; date and machine are those of the last."""
+    """Join runs of several parts into one run, with the date and the machine of the last."""
     found = {part: [one for run in runs for one in run[part]] for part in PARTS}
     for part in PARTS[:-1]:
         found[part].sort(key=lambda one: (one['percent'], one.get('rate', 0)))
@@ -83,14 +83,14 @@ def joined(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def write_page(run: dict[str, Any]) -> None:
-    """Write the tables of a run to the page."""
+    """Write the tables of a run to the documentation page."""
     text = '\n'.join([
         f'Measured on {run["date"]}.', '', *(table.markdown() for table in tables(run))])
     write_measured(PAGE, text, BEGIN)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure as the arguments ask; return 1 if not all went as expected, else 0."""
+    """Measure according to the arguments; return 1 if a result is not as expected, else 0."""
     options = _options(arguments)
     if options.of:
         run = joined([json.loads(file.read_text()) for file in options.of])
@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if (reason := unavailable_reason()) is not None:
             print(f'skipped: {reason}')
             return 0
-        # These signals, too, must remove the network.
+        # The network must be removed after these signals, too.
         for signum in (signal.SIGTERM, signal.SIGHUP):
             signal.signal(signum, lambda number, _: sys.exit(128 + number))
         run = _measured(options)

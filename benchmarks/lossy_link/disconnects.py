@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What both ends do when the network is disconnected in mid-motion, and connected again."""
+"""Measure node and robot when the network is disconnected during a motion and reconnected."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from benchmarks.lossy_link.network import NODE
 from benchmarks.lossy_link.process import NetworkProcess
 from benchmarks.progress import show
 
-#: The lesson's program, as a person starts it.
+#: The lesson's program, started like a user starts it.
 COMMAND = ['-m', 'kachaka_simple_control']
-#: When the network is connected again: time since it was disconnected, and, if that is None, time
-#: since the program ended [s].  The kernel keeps what it cannot deliver for 3 s, while it asks for
-#: the robot's address.
+#: The time of the reconnect: after the disconnect, or, if this is None, after the end of the
+#: program [s].  The kernel keeps undelivered packets for 3 s while it resolves the robot's
+#: address.
 CASES: dict[str, tuple[float | None, float]] = {
     'after 0.6 s': (0.6, 0.0), 'after 1.2 s, while the node stops': (1.2, 0.0),
     'at once when the program has ended': (None, 0.0),
     '5 s after the program has ended': (None, 5.0)}
-#: How long the robot is observed after program and network are done [s].
+#: The time of observing the robot after the end of the program and the reconnect [s].
 OBSERVATION_TIME = 2.0
-#: How long the program may take to move the robot, and to end [s].
+#: The longest time until the program moves the robot, and until its end [s].
 PROGRAM_TIMEOUT = 30.0
 
 
 def measure_disconnects(fixture: Fixture, count: int) -> list[dict[str, Any]]:
-    """Disconnect the network ``count`` times in each case; return an entry for each time."""
+    """Disconnect the network ``count`` times in each case; return an entry for each disconnect."""
     entries = []
     for case in CASES:
         for number in range(1, count + 1):
@@ -52,14 +52,14 @@ def measure_disconnects(fixture: Fixture, count: int) -> list[dict[str, Any]]:
 
 def disconnect_once(fixture: Fixture, case: str) -> dict[str, Any]:
     """
-    Disconnect the network in the lesson's first turn, and connect it again.
+    Disconnect the network in the lesson's first turn, and reconnect it.
 
-    :param fixture: network and robot
-    :param case: when it is connected again
-    :returns: times since the disconnect [s]: when the robot was at rest (``still``), when the
-        program ended (``ended``); the angle the robot turned in that time [rad]; exit code and
-        messages of the program; the motion commands that reached the robot after the connect,
-        and the angle it turned then
+    :param fixture: the network and the robot
+    :param case: the name of the case, which sets the time of the reconnect
+    :returns: the times from the disconnect until the robot was at rest (``still``) and until the
+        program ended (``ended``) [s]; the angle that the robot turned before the reconnect
+        [rad]; the exit code and the messages of the program; the number of motion commands that
+        reached the robot after the reconnect, and the angle that it turned then [rad]
     """
     network, log = fixture.network, fixture.log
     network.set_loss(0)
@@ -81,14 +81,14 @@ def disconnect_once(fixture: Fixture, case: str) -> dict[str, Any]:
 
 
 def messages(text: str) -> list[str]:
-    """Return the lines that a program printed, without its log."""
+    """Return the printed lines of a program, without its log lines."""
     return [line for line in text.splitlines() if line and not line.startswith('[')]
 
 
 def _reconnect(
         fixture: Fixture, program: NetworkProcess, begin: float, after: float | None,
         later: float) -> tuple[float, int | None, float]:
-    """Connect the network again; return when [s], the program's exit code, and its end [s]."""
+    """Reconnect the network; return its time [s], the program's exit code and end time [s]."""
     back = None
     if after is not None:
         time.sleep(max(0.0, begin + after - time.monotonic()))
@@ -101,7 +101,7 @@ def _reconnect(
 
 
 def _timed(action: Callable[[], None]) -> float:
-    """Do something; return when it began [s]."""
+    """Call a function; return the time before the call [s]."""
     now = time.monotonic()
     action()
     return now

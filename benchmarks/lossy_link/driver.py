@@ -12,24 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The program that drives; ``python -m benchmarks.lossy_link.driver RATE``.
+The driving program; ``python -m benchmarks.lossy_link.driver RATE``.
 
-It does not enable manual control by the service, whose responses are late with loss: the bridge
-enables it with the first zero that it receives.
+The program does not call the service that enables manual control, because its responses are late
+with packet loss.  The bridge enables manual control when it receives the first zero.
 
-It reads commands from standard input, a JSON array a line, and writes a response to each but
-``move``:
+The program reads one JSON array per line from standard input, and writes a response to each
+command except ``move``:
 
 ``["move", V, T]``
-    moves in a thread; no response
+    move in a thread; no response
 ``["stop"]``
-    stops the robot; when that began, and how the movement ended
+    stop the robot; response: the start of the stop, and how the movement ended
 ``["wait"]``
-    waits for the end of the movement; how it ended
+    wait for the end of the movement; response: how the movement ended
 ``["request_control", REPEATEDLY]``
-    requests manual control, once or as the node does at its start; how long that took
+    request manual control, once or repeatedly like the node at its start; response: the duration
 ``["renew_node"]``
-    makes a new node; null
+    make a new node; response: null
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ import rclpy
 from rclpy.parameter import Parameter
 
 SERVICE = f'{KACHAKA.namespace}/{KACHAKA.manual_control_service}'
-#: How long a response is awaited, as by the node by default [s].
+#: The timeout of a response, equal to the node's default [s].
 RESPONSE_TIMEOUT = 10.0
 
 
 class Driver:
-    """A node that sends velocities at a rate [Hz], and its movement."""
+    """Moves a robot with a node that sends velocities at a rate [Hz]."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
@@ -61,7 +61,7 @@ class Driver:
         self._make()
 
     def move(self, linear_x: float, duration: float) -> None:
-        """Start a movement forward [m/s] of a duration [s], in a thread."""
+        """Start a movement in a thread: a forward velocity [m/s] for a duration [s]."""
         self._ended_by = None
         self._thread = threading.Thread(target=self._move, args=(linear_x, duration))
         self._thread.start()
@@ -70,8 +70,8 @@ class Driver:
         """
         Stop the robot.
 
-        :returns: when that began [s], time until odometry confirmed it [s], and why the movement
-            ended
+        :returns: the start of the stop [s], the time until odometry confirmed it [s], and the
+            reason why the movement ended
         """
         began = time.monotonic()
         self.node.stop_robot()
@@ -79,7 +79,7 @@ class Driver:
         return {'began': began, 'confirmed': confirmed, **self.wait()}
 
     def wait(self) -> dict[str, object]:
-        """Wait for the end of the movement; return why it ended, None if it was complete."""
+        """Wait for the end of the movement; return why it ended early, or None."""
         assert self._thread is not None
         self._thread.join()
         return {'ended by': self._ended_by}
@@ -88,9 +88,9 @@ class Driver:
         """
         Request manual control.
 
-        :param repeatedly: as the node does before its first movement; else once, as it does in
-            a long one
-        :returns: the time to the response [s]; None if it did not come
+        :param repeatedly: True to repeat the request, like the node before its first movement;
+            False for one request, like the node during a long movement
+        :returns: the time to the response [s]; None if there was no response
         """
         begin = time.monotonic()
         if repeatedly:
@@ -104,7 +104,7 @@ class Driver:
         return time.monotonic() - begin if came else None
 
     def renew_node(self) -> None:
-        """Make a new node: some faults are final."""
+        """Make a new node, because a node cannot move again after some faults."""
         self.node.destroy_node()
         self._make()
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What every measurement needs: the network, a robot at its end, and the log of that robot."""
+"""The setup of every measurement: the network, a robot at one end, and the robot's log."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from benchmarks.lossy_link.process import NetworkProcess
 from program import EndedError
 from waiting import poll
 
-#: How long a robot may take to start [s].
+#: The longest start of a robot [s].
 START_TIMEOUT = 20.0
-#: How long a robot has been there before a program is started [s].
+#: The time between the start of a robot and the start of a program [s].
 SETTLING_TIME = 2.0
-#: How long until what reached the robot is in its log [s].
+#: The delay of the robot's log [s].
 LOG_LATENCY = 0.1
-#: How long after a movement a robot is at rest: its command timeout, and more [s].
+#: The time after a movement until the robot is at rest: its command timeout and a margin [s].
 REST_TIME = 0.6
 
 
@@ -42,22 +42,22 @@ class Fixture:
     A network with a robot at one end.
 
     :param network: the network
-    :param log: what the robot reports
+    :param log: the reports of the robot
     """
 
     network: Network
     log: RobotLog
 
     def start_driver(self, rate: float) -> NetworkProcess:
-        """Start the driver at the node's end; it sends a velocity at a rate [Hz]."""
+        """Start the driving program at the node's end, with a rate of velocities [Hz]."""
         return NetworkProcess(
             self.network, NODE, ['-m', 'benchmarks.lossy_link.driver', str(rate)])
 
     def connect(self, driver: NetworkProcess) -> None:
         """
-        Let a driver find the robot.
+        Wait until a driving program has found the robot.
 
-        :raises EndedError: if it does not
+        :raises EndedError: if the program does not find the robot
         """
         driver.write(['move', 0.0, 0.2])
         ended_by = driver.ask('wait')['ended by']
@@ -69,12 +69,12 @@ class Fixture:
             condition: Callable[[ReceivedVelocity], bool] = lambda _: True,
             ) -> ReceivedVelocity | None:
         """
-        Wait for a motion command to reach the robot.
+        Wait until a motion command reaches the robot.
 
-        :param since: not one before this time [s]
-        :param timeout: how long [s]
-        :param condition: returns whether a command is the one
-        :returns: the first that meets the condition; None if none came in time
+        :param since: the earliest time of the command [s]
+        :param timeout: the longest wait [s]
+        :param condition: returns whether a command matches
+        :returns: the first matching command; None after the timeout
         """
         return poll(
             lambda: next(filter(condition, self.log.motions_since(since)), None), timeout)
@@ -83,7 +83,7 @@ class Fixture:
 @contextlib.contextmanager
 def fixture() -> Iterator[Fixture]:
     """
-    Make a network with a robot, and wait until the robot has been there for a while.
+    Make a network with a robot, and wait until the robot is ready.
 
     :raises NetworkError: if the network cannot be made
     :raises EndedError: if the robot does not start

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How long a request for manual control takes, with loss."""
+"""Measure the duration of a request for manual control with packet loss."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ RATE = 10
 
 def measure_requests(fixture: Fixture, percent: int, count: int) -> dict[str, Any]:
     """
-    Request manual control once, as a long run renews it, and repeatedly, as a node at its start.
+    Request manual control once, like a long run, and repeatedly, like a node at its start.
 
-    :param fixture: network and robot
-    :param percent: of the packets that are lost
-    :param count: number of requests of each kind
-    :returns: the time to each response [s]; None where none came
+    :param fixture: the network and the robot
+    :param percent: the packet loss [%]
+    :param count: the number of requests of each kind
+    :returns: the time to each response [s]; None if there was no response
     """
     times: dict[bool, list[float | None]] = {False: [], True: []}
     fixture.network.set_loss(0)

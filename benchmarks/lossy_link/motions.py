@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How far the robot drives in movements of 1 s, with loss."""
+"""Measure the distance that the robot drives in movements of 1 s with packet loss."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ RATES = (10, 50)
 
 def measure_motions(fixture: Fixture, percent: int, rate: int, count: int) -> dict[str, Any]:
     """
-    Make movements; packets are lost from the end of discovery on.
+    Make movements with packet loss after discovery.
 
-    :param fixture: network and robot
-    :param percent: of the packets that are lost
-    :param rate: how often a velocity is sent [Hz]
-    :param count: number of movements
-    :returns: of each movement the distance driven relative to the one asked for, and why
-        movements were given up
+    :param fixture: the network and the robot
+    :param percent: the packet loss [%]
+    :param rate: the rate of velocity messages [Hz]
+    :param count: the number of movements
+    :returns: the driven distance of each movement relative to the requested distance, and the
+        reasons of failed movements
     """
     driven: list[float] = []
     faults: list[str] = []

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Two network namespaces and a link between them, which are removed whatever happens."""
+"""Two network namespaces with a link, which are removed also after an error or a kill."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ import shutil
 import subprocess
 from types import TracebackType
 
-#: A namespace is named by this, the id of the process that made it, and its end.
+#: The prefix of a namespace's name; the id of the process that made it and its end follow.
 PREFIX = 'kachaka_lossy'
 NODE, ROBOT = 'node', 'robot'
 #: Addresses reserved for network benchmarks (RFC 2544).
@@ -34,7 +34,7 @@ INTERFACE = 'veth0'
 TOOLS = {'ip': 'iproute2', 'nft': 'nftables'}
 NAMESPACES = Path('/run/netns')
 
-#: Only packets from the peer are dropped: a multicast also comes back to its sender.
+#: Only packets from the peer are dropped, because a multicast also returns to its sender.
 RULES = """
 table ip loss {{
     chain arriving {{
@@ -50,20 +50,20 @@ table ip loss {{
 
 
 class NetworkError(RuntimeError):
-    """The network cannot be made, here or by this user; the text says why."""
+    """The network cannot be made on this machine or by this user; the text gives the reason."""
 
 
 class Network:
-    """A node's end and a robot's end, which exist within the ``with`` block."""
+    """A context manager for a network with a node's end and a robot's end."""
 
     def __init__(self) -> None:
         self._names = {end: f'{PREFIX}-{os.getpid()}-{end}' for end in ADDRESSES}
 
     def __enter__(self) -> Network:
         """
-        Make the network, and remove those of earlier runs that were killed.
+        Make the network, and remove the networks of earlier runs that were killed.
 
-        :raises NetworkError: if it cannot be made; nothing is left of it
+        :raises NetworkError: if the network cannot be made; no part of it remains
         """
         remove_leftovers()
         try:
@@ -76,22 +76,22 @@ class Network:
     def __exit__(
             self, kind: type[BaseException] | None, error: BaseException | None,
             traceback: TracebackType | None) -> None:
-        """Remove it."""
+        """Remove the network."""
         self._remove()
 
     def command(self, end: str, command: Sequence[str]) -> list[str]:
-        """Return what runs a command at one end, in the process that is started."""
+        """Return the command line that runs a command at one end of the network."""
         return [_tool('ip'), 'netns', 'exec', self._names[end], *command]
 
     def set_loss(self, percent: int) -> None:
-        """Drop a share of the packets [%] from now on, at random, in both directions."""
+        """Set the packet loss [%]: drop packets at random in both directions."""
         for end, peer in ((NODE, ROBOT), (ROBOT, NODE)):
             loss_rule = f'numgen random mod 100 < {percent} counter drop' if percent else ''
             self._nft(end, 'flush ruleset')
             self._nft(end, RULES.format(peer=ADDRESSES[peer], loss_rule=loss_rule))
 
     def packet_counts(self) -> tuple[int, int]:
-        """Return how many packets were lost and how many arrived since ``set_loss``."""
+        """Return the numbers of lost and of received packets since ``set_loss``."""
         lost = arrived = 0
         for end in ADDRESSES:
             for rule in self._rules(end):
@@ -103,11 +103,11 @@ class Network:
         return lost, arrived
 
     def disconnect(self) -> None:
-        """Disconnect the ends: the robot's interface goes down, the node's loses its carrier."""
+        """Disconnect the ends: set the robot's interface down, so the node's loses its carrier."""
         self._ip(ROBOT, 'link', 'set', INTERFACE, 'down')
 
     def connect(self) -> None:
-        """Connect the ends again."""
+        """Reconnect the ends."""
         self._up(ROBOT)
 
     def _make(self) -> None:
@@ -122,13 +122,13 @@ class Network:
 
     def _up(self, end: str) -> None:
         self._ip(end, 'link', 'set', INTERFACE, 'up')
-        # DDS finds its peers by multicast; an interface that went down has lost its routes.
+        # DDS finds its peers by multicast; an interface that was down has lost its routes.
         self._ip(end, 'route', 'replace', '224.0.0.0/4', 'dev', INTERFACE)
 
     def _remove(self) -> None:
         for name in self._names.values():
             if (NAMESPACES / name).exists():
-                # What still runs there keeps the namespace, without a name, until it ends.
+                # A process that still runs there keeps the unnamed namespace until it ends.
                 _run('ip', 'netns', 'delete', name)
 
     def _ip(self, end: str, *arguments: str) -> None:
@@ -144,7 +144,7 @@ class Network:
 
 
 def unavailable_reason() -> str | None:
-    """Try to make a network; return why that is impossible and what to do, None if it works."""
+    """Try to make a network; return the reason of a failure and the remedy, or None."""
     for tool, package in TOOLS.items():
         if shutil.which(tool, path=_path()) is None:
             return f'the command {tool} is missing: install the package {package}'
@@ -163,12 +163,12 @@ def remove_leftovers() -> None:
     for file in sorted(NAMESPACES.glob(f'{PREFIX}-*-*')):
         pid = file.name.split('-')[1]
         if pid.isdigit() and not Path('/proc', pid).exists():
-            with contextlib.suppress(NetworkError):  # another run may be doing the same
+            with contextlib.suppress(NetworkError):  # another run may remove the same
                 _run('ip', 'netns', 'delete', file.name)
 
 
 def _path() -> str:
-    # These commands may not be on a user's path.
+    # These folders may be missing in a user's PATH.
     return os.pathsep.join([os.environ.get('PATH', os.defpath), '/usr/sbin', '/sbin'])
 
 

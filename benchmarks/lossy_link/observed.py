@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What reached the robot and how it moved, from its own reports; pure."""
+"""Evaluate the reports of a robot: the received velocities, and the driven path."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class ReceivedVelocity(NamedTuple):
     """
     A velocity that reached the robot.
 
-    :param time: when [s, steady clock]
-    :param linear_x: forward [m/s]
-    :param angular_z: to the left [rad/s]
-    :param enabled: whether manual control was enabled; if not, the bridge has enabled it then
+    :param time: the time of arrival [s, steady clock]
+    :param linear_x: the forward velocity [m/s]
+    :param angular_z: the turning velocity, positive to the left [rad/s]
+    :param enabled: whether manual control was enabled before; if not, the bridge enabled it
     """
 
     time: float
@@ -38,12 +38,12 @@ class ReceivedVelocity(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Return whether it is not zero."""
+        """Return whether the velocity is not zero."""
         return self.linear_x != 0.0 or self.angular_z != 0.0
 
 
 class ManualControlChange(NamedTuple):
-    """Manual control was enabled or disabled at a time [s, steady clock]."""
+    """A change of manual control, enabled or disabled, at a time [s, steady clock]."""
 
     time: float
     enabled: bool
@@ -53,10 +53,10 @@ class PoseSample(NamedTuple):
     """
     A pose relative to the first one.
 
-    :param time: when [s, steady clock]
-    :param x: forward [m]
-    :param y: to the left [m]
-    :param theta: to the left [rad], not wrapped
+    :param time: the time [s, steady clock]
+    :param x: the position forward [m]
+    :param y: the position to the left [m]
+    :param theta: the heading, positive to the left [rad], not wrapped
     """
 
     time: float
@@ -66,7 +66,7 @@ class PoseSample(NamedTuple):
 
 
 class RobotLog:
-    """All reports of a robot, in order of time; another thread may add to it."""
+    """All reports of a robot, in order of time; another thread may add reports."""
 
     def __init__(self) -> None:
         self._velocities: list[ReceivedVelocity] = []
@@ -86,19 +86,19 @@ class RobotLog:
         self.is_ready = self.is_ready or kind == 'ready'
 
     def velocities_since(self, begin: float) -> list[ReceivedVelocity]:
-        """Return the velocities that reached the robot from a time on [s]."""
+        """Return the velocities that reached the robot at or after a time [s]."""
         return [velocity for velocity in self._velocities if velocity.time >= begin]
 
     def motions_since(self, begin: float) -> list[ReceivedVelocity]:
-        """Return the velocities other than zero that reached the robot from a time on [s]."""
+        """Return the nonzero velocities that reached the robot at or after a time [s]."""
         return [velocity for velocity in self.velocities_since(begin) if velocity.moves]
 
     def enabled_since(self, begin: float) -> list[ManualControlChange]:
-        """Return the changes by which manual control was enabled from a time on [s]."""
+        """Return the events at or after a time [s] that enabled manual control."""
         return [change for change in self._changes if change.time >= begin and change.enabled]
 
     def pose_at(self, time: float) -> PoseSample:
-        """Return the pose at a time [s], interpolated."""
+        """Return the interpolated pose at a time [s]."""
         poses = self._poses or [PoseSample(time, 0.0, 0.0, 0.0)]
         index = bisect_right([pose.time for pose in poses], time)
         one, two = poses[max(index - 1, 0)], poses[min(index, len(poses) - 1)]
@@ -106,30 +106,30 @@ class RobotLog:
         return PoseSample(time, *(a + part * (b - a) for a, b in zip(one[1:], two[1:])))
 
     def driven(self, begin: float, end: float = math.inf) -> tuple[float, float]:
-        """Return distance [m] and angle [rad, left positive] between the poses at two times."""
+        """Return the distance [m] and the angle [rad, left positive] between two times."""
         one = self.pose_at(begin)
         two = self.pose_at(end) if end < math.inf else (self._poses[-1] if self._poses else one)
         return math.hypot(two.x - one.x, two.y - one.y), two.theta - one.theta
 
     def at_rest_since(self, begin: float, end: float) -> float:
         """
-        Return since when the robot was at rest at a time.
+        Return the time since which the robot is at rest.
 
-        :param begin: not before this time [s]
-        :param end: the time [s]
-        :returns: when it last reported a new pose before, or ``begin`` [s]
+        :param begin: the earliest result [s]
+        :param end: the time of the check [s]
+        :returns: the time of the last new pose before ``end``, or ``begin`` [s]
         """
         return max([begin, *(pose.time for pose in self._poses if pose.time <= end)])
 
 
 def evaluate_stop(log: RobotLog, begin: float) -> dict[str, Any]:
     """
-    Return what came of a stop.
+    Return the results of a stop.
 
-    :param log: the robot's reports until now
-    :param begin: when the program was asked to stop [s]
-    :returns: number of zeros that reached the robot, time to the first [s], number of motion
-        commands after it, and distance driven since ``begin`` [m]
+    :param log: the robot's reports
+    :param begin: the time of the stop request [s]
+    :returns: the number of zeros that reached the robot, the time to the first zero [s], the
+        number of motion commands after it, and the distance driven since ``begin`` [m]
     """
     velocities = log.velocities_since(begin)
     zeros = [velocity.time for velocity in velocities if not velocity.moves]

@@ -24,9 +24,9 @@ from benchmarks.lossy_link.network import Network
 from kachaka_simple_control.ros.dds_transport import CHOICES
 from program import environment, JsonProcess
 
-#: How long a process may take to respond [s]: with loss, a service may take many tries.
+#: The longest response time of a process [s]; with packet loss, a service may need many tries.
 RESPONSE_TIMEOUT = 60.0
-#: Both ends have the same shared memory, which loses nothing: DDS must use the network.
+#: The environment that makes DDS use the network instead of the shared memory of both ends.
 SETTINGS = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
 
 
@@ -35,9 +35,9 @@ class NetworkProcess(JsonProcess):
     A Python program at one end of the network, which responds to JSON arrays.
 
     :param network: the network
-    :param end: which end
-    :param arguments: of Python, such as ``-m MODULE``
-    :param on_value: called in a thread with each value; None to keep them for ``ask``
+    :param end: the end of the network
+    :param arguments: the arguments of Python, for example ``-m MODULE``
+    :param on_value: called in a thread with each value; None to keep the values for ``ask``
     """
 
     def __init__(
@@ -48,12 +48,12 @@ class NetworkProcess(JsonProcess):
             env=network_environment())
 
     def ask(self, *words: object) -> Any:
-        """Write it words, as one array; return its response."""
+        """Send the program words as one JSON array; return the program's response."""
         self.write(words)
         return self.read(RESPONSE_TIMEOUT)
 
 
 def network_environment() -> dict[str, str]:
-    """Return our environment, with DDS on the network."""
+    """Return the environment of this process, changed so that DDS uses the network."""
     kept = {name: value for name, value in environment().items() if name not in CHOICES}
     return {**kept, **SETTINGS}

@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The robot's program; ``python -m benchmarks.lossy_link.robot``; ends with its standard input.
+The robot's program, ``python -m benchmarks.lossy_link.robot``; it ends with its standard input.
 
-The bridge with a simulated robot that reports what reached it and where it was, a JSON array a
-line.  A second subscription beside the bridge's would not do: it would lose other messages.
+The program runs the bridge with a simulated robot.  The robot reports the received velocities and
+its poses, one JSON array per line.  A second subscription would lose other messages than the
+bridge, so it cannot replace these reports.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class ReportingKachaka(SimulatedKachaka):
         self._reported: tuple[float, Pose] | None = None
 
     def set_robot_velocity(self, linear: float, angular: float, now: float) -> int:
-        """Drive, and report it; the arguments are those of the simulated robot."""
+        """Drive at a velocity, and report the velocity."""
         self._report_pose(now)
         code = super().set_robot_velocity(linear, angular, now)
         limits = KACHAKA.limits
@@ -54,17 +55,17 @@ class ReportingKachaka(SimulatedKachaka):
         return code
 
     def set_manual_control(self, enabled: bool, now: float) -> int:
-        """Enable or disable manual control, and report it."""
+        """Enable or disable manual control, and report the change."""
         report('manual control', now, enabled)
         return super().set_manual_control(enabled, now)
 
     def odometry(self, now: float) -> tuple[Pose, Velocity]:
-        """Return pose and velocity, and report the pose."""
+        """Return the pose and the velocity, and report the pose."""
         self._report_pose(now)
         return super().odometry(now)
 
     def _report_pose(self, now: float) -> None:
-        """Report this pose and the one before; nothing while the robot is at rest."""
+        """Report a new pose and the pose before it; do nothing while the robot is at rest."""
         before, self._newest = self._newest, (now, self.state(now)[0])
         if self._reported is not None and self._reported[1] == self._newest[1]:
             return
@@ -75,7 +76,7 @@ class ReportingKachaka(SimulatedKachaka):
 
 
 def report(*words: object) -> None:
-    """Write a report to standard output."""
+    """Write a report to standard output as one JSON array."""
     print(json.dumps(words), flush=True)
 
 
@@ -86,7 +87,7 @@ def end_with_input() -> None:
 
 
 def main() -> None:
-    """Run bridge and robot."""
+    """Run the bridge and the simulated robot."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = SimulatedBridge(ReportingKachaka(), KACHAKA.namespace)
     threading.Thread(target=end_with_input, daemon=True).start()

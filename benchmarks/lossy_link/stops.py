@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What reaches the robot of a stop in mid-motion, with loss; all stops from one process."""
+"""Measure the arrival of a stop during a motion with packet loss; one process sends all stops."""
 
 from __future__ import annotations
 
@@ -26,20 +26,21 @@ from benchmarks.progress import show
 
 RATE = 10
 VELOCITY = 0.1
-#: Of a movement that the stop ends [s].
+#: The duration of a movement that the stop ends [s].
 DURATION = 20.0
-#: How long the robot may take to be found and moved [s].
+#: The longest time until the robot is found and moved [s].
 MOTION_TIMEOUT = 25.0
 
 
 def measure_stops(fixture: Fixture, percent: int, count: int) -> dict[str, Any]:
     """
-    Stop many times; packets are lost from the end of discovery on.
+    Stop the robot several times with packet loss after discovery.
 
-    :param fixture: network and robot
-    :param percent: of the packets that are lost
-    :param count: number of stops
-    :returns: packet counts, an entry for each stop, and why movements ended by themselves
+    :param fixture: the network and the robot
+    :param percent: the packet loss [%]
+    :param count: the number of stops
+    :returns: the packet counts, an entry for each stop, and the reasons of movements that ended
+        before their stop
     """
     entries: list[dict[str, Any]] = []
     faults: list[str] = []
@@ -63,11 +64,11 @@ def measure_stops(fixture: Fixture, percent: int, count: int) -> dict[str, Any]:
 
 def stop_once(fixture: Fixture, driver: NetworkProcess) -> dict[str, Any]:
     """
-    Move, and stop at a random time between two messages.
+    Move the robot, and stop it at a random time between two messages.
 
-    :param fixture: network and robot
-    :param driver: the program that drives
-    :returns: what came of the stop; or, if the movement ended before it, the ``fault``
+    :param fixture: the network and the robot
+    :param driver: the driving program
+    :returns: the results of the stop, or the ``fault`` if the movement ended before the stop
     """
     begin = time.monotonic()
     driver.write(['move', VELOCITY, DURATION])

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The tables of a run over a bad link, and what did not go as expected; pure."""
+"""The tables of a run with packet loss, and the violations of its expected results."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from kachaka_simple_control.analysis.message_timing import median
 
 #: In a long run at 10 Hz manual control must be renewed within this time [s].
 RENEWAL_LIMIT = 0.2
-#: A disconnect so short is no fault.
+#: The case of a short disconnect, which is no fault.
 BRIEF = 'after 0.6 s'
-#: By then the kernel has dropped what it could not deliver: nothing may arrive any more.
+#: The case in which the kernel has dropped undelivered packets, so that none may arrive.
 QUIET = '5 s after the program has ended'
 
 
 def tables(run: dict[str, Any]) -> list[Table]:
-    """Return the tables of a run that have rows."""
+    """Return the tables of a run; a table without rows is left out."""
     found = [
         _stops(run['stops']), _moves(run['moves']), _answers(run['answers']),
         _cable(run['cable']), Table('Measured on', ('', ''), tuple(run['machine'].items()))]
@@ -39,7 +39,7 @@ def tables(run: dict[str, Any]) -> list[Table]:
 
 
 def find_violations(run: dict[str, Any]) -> list[str]:
-    """Return a line for each stop or disconnect of a run that did not go as expected."""
+    """Return a line for each stop or disconnect of a run with an unexpected result."""
     lines = []
     for series in run['stops']:
         at = f'at {series["percent"]} % loss'
@@ -54,10 +54,10 @@ def find_violations(run: dict[str, Any]) -> list[str]:
 
 def is_violation(entry: dict[str, Any]) -> bool:
     """
-    Return whether a disconnect had consequences that it must not have.
+    Return whether a disconnect had a forbidden result.
 
-    These are: the program did not end with a fault, or moved the robot after it; or it took
-    manual control when nothing may arrive any more.
+    Forbidden results: the program did not end with a fault, the program moved the robot after the
+    reconnect, or it took manual control long after its end.
     """
     if entry['case'] == BRIEF:
         return False

@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Figures, paths and fits, from the log of a drive or from a plan."""
+"""Results, paths and calibration fits, computed from the log of a drive or from a plan."""

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Calibrates a robot: what it made of a known drive, by its odometry."""
+"""Calibrate a robot: fit gains, veer and delay to the odometry of a known motion."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.motion.calibration import Calibration, MAX_GAIN, MIN_GAIN
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 
-#: The motion of the library that is driven.
+#: The motion of the library that the robot drives for the calibration.
 MOTION = 'calibration'
-#: How long before the end of a rest the robot stands still [s].
+#: The time before the end of a rest in which the robot must stand still [s].
 REST = 1.0
-#: The fewest samples of odometry in that time.
+#: The smallest number of odometry samples in this time.
 MIN_SAMPLES = 10
 #: The largest standard errors of a gain, and of the delay [s], that a calibration may have.
 MAX_GAIN_ERROR = 0.0025
 MAX_DELAY_ERROR = 0.01
-#: By how much the gains of two drives alike may differ; more is slip, or a floor that is uneven.
+#: The largest difference between the gains of two equal steps; more means slip or an uneven floor.
 MAX_SPREAD = 0.01
-#: How many standard errors chance explains.
+#: The largest deviation that counts as chance [standard errors].
 CHANCE = 4.0
 
 
 class CalibrationError(RunFaultError):
-    """The drive cannot tell how the robot is calibrated; the message says why."""
+    """A drive gives no valid calibration; the message says why."""
 
 
 class Estimate(NamedTuple):
@@ -56,13 +56,14 @@ class Estimate(NamedTuple):
 @dataclass(frozen=True)
 class CalibrationFit:
     """
-    The fit of a drive for calibration.
+    The result of a fit to a calibration drive.
 
-    :param gains: true over sent velocity, by direction: forward, backward, left, right
-    :param veer: how much it turns to the left on each metre forwards [rad/m]
-    :param delay: how late it follows a velocity, dead time and lag together [s]
-    :param position_noise: standard deviation of the position in odometry [m]
-    :param heading_noise: standard deviation of the heading in odometry [rad]
+    :param gains: true velocity divided by sent velocity, by direction: forward, backward, left,
+        right
+    :param veer: the unwanted turn to the left for each metre forwards [rad/m]
+    :param delay: how late the robot follows a command, dead time plus lag [s]
+    :param position_noise: the standard deviation of the position in odometry [m]
+    :param heading_noise: the standard deviation of the heading in odometry [rad]
     """
 
     gains: dict[str, Estimate]
@@ -72,7 +73,7 @@ class CalibrationFit:
     heading_noise: float
 
     def calibration(self, date: str, floor: str) -> Calibration:
-        """Return the calibration that corrects it."""
+        """Return the calibration with the fitted values, rounded."""
         gains = {f'{name}_gain': round(gain.value, 5) for name, gain in self.gains.items()}
         return Calibration(
             **gains, veer=round(self.veer.value, 5),
@@ -80,7 +81,7 @@ class CalibrationFit:
 
 
 class Rest(NamedTuple):
-    """Where odometry reports a robot at standstill, how often, and how much that varies."""
+    """The mean odometry pose of a robot at standstill, the number of samples and the noise."""
 
     pose: Pose
     samples: int
@@ -89,7 +90,7 @@ class Rest(NamedTuple):
 
 
 class _Drive(NamedTuple):
-    """The displacement and the time of one step, by odometry."""
+    """The gain, the veer and the delay of one step, from odometry."""
 
     direction: str
     gain: Estimate
@@ -101,12 +102,13 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
     """
     Fit a calibration to a drive of the motion ``calibration``.
 
-    The gain of a step is the reported displacement between the rests before and after it, over
-    the sent one.  The delay is the area between the two over time, over that displacement: a dead
-    time and the time constant of a lag of any order add up to it.
+    The gain of a step is the reported displacement divided by the requested displacement, between
+    the rests before and after the step.  The delay is the area between the sent and the reported
+    displacement over time, divided by the displacement.  It is the sum of the dead time and the
+    time constant of a lag of any order.
 
-    :param log: the drive; each of its steps that moves stands between two rests
-    :raises CalibrationError: if it cannot tell
+    :param log: the drive; each moving step is between two rests
+    :raises CalibrationError: if the drive gives no valid calibration
     """
     steps = completed_steps(log)
     sent = DeadReckoning(log.sent, log.command_timeout)
@@ -136,9 +138,10 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
 
 def completed_steps(log: DriveLog) -> list[StepLog]:
     """
-    Return the steps of a drive.
+    Return the steps of a drive that was completed as planned.
 
-    :raises CalibrationError: if it was not driven to its end as planned
+    :param log: the drive
+    :raises CalibrationError: if the drive was not completed, or was paused or slowed down
     """
     steps = log.steps
     if not steps or not all(step.is_complete for step in steps):
@@ -150,10 +153,11 @@ def completed_steps(log: DriveLog) -> list[StepLog]:
 
 def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
     """
-    Return where a robot stands at the end of a step that moves nothing.
+    Return the mean pose at the end of a step in which the robot stands still.
 
-    :param odometry: what is plausible of it
-    :raises CalibrationError: if odometry does not show standstill
+    :param odometry: the plausible odometry samples of the drive
+    :param step: the step
+    :raises CalibrationError: if odometry does not show a standstill
     """
     end = step.began + step.planned.duration
     poses = [sample.pose for sample in odometry if end - REST <= sample.time <= end]
@@ -182,10 +186,14 @@ def _drive(
         odometry: Sequence[OdometryReceived], sent: DeadReckoning, step: StepLog, before: Rest,
         after: Rest, end: float) -> _Drive:
     """
-    Return what odometry reported of a step.
+    Return the gain, the veer and the delay of a step, from odometry.
 
-    :param before: the rest before it
-    :param after: the rest after it, which ends at ``end`` [s]
+    :param odometry: the plausible odometry samples of the drive
+    :param sent: the path from the sent velocities
+    :param step: the step
+    :param before: the rest before the step
+    :param after: the rest after the step
+    :param end: the time at which the rest after the step ends [s]
     """
     is_straight = step.step.displacement.distance != 0.0
     extent = (_straight if is_straight else _turn)(
@@ -204,7 +212,7 @@ def _drive(
                 Pose(sample.pose.x, sample.pose.y, theta)) / gain
             area += 0.5 * (height + behind) * (sample.time - time)
             time, height = sample.time, behind
-    # An error of where it stood before is one of each height.
+    # An error of the pose before the step adds the same error to each height.
     return _Drive(
         extent.direction, Estimate(gain, extent.error / extent.requested), extent.veer,
         Estimate(area / extent.requested,
@@ -213,14 +221,15 @@ def _drive(
 
 class _StepExtent(NamedTuple):
     """
-    How far a step goes, in metres or radians, positive in its direction.
+    The requested and the reported displacement of a step [m or rad], positive in its direction.
 
-    :param requested: in all
-    :param reported: by odometry, from rest to rest
-    :param error: the standard error of that
-    :param veer: the veer by odometry; None of a turn
-    :param sent_distance: returns how far along the step a pose is, by what was sent
-    :param reported_distance: returns how far along the step a pose is, by odometry
+    :param direction: forward, backward, left or right
+    :param requested: the requested displacement
+    :param reported: the displacement in odometry, from rest to rest
+    :param error: the standard error of the reported displacement
+    :param veer: the veer in odometry; None for a turn
+    :param sent_distance: returns the displacement along the step for a pose of the sent path
+    :param reported_distance: returns the displacement along the step for an odometry pose
     """
 
     direction: str
@@ -238,7 +247,7 @@ def _straight(requested: Displacement, before: Rest, after: Rest, origin: Pose) 
     x, y = end.x - start.x, end.y - start.y
     length = math.hypot(x, y)
     ahead = sign * (x * math.cos(start.theta) + y * math.sin(start.theta))
-    # A veer bends the path a little; its chord is as long but for a few parts in 100 000.
+    # A veer bends the path slightly; chord and path differ by a few parts in 100 000.
     reported = math.copysign(length, ahead)
     along = (x / length, y / length) if length else (0.0, 0.0)
     heading_error = _error(before, after, 'heading_noise')
@@ -255,7 +264,7 @@ def _straight(requested: Displacement, before: Rest, after: Rest, origin: Pose) 
 def _turn(requested: Displacement, before: Rest, after: Rest, origin: Pose) -> _StepExtent:
     start, total = before.pose.theta, abs(requested.angle)
     sign = math.copysign(1.0, requested.angle)
-    # By whole turns as near to what was requested as can be.
+    # Add whole turns so that the reported angle is as near as possible to the requested one.
     reported = total + math.remainder(sign * (after.pose.theta - start) - total, math.tau)
     return _StepExtent(
         'left' if sign > 0.0 else 'right', total, reported, _error(before, after, 'heading_noise'),
@@ -264,7 +273,7 @@ def _turn(requested: Displacement, before: Rest, after: Rest, origin: Pose) -> _
 
 
 def _error(before: Rest, after: Rest, noise: str) -> float:
-    """Return the standard error of a difference between the means of two rests."""
+    """Return the standard error of the difference between the mean poses of two rests."""
     return math.hypot(*(
         float(getattr(rest, noise)) / math.sqrt(rest.samples) for rest in (before, after)))
 
@@ -285,7 +294,7 @@ def _gain(direction: str, gains: Sequence[Estimate]) -> Estimate:
 
 
 def _mean(estimates: Sequence[Estimate]) -> Estimate:
-    """Return the mean of estimates alike; its error is that of chance, or of their spread."""
+    """Return the mean of estimates; its error is from their errors or, if larger, their spread."""
     count = len(estimates)
     value = _average([estimate.value for estimate in estimates])
     chance = math.sqrt(sum(estimate.error ** 2 for estimate in estimates)) / count

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The log of a drive: what was sent and what odometry reported, with times."""
+"""The log of a drive: sent velocities and received odometry, with times."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ from kachaka_simple_control.motion.steps import Step
 @dataclass(frozen=True)
 class StepLog:
     """
-    A step and its messages.
+    A driven step and its sent messages.
 
-    :param planned: what was planned
-    :param began: when the plan was at its start [s on the steady clock]
-    :param sent: its messages, from its first to the one after its last, which ends it
-    :param is_complete: whether it was driven to its end
+    :param planned: the planned step
+    :param began: the time at which the plan reached the step [s on the steady clock]
+    :param sent: the messages of the step, and the next message, which ends the step
+    :param is_complete: whether the step was driven to its end
     """
 
     planned: PlannedStep
@@ -55,32 +55,32 @@ class StepLog:
 
     @property
     def step(self) -> Step:
-        """Return the step that was asked for."""
+        """Return the requested step."""
         return self.planned.step
 
     @property
     def is_delayed(self) -> bool:
-        """Return whether any of it was not driven as planned, by a pause or at less speed."""
+        """Return whether a pause or a speed factor below 1 delayed the step."""
         return any(message.is_of_run and message.is_delayed for message in self.sent)
 
     @property
     def driven_duration(self) -> float:
-        """Return how long it took, pauses included, to the message that ended it [s]."""
+        """Return the driven time from start to the message that ends the step [s], with pauses."""
         return self.sent[-1].time - self.began if self.sent else 0.0
 
 
 @dataclass
 class MotionLog:
     """
-    A motion, its messages and how it ended.
+    A motion, its sent messages and its end.
 
-    :param planned: what was to be driven
-    :param sent: every message since it was planned, in order: zeros after connecting, its own,
-        the zeros of the stop
-    :param began: its t = 0 [s on the steady clock]; nan before
-    :param ended: when it ended [s on the steady clock]; None before
-    :param reason: why it ended early; None if it was driven to its end
-    :param is_fault: whether it ended early by a fault, and not on request
+    :param planned: the planned motion
+    :param sent: all messages since the planning, in order: zeros after connecting, the motion's
+        own messages, the zeros of the stop
+    :param began: the time t = 0 of the motion [s on the steady clock]; nan before the start
+    :param ended: the end time [s on the steady clock]; None before the end
+    :param reason: the reason for an early end; None if the motion was driven to its end
+    :param is_fault: whether a fault caused the early end, instead of a request
     """
 
     planned: MotionPlanned
@@ -89,11 +89,11 @@ class MotionLog:
     ended: float | None = None
     reason: str | None = None
     is_fault: bool = True
-    #: the index of its first own message, and of its last; None before the first
+    #: the indices of the motion's first and last own message; None before the first
     _own: tuple[int, int] | None = field(default=None, init=False, repr=False)
 
     def add(self, message: VelocitySent) -> None:
-        """Add a message that was sent."""
+        """Add a sent message to the log of the motion."""
         if message.is_of_run and self.has_begun:
             first = self._own[0] if self._own else len(self.sent)
             self._own = first, len(self.sent)
@@ -101,36 +101,36 @@ class MotionLog:
 
     @property
     def has_begun(self) -> bool:
-        """Return whether it began."""
+        """Return whether the motion has started."""
         return not math.isnan(self.began)
 
     @property
     def is_complete(self) -> bool:
-        """Return whether it was driven to its end."""
+        """Return whether the motion was driven to its end."""
         return self.ended is not None and self.reason is None
 
     @cached_property
     def plan(self) -> Plan:
-        """Return the plan that was to be sent."""
+        """Return the plan of the motion."""
         return plan(self.planned.motion, self.planned.limits, self.planned.rate)
 
     @property
     def timeline(self) -> PlanTimeline:
-        """Return when it was where on its plan."""
+        """Return the conversion between clock time and plan time of the motion."""
         return PlanTimeline(self.began, self.own_messages)
 
     @property
     def own_messages(self) -> Sequence[VelocitySent]:
-        """Return its own messages, from its first to the zero that ended it."""
+        """Return the motion's own messages, up to and with the zero that ended the motion."""
         if self._own is None:
             return ()
         first, last = self._own
-        # The first zero of the stop ends a motion that was cut short.
+        # If the motion ended early, the first zero of the stop is its last message.
         return self.sent[first:last + (1 if self.is_complete else 2)]
 
     @property
     def steps(self) -> list[StepLog]:
-        """Return its steps that were begun, in order."""
+        """Return the started steps of the motion, in order."""
         own = self.own_messages
         if not own:
             return []
@@ -146,13 +146,13 @@ class MotionLog:
 
     @property
     def reached(self) -> float:
-        """Return how far on its plan it came, to a period if it was delayed [s of the plan]."""
+        """Return the reached plan time [s of the plan]; accurate to one period if delayed."""
         own = self.own_messages
         return PlanTimeline(self.began, own).reached if own else 0.0
 
     @staticmethod
     def _begins_by(step: PlannedStep, reached: float, is_delayed: bool) -> bool:
-        # A rest begins with a zero, which may be the first of the stop.
+        # A rest starts with a zero; this zero may be the first zero of the stop.
         rests = step.max_linear_velocity == step.max_angular_velocity == 0.0
         return step.start < reached + (ROUNDING if rests or is_delayed else -ROUNDING)
 
@@ -160,14 +160,15 @@ class MotionLog:
 @dataclass
 class DriveLog:
     """
-    The log of a drive, from events.
+    The log of a drive, filled from events.
 
-    :param session_started: the start of the session; None before it
-    :param motions: what was to be driven, in order
-    :param odometry: every pose that arrived, in order
-    :param speed_changes: changes of the speed factor, in order; it is 1 before the first
-    :param session_ended: its end; None while it goes on, or if the program was killed
-    :param other_messages: messages of no motion: before the first, or of a run without a plan
+    :param session_started: the start of the session; None before the start
+    :param motions: the planned motions, in order
+    :param odometry: all received odometry samples, in order
+    :param speed_changes: the changes of the speed factor, in order; 1 before the first change
+    :param session_ended: the end of the session; None before the end, or if the program was
+        killed
+    :param other_messages: the messages before the first motion or of a run without a plan
     """
 
     session_started: SessionStarted | None = None
@@ -176,17 +177,17 @@ class DriveLog:
     speed_changes: list[SpeedFactorChanged] = field(default_factory=list)
     session_ended: SessionEnded | None = None
     other_messages: list[VelocitySent] = field(default_factory=list)
-    #: the motion under way; None before the first, and in a run without a plan
+    #: the current motion; None before the first motion and in a run without a plan
     _motion: MotionLog | None = field(default=None, init=False, repr=False)
 
     @property
     def steps(self) -> list[StepLog]:
-        """Return the steps of all motions that were begun, in order."""
+        """Return the started steps of all motions, in order."""
         return [step for motion in self.motions for step in motion.steps]
 
     @property
     def sent(self) -> list[VelocitySent]:
-        """Return every message, in order."""
+        """Return all sent messages, in order of time."""
         of_motions = [message for motion in self.motions for message in motion.sent]
         return sorted([*self.other_messages, *of_motions], key=attrgetter('time'))
 
@@ -197,7 +198,7 @@ class DriveLog:
         return math.inf if started is None else started.command_timeout
 
     def on_event(self, event: Event) -> None:
-        """Log an event."""
+        """Add an event to the log."""
         match event:
             case VelocitySent():
                 self._on_velocity(event)
@@ -220,8 +221,8 @@ class DriveLog:
 
     def _on_velocity(self, event: VelocitySent) -> None:
         if event.expected is not None:
-            # The report compares displacements: what the robot should do, not the calibrated
-            # command.
+            # Log the velocity expected on the floor, not the calibrated command, because the
+            # report compares displacements.
             event = replace(event, velocity=event.expected)
         if self._motion is None:
             self.other_messages.append(event)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How exactly the messages of a drive were timed, compared with its plans."""
+"""The timing accuracy of a drive's messages, compared with its plans."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from kachaka_simple_control.motion.plan import Plan
 
 @dataclass(frozen=True)
 class Quantiles:
-    """The median, the 99th percentile and the largest of some numbers."""
+    """The median, the 99th percentile and the largest value of a set of numbers."""
 
     median: float
     p99: float
@@ -47,18 +47,18 @@ def quantiles(values: Sequence[float]) -> Quantiles | None:
 
 def quantile(values: Sequence[float], part: float) -> float:
     """
-    Return the value below which a part of the values lies.
+    Return a quantile of some values.
 
     :param values: at least one number, in any order; may contain infinity
-    :param part: from 0, the least, to 1, the greatest
-    :returns: the value, interpolated between the two nearest
+    :param part: the share of the values below the quantile: 0 for the smallest, 1 for the largest
+    :returns: the quantile, interpolated between the two nearest values
     """
     ordered = sorted(values)
     place = part * (len(ordered) - 1)
     below = min(int(place), len(ordered) - 1)
     above = min(below + 1, len(ordered) - 1)
     if place <= below or ordered[above] == ordered[below]:
-        return ordered[below]  # the difference of two infinities is no number
+        return ordered[below]  # avoid NaN from the difference of two infinities
     return ordered[below] + (place - below) * (ordered[above] - ordered[below])
 
 
@@ -67,24 +67,25 @@ def median(values: Sequence[float]) -> float:
     return quantile(values, 0.5)
 
 
-#: A tick is lost if no message came within this part of a period of its time.
+#: A tick is lost if no message was sent within this share of a period from its due time.
 LOST = 0.5
 
 
 @dataclass(frozen=True)
 class Timing:
     """
-    How exactly a drive was timed.
+    The timing accuracy of a drive's messages.
 
-    :param due: how many ticks there were: times at which the plans had a message
-    :param late: how many came, but a quarter of a period or more from their time
-    :param lost: for how many nothing came within half a period of their time
-    :param interval_errors: by how much each interval between two messages was longer than due [s]
-    :param lateness: how far each message was from its time [s]; None if there was none
-    :param jitter: how far each interval was from the due one [s]; None if there was none
-    :param periods: the periods of the plans, each once [s]
-    :param unjudged: how many messages are left out, because from the first on that was not sent
-        as planned no time is due by the plan: after a pause, or at less speed
+    :param due: the number of ticks: times at which the plans require a message
+    :param late: the number of ticks with a message a quarter to half a period from the due time
+    :param lost: the number of ticks without a message within half a period of the due time
+    :param interval_errors: each interval between two messages minus the planned interval [s]
+    :param lateness: the time differences between messages and their due times [s]; None without
+        messages
+    :param jitter: the absolute interval errors [s]; None without intervals
+    :param periods: the periods of the plans, without duplicates [s]
+    :param unjudged: the number of messages without a due time: all messages of a motion from the
+        first one delayed by a pause or a speed factor
     """
 
     due: int
@@ -99,9 +100,10 @@ class Timing:
 
 def timing(motions: Sequence[MotionLog]) -> Timing:
     """
-    Compare the messages of motions with their plans, each as far as it was driven as planned.
+    Compare the message times of motions with their plans.
 
-    Motions that never began do not count.
+    For each motion, the comparison ends at the first delayed message.  Motions that never started
+    do not count.
     """
     late = lost = due = unjudged = 0
     interval_errors: list[float] = []
@@ -111,7 +113,7 @@ def timing(motions: Sequence[MotionLog]) -> Timing:
         period = motion.plan.period
         messages = [message for message in motion.own_messages if message.is_of_run]
         if motion.is_complete and messages:
-            messages.pop()  # the zero at its end is no tick
+            messages.pop()  # the zero at the end is not a tick
         as_planned = list(takewhile(lambda message: not message.is_delayed, messages))
         if len(as_planned) < len(messages):
             unjudged += len(messages) - len(as_planned)
@@ -134,11 +136,11 @@ def timing(motions: Sequence[MotionLog]) -> Timing:
 
 def due_times(plan: Plan, until: float) -> list[float]:
     """
-    Return when messages of a plan are due: at each change, and each period in between.
+    Return the due times of a plan's messages: at each segment start and each period after it.
 
     :param plan: the plan
-    :param until: where to end [s after t = 0]; not included
-    :returns: the times [s after t = 0], in order, without the zero at the end
+    :param until: the end of the interval [s after t = 0], exclusive
+    :returns: the times [s after t = 0], in order, without the time of the zero at the end
     """
     times = [segment.start + number * plan.period for segment in plan.segments
              for number in range(ticks(segment, plan.period))]
@@ -148,7 +150,7 @@ def due_times(plan: Plan, until: float) -> list[float]:
 def _timed_until(motion: MotionLog) -> float:
     if motion.is_complete or not motion.own_messages:
         return motion.plan.duration
-    # A tick that was due after the stop is not late.
+    # Ticks due after the stop do not count.
     end = motion.own_messages[-1].time - motion.began
     return min(motion.plan.duration, end - LOST * motion.plan.period)
 
@@ -157,12 +159,12 @@ def _sent_at(
         due: Sequence[float], messages: Sequence[VelocitySent], began: float,
 ) -> list[float | None]:
     """
-    Return for each tick the time of its message.
+    Return the time of each tick's message.
 
-    :param due: when each tick is due [s after t = 0], in order
+    :param due: the due time of each tick [s after t = 0], in order
     :param messages: the messages, in order
-    :param began: t = 0 [s on the steady clock]
-    :returns: for each tick the time of its message [s after t = 0]; None if there is none
+    :param began: the time t = 0 [s on the steady clock]
+    :returns: the time of each tick's message [s after t = 0]; None for a tick without a message
     """
     found: list[float | None] = [None] * len(due)
     for message in messages:
@@ -173,7 +175,7 @@ def _sent_at(
 
 
 def _interval_errors(due: Sequence[float], sent_at: Sequence[float | None]) -> list[float]:
-    # After a message the next tick's was due, whether it came or not.
+    # The planned interval is to the next tick, also if the next tick has no message.
     messages = [(tick, time) for tick, time in enumerate(sent_at) if time is not None]
     return [two - one - (due[tick + 1] - due[tick])
             for (tick, one), (_, two) in pairwise(messages)]

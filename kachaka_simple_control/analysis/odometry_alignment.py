@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A drive in one frame: as planned, as sent and as odometry reported it."""
+"""The planned, sent and reported paths of a drive in one frame."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ from kachaka_simple_control.motion.geometry import (
 
 class DeadReckoning:
     """
-    The path of a robot that keeps each velocity until the next, up to its command timeout.
+    The path of a robot that drives exactly the sent velocities, from the origin.
 
-    It is at the origin when the first message comes.
+    The robot keeps each velocity until the next message, but not longer than the command timeout.
 
-    :param messages: what the robot is sent, in order
-    :param command_timeout: how long it keeps a velocity without a new one [s]
+    :param messages: the sent messages, in order
+    :param command_timeout: how long the robot keeps a velocity without a new one [s]
     """
 
     def __init__(self, messages: Sequence[VelocitySent], command_timeout: float) -> None:
-        #: when its velocity may have changed [s], and where it was
+        #: the times at which the velocity may change [s]; ``poses`` has the poses at these times
         self.times: list[float] = []
         self.poses: list[Pose] = []
         self._velocities: list[Velocity] = []
@@ -69,7 +69,7 @@ class DeadReckoning:
         self._velocities.append(message.velocity)
 
     def at(self, time: float) -> Pose:
-        """Return the pose at a time [s]; before the first message it is the origin."""
+        """Return the pose at a time [s]; before the first message the origin."""
         last = len(self.times) - 1
         index = last if last >= 0 and time >= self.times[last] else (
             bisect_right(self.times, time) - 1)
@@ -87,9 +87,9 @@ class DeadReckoning:
     @property
     def end(self) -> Pose:
         """
-        Return the last pose: a command timeout after the last message.
+        Return the last pose: one command timeout after the last message.
 
-        If there is no timeout, the last pose is not known; then it is that of the last message.
+        Without a timeout the last pose is unknown; then return the pose at the last message.
         """
         if not self.times:
             return ORIGIN
@@ -97,20 +97,20 @@ class DeadReckoning:
         return self.at(self.times[-1] + (timeout if math.isfinite(timeout) else 0.0))
 
 
-#: For so long after the last message odometry still belongs to the drive [s].
+#: Odometry up to this time after the last message belongs to the drive [s].
 MAX_TIME_AFTER_LAST_MESSAGE = 1.0
-#: Odometry with figures beyond this is invalid and left out [m, rad, m/s, rad/s].
+#: Odometry with a larger value is invalid and left out [m, rad, m/s, rad/s].
 MAX_VALUE = 1e6
 
 
 @dataclass(frozen=True)
 class MotionStart:
     """
-    Where and when a motion was to start.
+    The start pose and the start time of a motion.
 
     :param motion: the motion
-    :param pose: where, in the frame of the drive
-    :param time: when [s after t = 0 of the drive]; None if it never began
+    :param pose: the planned start pose, in the frame of the drive
+    :param time: the start time [s after t = 0 of the drive]; None if the motion never started
     """
 
     motion: MotionLog
@@ -122,11 +122,11 @@ class OdometrySample(NamedTuple):
     """
     A sample of odometry in the frame of the drive.
 
-    :param time: when [s after t = 0 of the drive]
-    :param pose: where
-    :param received: the sample as it arrived
-    :param distance: how far the robot was from where the messages should have brought it [m]
-    :param angle: how far it was turned too far to the left [rad]
+    :param time: the time of the sample [s after t = 0 of the drive]
+    :param pose: the pose in the frame of the drive
+    :param received: the sample as received
+    :param distance: the distance from the pose that follows from the sent velocities [m]
+    :param angle: the heading error relative to that pose [rad], positive to the left
     """
 
     time: float
@@ -138,20 +138,20 @@ class OdometrySample(NamedTuple):
 
 class AlignedDrive:
     """
-    All of a drive in one frame: its origin is the robot's pose at t = 0.
+    The plans, messages and odometry of a drive in one frame: the robot's pose at t = 0.
 
-    Odometry has a frame of its own.  It is transformed so that its pose at t = 0, or its first one
-    after that, is where the messages sent by then should have brought the robot.
+    Odometry is transformed from its own frame.  The sample before t = 0, or else the first sample,
+    is mapped to the pose that follows from the velocities sent until then.
     """
 
     def __init__(self, log: DriveLog) -> None:
         began = [motion.began for motion in log.motions if motion.has_begun]
-        #: t = 0 [s on the steady clock]; nan if nothing began
+        #: the time t = 0 [s on the steady clock]; nan if no motion started
         self.start_time = began[0] if began else math.nan
-        #: every message from t = 0 on
+        #: all messages from t = 0 on
         self.sent = [message for message in log.sent if message.time >= self.start_time - 1e-6]
         self.dead_reckoning = DeadReckoning(self.sent, log.command_timeout)
-        #: all motions, in order
+        #: the starts of all motions, in order
         self.motion_starts = self._motion_starts(log.motions)
         #: odometry from t = 0 on
         self.odometry = self._aligned([
@@ -159,12 +159,12 @@ class AlignedDrive:
 
     @property
     def planned_end(self) -> Pose:
-        """Return where the last motion was to end."""
+        """Return the planned end pose of the last motion."""
         return _end_of(self.motion_starts)
 
     @property
     def duration(self) -> float:
-        """Return until when something was sent or planned [s after t = 0]."""
+        """Return the time of the last message or of the last planned end [s after t = 0]."""
         planned = [
             time for start in self.motion_starts if start.time is not None or not self.sent
             for time in self.planned_times(start, [start.motion.plan.duration])]
@@ -173,11 +173,11 @@ class AlignedDrive:
 
     def planned_times(self, start: MotionStart, plan_times: Iterable[float]) -> list[float]:
         """
-        Return when the plan of a motion was at times of its own.
+        Convert plan times of a motion to times of the drive.
 
-        :param start: of the motion
-        :param plan_times: the times [s of the plan]
-        :returns: when [s after t = 0 of the drive]
+        :param start: the start of the motion
+        :param plan_times: the plan times [s of the plan]
+        :returns: the times [s after t = 0 of the drive]
         """
         timeline = start.motion.timeline
         if start.time is None or not timeline.is_delayed:
@@ -202,7 +202,7 @@ class AlignedDrive:
         last = bisect_right(odometry, end, key=attrgetter('time'))
         if first >= last:
             return []
-        # The last sample before t = 0, or the first of all, fixes the frame.
+        # The last sample before t = 0, or else the first sample, defines the frame.
         odometry = odometry[max(0, first - 1):last]
         frame = compose(self.dead_reckoning.at(odometry[0].time),
                         relative_to(odometry[0].pose, ORIGIN))
@@ -211,7 +211,7 @@ class AlignedDrive:
             expected = self.dead_reckoning.at(received.time)
             pose = compose(frame, received.pose)
             distance, angle = distance_between(expected, pose)
-            # Headings of odometry are wrapped; the robot may have made several turns.
+            # Odometry headings are wrapped, but the robot may have made several turns.
             pose = Pose(pose.x, pose.y, expected.theta + angle)
             samples.append(OdometrySample(
                 received.time - self.start_time, pose, received, distance, angle))
@@ -223,7 +223,7 @@ def _end_of(starts: Sequence[MotionStart]) -> Pose:
 
 
 def is_plausible(sample: OdometryReceived) -> bool:
-    """Return whether a sample of odometry has finite values that a robot may have."""
+    """Return whether an odometry sample has finite values in a plausible range."""
     pose, velocity = sample.pose, sample.velocity
     return math.isfinite(sample.time) and all(abs(value) < MAX_VALUE for value in (
         pose.x, pose.y, pose.theta, velocity.linear_x, velocity.angular_z))

@@ -11,14 +11,19 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Calibrates odometry by 1 m and a turn: a tape's measurements against odometry's."""
+"""
+Calibrate odometry with a tape: a straight line of 1 m and a turn, or squares in both directions.
+
+The squares are the UMBmark method of Borenstein and Feng.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 import math
+from typing import NamedTuple
 
 from kachaka_simple_control.analysis.calibration_fit import (
     CalibrationError,
@@ -28,11 +33,18 @@ from kachaka_simple_control.analysis.calibration_fit import (
 )
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.odometry_alignment import is_plausible
-from kachaka_simple_control.motion.calibration import MAX_GAIN, MIN_GAIN
-from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.motion.calibration import (
+    MAX_GAIN,
+    MAX_WHEEL_RATIO,
+    MIN_GAIN,
+    MIN_WHEEL_RATIO,
+    OdometryCalibration,
+)
+from kachaka_simple_control.motion.geometry import ORIGIN, Pose, relative_to
 
-#: Standard errors of what is measured of 1 m and of a whole turn: two marks, each read to 1 mm,
-#: and an angle read to 1 deg.
+#: The standard errors of the measured 1 m and of the measured whole turn: two marks, each read
+#: to 1 mm, and an angle read to 1 deg.
 TAPE_ERROR = 0.0015
 ANGLE_ERROR = math.radians(1.0)
 #: The shortest time between two poses of a path [s].
@@ -42,10 +54,10 @@ PATH_PERIOD = 0.1
 @dataclass(frozen=True)
 class FloorFit:
     """
-    The fit of 1 m and a whole turn.
+    The result of a fit to a straight line of 1 m and a whole turn.
 
-    :param scale: true over reported distance
-    :param track_ratio: true track over the one that odometry uses
+    :param scale: true distance divided by reported distance
+    :param track_ratio: true track divided by the track that odometry uses
     """
 
     scale: Estimate
@@ -54,8 +66,9 @@ class FloorFit:
 
 def reported_path(log: DriveLog) -> list[Pose]:
     """
-    Return the poses that odometry reported in a drive that begins and ends with a rest.
+    Return the odometry poses of a drive that starts and ends with a rest.
 
+    :param log: the drive
     :raises CalibrationError: if the drive was not completed, or odometry does not cover it
     """
     steps = completed_steps(log)
@@ -72,7 +85,7 @@ def reported_path(log: DriveLog) -> list[Pose]:
 
 
 def reported_displacement(path: Sequence[Pose]) -> tuple[float, float]:
-    """Return how far apart the ends of a path are [m], and the heading change [rad]."""
+    """Return the distance between the ends of a path [m] and the heading change [rad]."""
     start, end = path[0], path[-1]
     return math.hypot(end.x - start.x, end.y - start.y), math.fsum(
         math.remainder(after.theta - before.theta, math.tau) for before, after in pairwise(path))
@@ -82,16 +95,16 @@ def fit_floor(
         reported_distance: float, measured_distance: float, reported_angle: float,
         measured_angle: float) -> FloorFit:
     """
-    Fit scale and track to a straight line and a turn on the spot.
+    Fit scale and track ratio to a straight line and a turn in place.
 
-    The first is the scale s; with the true track b and the one of odometry b_0, a reported turn
-    is s b_0 / b times as large on the floor.
+    The scale s is the measured distance divided by the reported distance.  The measured angle is
+    s b_0 / b times the reported angle, with the true track b and the track b_0 of odometry.
 
-    :param reported_distance: by odometry [m]
-    :param measured_distance: by the tape [m]
-    :param reported_angle: by odometry [rad]
-    :param measured_angle: on the floor, in all, of the same sign [rad]
-    :raises CalibrationError: if that cannot be
+    :param reported_distance: the distance in odometry [m]
+    :param measured_distance: the distance measured with the tape [m]
+    :param reported_angle: the angle in odometry [rad]
+    :param measured_angle: the total angle on the floor [rad], with the same sign
+    :raises CalibrationError: if the values are not plausible
     """
     scale = _ratio('distance', reported_distance, measured_distance, 'm')
     turn = _ratio('angle', reported_angle, measured_angle, 'rad')
@@ -113,3 +126,250 @@ def _ratio(name: str, reported: float, measured: float, unit: str) -> float:
             f'the {name} is {measured:.4g} {unit} by the tape and {reported:.4g} {unit} by '
             'odometry: which of them is wrong?')
     return measured / reported
+
+
+#: The standard errors of the measurement at the end of a square: of the position along each axis
+#: [m], and of the heading [rad].
+POSITION_ERROR = 0.02
+HEADING_ERROR = math.radians(0.6)
+#: The largest difference between measured and reported end of a square: of the position as a share
+#: of the path length, and of the heading [rad].
+MAX_END_ERROR = 0.25
+MAX_END_TURN = math.radians(120.0)
+#: The largest root mean square residual of the fit [standard errors].
+MAX_MISFIT = 4.0
+#: The largest standard errors of the curvature of a straight line [rad/m] and of the track ratio.
+MAX_BEND_ERROR = 0.005
+MAX_TRACK_RATIO_ERROR = 0.01
+#: The largest number of iterations of the fit; usually about five are enough.
+MAX_ITERATIONS = 50
+
+
+class Square(NamedTuple):
+    """
+    One driven square.
+
+    :param path: the odometry poses, at rest at both ends
+    :param measured: the measured end pose on the floor, relative to the start pose: x ahead, y to
+        the left
+    """
+
+    path: Sequence[Pose]
+    measured: Pose
+
+
+@dataclass(frozen=True)
+class UmbmarkFit:
+    """
+    The result of a fit to squares in both directions.
+
+    :param wheel_ratio: true diameter of the right wheel divided by the one of the left wheel
+    :param track_ratio: true track divided by the track that odometry uses
+    :param before: the largest systematic position error without the correction, E_max,syst of
+        UMBmark [m]
+    :param after: the largest systematic position error with the correction [m]
+    :param closed_form: wheel ratio and track ratio from the formulas of Borenstein and Feng
+    """
+
+    wheel_ratio: Estimate
+    track_ratio: Estimate
+    before: float
+    after: float
+    closed_form: tuple[float, float]
+
+
+def closed_form(
+        squares: Sequence[Square], track: float, scale: float = 1.0) -> tuple[float, float]:
+    """
+    Return wheel ratio and track ratio from the formulas of Borenstein and Feng (1996).
+
+    The formulas are first-order approximations, one for each axis.  Their second-order errors have
+    opposite signs, so the mean of the two results is returned.
+
+    :param squares: the driven squares, at least one in each direction
+    :param track: the track that odometry uses [m]
+    :param scale: true distance divided by reported distance, from a straight line
+    """
+    side = scale * math.fsum(_length(square.path) for square in squares) / (4.0 * len(squares))
+    right, left = (
+        _mean_error(OdometryCalibration(scale), group) for group in _by_direction(squares))
+    wheel, width = [], []
+    for both, difference in ((right.x + left.x, right.x - left.x),
+                             (right.y - left.y, right.y + left.y)):
+        alpha, beta = both / (-4.0 * side), difference / (-4.0 * side)
+        # track divided by curve radius; 0 for a straight line
+        bend = track * math.sin(beta / 2.0) / (side / 2.0)
+        wheel.append((1.0 + bend / 2.0) / (1.0 - bend / 2.0))
+        width.append(math.pi / 2.0 / (math.pi / 2.0 - alpha))
+    return sum(wheel) / 2.0, sum(width) / 2.0
+
+
+def fit_umbmark(
+        squares: Sequence[Square], track: float, scale: float = 1.0) -> UmbmarkFit:
+    """
+    Fit wheel ratio and track ratio to squares, by least squares over end positions and headings.
+
+    The model is exact: it converts each odometry increment to the floor, from start to end.
+    Squares cannot give the scale, because with any scale they end at their start.
+
+    :param squares: the driven squares, at least one in each direction
+    :param track: the track that odometry uses [m]
+    :param scale: true distance divided by reported distance, from a straight line
+    :raises CalibrationError: if the squares give no valid calibration
+    """
+    for square in squares:
+        _check(square)
+    if not all(_by_direction(squares)):
+        raise CalibrationError(
+            'squares in one direction cannot tell unequal wheels from a wrong track: drive both')
+
+    def residuals(wheel_ratio: float, track_ratio: float) -> list[float]:
+        calibration = OdometryCalibration(scale, wheel_ratio, track_ratio, track)
+        return [value for square in squares for value in _residual(calibration, square)]
+
+    start = closed_form(squares, track, scale)
+    try:
+        found, (wheel_error, track_error) = _least_squares(residuals, (
+            _within(start[0], MIN_WHEEL_RATIO, MAX_WHEEL_RATIO), _within(start[1], 0.8, 1.25)))
+    except InvalidMotionError as error:
+        raise CalibrationError(f'the best fit is beyond what wheels may be: {error}') from None
+    left = residuals(*found)
+    misfit = math.sqrt(sum(value * value for value in left) / (len(left) - 2))
+    if misfit > MAX_MISFIT:
+        raise CalibrationError(
+            f'what was measured lies {misfit:.0f} times further beside the best fit than '
+            'measuring explains: is a sign wrong, was the robot moved, or do wheels slip?')
+    wheel_error, track_error = (
+        error * max(1.0, misfit) for error in (wheel_error, track_error))
+    if wheel_error / track > MAX_BEND_ERROR or track_error > MAX_TRACK_RATIO_ERROR:
+        raise CalibrationError(
+            f'the wheel ratio is {found[0]:.4f}, give or take {wheel_error:.4f}, and the track '
+            f'ratio {found[1]:.3f}, give or take {track_error:.3f}: drive larger squares, or more')
+    calibration = OdometryCalibration(scale, *found, track)
+    return UmbmarkFit(
+        Estimate(found[0], wheel_error), Estimate(found[1], track_error),
+        worst_systematic_error(squares, OdometryCalibration(scale)),
+        worst_systematic_error(squares, calibration), start)
+
+
+def worst_systematic_error(
+        squares: Sequence[Square], calibration: OdometryCalibration) -> float:
+    """
+    Return E_max,syst of UMBmark: the larger of both directions' mean position errors [m].
+
+    :param squares: the driven squares, at least one in each direction
+    :param calibration: the calibration that corrects odometry
+    """
+    means = [_mean_error(calibration, group) for group in _by_direction(squares)]
+    return max(math.hypot(mean.x, mean.y) for mean in means)
+
+
+def _check(square: Square) -> None:
+    measured, length = square.measured, _length(square.path)
+    if not all(map(math.isfinite, (measured.x, measured.y, measured.theta))):
+        raise CalibrationError('what was measured has a value that is no finite number')
+    error = _error(OdometryCalibration(), square)
+    if math.hypot(error.x, error.y) > MAX_END_ERROR * length:
+        raise CalibrationError(
+            f'a square ended {math.hypot(error.x, error.y):.3g} m from where odometry reported '
+            f'it, after {length:.3g} m: is that in metres, and from where it began?')
+    if abs(error.theta) > MAX_END_TURN:
+        raise CalibrationError(
+            f'a square ended turned {math.degrees(error.theta):.0f} deg from what odometry '
+            'reported: is that the heading as seen from its start?')
+
+
+def _by_direction(squares: Sequence[Square]) -> tuple[list[Square], list[Square]]:
+    """Return the squares driven to the right, and the squares driven to the left."""
+    turns = [reported_displacement(square.path)[1] for square in squares]
+    return ([square for square, turn in zip(squares, turns, strict=True) if turn < -math.pi],
+            [square for square, turn in zip(squares, turns, strict=True) if turn > math.pi])
+
+
+def _length(path: Sequence[Pose]) -> float:
+    """Return the length of a path [m]; lateral noise does not count."""
+    return math.fsum(
+        abs(moved.x) for before, after in pairwise(path)
+        for moved in [relative_to(before, after)])
+
+
+def _error(calibration: OdometryCalibration, square: Square) -> Pose:
+    """Return the measured end pose of a square minus the end pose from corrected odometry."""
+    pose = ORIGIN
+    for before, after in pairwise(square.path):
+        pose = calibration.advance_on_floor(pose, before, after)
+    measured = square.measured
+    return Pose(measured.x - pose.x, measured.y - pose.y,
+                math.remainder(measured.theta - pose.theta, math.tau))
+
+
+def _mean_error(calibration: OdometryCalibration, squares: Sequence[Square]) -> Pose:
+    errors = [_error(calibration, square) for square in squares]
+    return Pose(*(math.fsum(getattr(error, axis) for error in errors) / len(errors)
+                  for axis in ('x', 'y', 'theta')))
+
+
+def _residual(calibration: OdometryCalibration, square: Square) -> tuple[float, float, float]:
+    error = _error(calibration, square)
+    return error.x / POSITION_ERROR, error.y / POSITION_ERROR, error.theta / HEADING_ERROR
+
+
+def _within(value: float, least: float, most: float) -> float:
+    return min(max(value, least), most)
+
+
+def _least_squares(
+        residuals: Callable[[float, float], Sequence[float]], start: tuple[float, float],
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """
+    Return the two parameters with the least sum of squares, and their standard errors.
+
+    The method is Gauss-Newton.  A step that does not reduce the sum is halved.
+
+    :param residuals: returns the residuals for two parameters, each divided by its standard error
+    :param start: the parameters to start from
+    :raises CalibrationError: if the fit finds no such parameters
+    """
+    found, step = start, 1e-6
+    left = residuals(*found)
+    for _ in range(MAX_ITERATIONS):
+        columns = [
+            [(more - less) / (2.0 * step) for more, less in zip(
+                residuals(found[0] + step * dx, found[1] + step * dy),
+                residuals(found[0] - step * dx, found[1] - step * dy), strict=True)]
+            for dx, dy in ((1.0, 0.0), (0.0, 1.0))]
+        a, b, c = _dot(columns[0], columns[0]), _dot(*columns), _dot(columns[1], columns[1])
+        determinant = a * c - b * b
+        if determinant <= 1e-9 * a * c:
+            raise CalibrationError(
+                'the squares cannot tell unequal wheels from a wrong track: were they driven?')
+        p, q = _dot(columns[0], left), _dot(columns[1], left)
+        change = (b * q - c * p) / determinant, (b * p - a * q) / determinant
+        better = _descend(residuals, found, change, _dot(left, left))
+        if better is None:
+            return found, (math.sqrt(c / determinant), math.sqrt(a / determinant))
+        found, left = better
+    raise CalibrationError('no wheels and no track explain what was measured')
+
+
+def _descend(
+        residuals: Callable[[float, float], Sequence[float]], found: tuple[float, float],
+        change: tuple[float, float], least: float,
+) -> tuple[tuple[float, float], Sequence[float]] | None:
+    """Return the parameters after a step that reduces the sum, and the residuals, or None."""
+    factor = 1.0
+    while factor * max(map(abs, change)) > 1e-9:
+        tried = found[0] + factor * change[0], found[1] + factor * change[1]
+        try:
+            left = residuals(*tried)
+        except InvalidMotionError:  # out of range
+            pass
+        else:
+            if _dot(left, left) < least:
+                return tried, left
+        factor /= 2.0
+    return None
+
+
+def _dot(one: Sequence[float], two: Sequence[float]) -> float:
+    return math.fsum(x * y for x, y in zip(one, two, strict=True))

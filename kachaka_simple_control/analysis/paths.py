@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Paths of plans and poses, with few points: for drawing, for topics, for recordings."""
+"""Paths of plans and poses with few points, for plots, topics and recordings."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from kachaka_simple_control.motion.geometry import (
 )
 from kachaka_simple_control.motion.plan import Plan
 
-#: How far an arc turns between two points [rad]: 4 degrees, off by 1/1600 of the radius.
+#: The heading change between two points of an arc [rad]: 4 degrees, an error of 1/1600 radius.
 BEND = math.radians(4.0)
-#: More of a turn in place would run into its own beginning [rad].
+#: The largest angle of an arc that shows a turn in place [rad]: a larger arc touches its start.
 SWEEP = math.radians(330.0)
-#: Above this angle further full turns are left out, for they cannot be seen [rad].
+#: Above this angle further full turns are left out, because they are not visible [rad].
 ROUNDS = 2.0 * math.tau
-#: If a path has more points than this, each of its lines is drawn once.
+#: If a path has more points than this, each line is drawn once.
 MANY_POINTS = 500
-#: At most this many points are drawn.
+#: The largest number of points that are drawn.
 MAX_POINTS = 10_000
-#: Between two lines that do not touch.
+#: The point between two lines that do not touch.
 GAP = (math.nan, math.nan)
 
 Cell = tuple[int, int]
@@ -50,11 +50,11 @@ Cell = tuple[int, int]
 @dataclass(frozen=True)
 class ArcSegment:
     """
-    A part of the path of a plan, with the same curvature all along.
+    A part of the path of a plan with a constant curvature.
 
-    :param start: the pose at its start
-    :param distance: its signed length [m], negative backwards
-    :param angle: heading change [rad], positive to the left
+    :param start: the pose at the start of the segment
+    :param distance: the signed length [m], negative backwards
+    :param angle: the heading change [rad], positive to the left
     """
 
     start: Pose
@@ -63,13 +63,13 @@ class ArcSegment:
 
     @property
     def middle(self) -> Pose:
-        """Return the pose half-way, with the heading of the movement."""
+        """Return the pose at the middle, with the direction of travel as its heading."""
         pose = advance(self.start, self.distance / 2.0, self.angle / 2.0)
         return pose if self.distance >= 0.0 else Pose(pose.x, pose.y, pose.theta + math.pi)
 
     def sweep(self, radius: float) -> list[Point]:
         """
-        Return the points of an arc that shows a turn in place; of more than a turn its end.
+        Return the points of an arc that shows a turn in place, at most its last 330 degrees.
 
         :param radius: the radius of the arc [m]
         """
@@ -81,20 +81,20 @@ class ArcSegment:
                  self.start.y + radius * math.sin(heading)) for heading in headings]
 
     def points(self) -> list[Point]:
-        """Return the points of a polyline [m], without the first; none for a turn in place."""
+        """Return the polyline's points without the first [m]; empty for a turn in place."""
         if self.distance == 0.0:
             return []
         return [(pose.x, pose.y) for pose in self.poses(self.count)]
 
     @property
     def count(self) -> int:
-        """Return in how many parts a polyline looks round; 0 if there is no movement."""
+        """Return the number of lines that make the polyline look round; 0 without movement."""
         if self.distance == self.angle == 0.0:
             return 0
         return max(1, math.ceil(abs(self._visible_angle) / BEND))
 
     def poses(self, count: int) -> list[Pose]:
-        """Return some poses at equal distances, without the first."""
+        """Return ``count`` poses at equal distances, without the start pose."""
         angle = self._visible_angle
         distance = self.distance * (angle / self.angle if self.angle else 1.0)
         return [advance(self.start, distance * number / count, angle * number / count)
@@ -104,13 +104,13 @@ class ArcSegment:
     def _visible_angle(self) -> float:
         if abs(self.angle) <= ROUNDS:
             return self.angle
-        # Full turns after the first lie on it: only where the last one ends can be seen.
+        # Further full turns cover the first one, so only the end of the last turn is visible.
         return math.copysign(math.tau, self.angle) + math.fmod(self.angle, math.tau)
 
 
 def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[ArcSegment]]:
     """
-    Return the path of each step of a plan in segments of constant curvature, in order.
+    Return the path of each step of a plan as segments of constant curvature, in order.
 
     :param plan: the plan
     :param start: the pose at t = 0
@@ -123,23 +123,22 @@ def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[ArcSegment]]:
             segments.append(ArcSegment(pose, segment.length, segment.angle))
             pose = advance(pose, segment.length, segment.angle)
         steps.append(segments)
-        pose = compose(start, planned.pose)  # the same, but for rounding
+        pose = compose(start, planned.pose)  # the same, except for rounding
     return steps
 
 
 def arc_segments(plan: Plan) -> list[ArcSegment]:
-    """Return the path of a plan in segments of constant curvature, in order."""
+    """Return the path of a plan as segments of constant curvature, in order."""
     return [segment for segments in step_segments(plan) for segment in segments]
 
 
 def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
     """
-    Return the polyline of path segments, one after the other.
+    Return one polyline for consecutive path segments.
 
-    :param segments: the segments
-    :param grain: the smallest distance that can be seen [m]
-    :returns: its points from the start of the first segment on; where some are left out, with gaps
-        of NaN
+    :param segments: the segments, in order
+    :param grain: the smallest visible distance [m]
+    :returns: the points from the start of the first segment; NaN points where lines are left out
     """
     points: list[Point] = []
     for segment in segments:
@@ -167,17 +166,17 @@ def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
         seen.update((ends, ends[::-1]))
         kept += [points[two]] if cells[last] == ends[0] else [GAP, points[one], points[two]]
         last = two
-    # It ends where the path does, also where that line is drawn already.
+    # Keep the last line, also if it is drawn already, so that the end is the path's end.
     return kept if last == len(points) - 1 else [*kept, GAP, *points[-2:]]
 
 
 def distinct(poses: Iterable[Pose], grain: float, most: int) -> list[Pose]:
     """
-    Return poses of which no two look the same.
+    Return the visibly different poses, without duplicates.
 
     :param poses: the poses, in order
-    :param grain: the smallest distance that can be seen [m]
-    :param most: how many there may be; if there are more, they are chosen evenly
+    :param grain: the smallest visible distance [m]
+    :param most: the largest number of poses to return; of more, an even selection is returned
     """
     kinds: dict[tuple[int, int, int], Pose] = {}
     for pose in poses:
@@ -186,19 +185,20 @@ def distinct(poses: Iterable[Pose], grain: float, most: int) -> list[Pose]:
     return _evenly(list(kinds.values()), most)
 
 
-#: Two poses of a history differ by one of these at least [m], [rad]: what can be seen.
+#: Two poses of a history differ by at least this distance [m] or this angle [rad].
 SPACING = 0.01
 TURN = math.radians(4.0)
 
 
 class PoseHistory:
     """
-    Past poses of a robot, at least some distance or angle apart; of bounded length.
+    A list of past poses of a robot with a minimum spacing and a maximum length.
 
-    If it is full, every second pose is removed, and the distance and angle are doubled.
+    If the list is full, every second pose is removed, and the minimum distance and angle are
+    doubled.
 
-    :param most: how many poses it may have, two at least
-    :param convert: converts a pose to what is stored; called once for each
+    :param most: the largest number of poses, at least two
+    :param convert: converts a pose to the stored object; called once for each stored pose
     """
 
     def __init__(self, most: int, convert: Callable[[Pose], Any]) -> None:
@@ -206,11 +206,11 @@ class PoseHistory:
         self._convert = convert
         self._last: Pose | None = None
         self._spacing, self._turn = SPACING, TURN
-        #: what is stored, in order
+        #: the stored objects, in order
         self.kept: list[Any] = []
 
     def add(self, pose: Pose) -> bool:
-        """Add a pose if it is far enough from the last one, and return whether it is."""
+        """Add a pose if it is far enough from the last one; return whether it was added."""
         if not math.isfinite(pose.x + pose.y + pose.theta):
             return False
         if self._last is not None and not self._is_apart(self._last, pose):
@@ -233,17 +233,17 @@ MAX_POSES = 2000
 
 def sample_path(plan: Plan, start: Pose = ORIGIN, most: int = MAX_POSES) -> list[Pose]:
     """
-    Return poses of a plan from its start to its end, enough of them to make curves look round.
+    Return poses along a plan, from start to end, so close that curves look round.
 
     :param plan: the plan
     :param start: the pose at t = 0
-    :param most: how many poses there may be, two at least
+    :param most: the largest number of poses, at least two
     """
     if len(plan.steps) >= most:
         ends = [ORIGIN, *(step.pose for step in plan.steps)]
         return [compose(start, pose) for pose in _evenly(ends, most)]
     segments = arc_segments(plan)
-    # Rounded up for each step, so that each has its end.
+    # Round up for each segment, so that the end of each segment is included.
     coarseness = max(1.0, sum(segment.count for segment in segments) / most)
     poses = [ORIGIN]
     for segment in segments:
@@ -252,7 +252,7 @@ def sample_path(plan: Plan, start: Pose = ORIGIN, most: int = MAX_POSES) -> list
 
 
 def _evenly(poses: list[Pose], most: int) -> list[Pose]:
-    """Return at most ``most`` poses, taken evenly, with the first and the last."""
+    """Return at most ``most`` poses, evenly selected, with the first and the last."""
     if len(poses) <= most:
         return poses
     return [poses[number * (len(poses) - 1) // (most - 1)] for number in range(most)]
@@ -260,14 +260,16 @@ def _evenly(poses: list[Pose], most: int) -> list[Pose]:
 
 def simplify(points: Sequence[Point], grain: float, most: int) -> list[Point]:
     """
-    Return a path without the points that lie on the line from one that stays to the next.
+    Return a path without the points that lie on a straight line between two kept points.
 
-    Matplotlib's path.simplify leaves 20 times as much of an hour's drive at the same tolerance.
+    Matplotlib's path.simplify keeps 20 times as many points of an hour's drive at the same
+    tolerance.
 
     :param points: the path [m]
-    :param grain: how far beside the line a point may lie [m], above 0; doubled until few stay
-    :param most: how many points may stay
-    :returns: the points that stay, the first and the last among them
+    :param grain: the largest distance of a removed point from the line [m], above 0; it is
+        doubled until at most ``most`` points are left
+    :param most: the largest number of points to keep
+    :returns: the kept points, with the first and the last point
     """
     kept = _straighten(points, grain)
     while len(kept) > most:
@@ -295,7 +297,7 @@ def _straighten(points: Sequence[Point], grain: float) -> list[Point]:
 
 class _Cone:
     """
-    The directions of lines from a point that pass all points so far, as far as they reach.
+    The range of directions of lines from a start point that pass near all points added so far.
 
     The cone intersection method of Williams (1978) and of Sklansky and Gonzalez (1980).
     """
@@ -308,10 +310,10 @@ class _Cone:
         self._reach = 0.0
 
     def add(self, point: Point) -> bool:
-        """Return whether a line passes this point too; if so, keep the lines that do."""
+        """Return whether a line also passes near this point; if so, narrow the directions."""
         x, y = point[0] - self._start[0], point[1] - self._start[1]
         distance = math.hypot(x, y)
-        # A path that comes back has turned at a point before.
+        # If the distance decreases, the path has turned back at an earlier point.
         if distance < self._reach - self._grain:
             return False
         if distance <= self._grain:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""When a motion was where on its plan: the clock and the plan differ after a pause."""
+"""Convert between clock time and plan time of a motion; they differ after a pause."""
 
 from __future__ import annotations
 
@@ -22,28 +22,29 @@ from operator import attrgetter
 
 from kachaka_simple_control.control.events import VelocitySent
 
-#: A message is not early if it is by less than this [s]: times are sums, and rounded.
+#: A message less than this too early counts as on time [s], because times are rounded sums.
 ROUNDING = 1e-6
 
 
 class PlanTimeline:
     """
-    Converts between the clock and the time of a plan, by the messages of a motion.
+    Converts between clock time and plan time, with the messages of a motion.
 
-    Between two messages time is interpolated.  A plan that was held at a time of its own is there
-    at the first of the times on the clock.
+    Times between two messages are interpolated.  If the plan was held at a plan time, the plan
+    time is converted to the first of its clock times.
 
-    :param began: t = 0 of the motion [s on the steady clock]
-    :param messages: its messages, in order, to the zero that ended it; at least one
+    :param began: the time t = 0 of the motion [s on the steady clock]
+    :param messages: the motion's messages, in order, up to and with the zero that ended the
+        motion; at least one
     """
 
     def __init__(self, began: float, messages: Sequence[VelocitySent]) -> None:
         self._began = began
         self._messages = messages
-        #: whether any of it was not driven as planned
+        #: whether a message of the motion was delayed by a pause or a speed factor
         self.is_delayed = any(
             message.is_of_run and message.is_delayed for message in messages)
-        # A motion as planned needs no lists, however long it is.
+        # A motion without delay needs no lists, to save memory.
         self._times: list[float] = []
         self._plan_times: list[float] = []
         if self.is_delayed:
@@ -54,7 +55,7 @@ class PlanTimeline:
     def _message_plan_time(self, message: VelocitySent) -> float:
         if message.plan_time is not None:
             return message.plan_time
-        # The first zero of the stop: from where the plan was left.
+        # The first zero of the stop has no plan time: continue from the last message.
         last = self._messages[-2] if len(self._messages) > 1 else None
         if last is None or last.plan_time is None:
             return message.time - self._began
@@ -62,7 +63,7 @@ class PlanTimeline:
 
     @property
     def reached(self) -> float:
-        """Return how far on the plan it came, to a period if it was delayed [s of the plan]."""
+        """Return the reached plan time [s of the plan]; accurate to one period if delayed."""
         last = self._messages[-1]
         if not self.is_delayed:
             return last.time - self._began
@@ -72,10 +73,10 @@ class PlanTimeline:
 
     def first(self, plan_time: float) -> int:
         """
-        Return the index of the first message at a time of the plan, or after it.
+        Return the index of the first message at or after a plan time.
 
-        :param plan_time: the time [s of the plan]
-        :returns: the index; the number of messages if there is none
+        :param plan_time: the plan time [s of the plan]
+        :returns: the index; the number of messages if there is no such message
         """
         if self.is_delayed:
             return bisect_left(self._plan_times, plan_time - ROUNDING)
@@ -84,10 +85,10 @@ class PlanTimeline:
 
     def time(self, plan_time: float) -> float:
         """
-        Return when the plan was at a time of its own first, or will be.
+        Return the clock time at which the plan first reaches a plan time.
 
-        :param plan_time: the time [s of the plan]
-        :returns: when [s on the steady clock]
+        :param plan_time: the plan time [s of the plan]
+        :returns: the clock time [s on the steady clock], extrapolated after the last message
         """
         if not self.is_delayed:
             return self._began + plan_time
@@ -95,10 +96,10 @@ class PlanTimeline:
 
     def plan_time(self, time: float) -> float:
         """
-        Return where on the plan the motion was.
+        Return the plan time of the motion at a clock time.
 
-        :param time: when [s on the steady clock]
-        :returns: where [s of the plan]
+        :param time: the clock time [s on the steady clock]
+        :returns: the plan time [s of the plan]
         """
         if not self.is_delayed:
             return time - self._began
@@ -109,9 +110,9 @@ def _interpolated(
         arguments: Sequence[float], values: Sequence[float], argument: float, index: int,
 ) -> float:
     """
-    Return the value at an argument, before the first and after the last with a slope of one.
+    Return the linearly interpolated value at an argument; outside the range the slope is one.
 
-    :param index: of the first argument that is not before it
+    :param index: the index of the first of ``arguments`` that is not below the argument
     """
     if index in (0, len(arguments)):
         nearest = max(0, index - 1)

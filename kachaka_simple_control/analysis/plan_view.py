@@ -11,27 +11,42 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A plan with its name, robot, limits and floor, as tables and plots show it."""
+"""
+A plan with its name, robot, limits and floor area, for tables and plots.
+
+Also estimates how a loop that sleeps between messages, as in the lesson, would drive the plan.
+"""
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 import math
+from operator import attrgetter
 from typing import NamedTuple
 
 from kachaka_simple_control.analysis.paths import sample_path
 from kachaka_simple_control.control.tick_scheduler import TIME_TOLERANCE
-from kachaka_simple_control.motion.geometry import Footprint, outline
+from kachaka_simple_control.motion.geometry import (
+    compose,
+    distance_between,
+    Footprint,
+    integrate,
+    ORIGIN,
+    outline,
+    Pose,
+)
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import Plan, Segment
+from kachaka_simple_control.motion.plan import Plan, PlannedStep, Segment
 
-#: At how many poses of a plan the outline of the robot is looked at.
+#: The largest number of poses of a plan that are used to compute the floor area.
 MAX_FLOOR_POSES = 20_000
 
 
 class Area(NamedTuple):
-    """A part of the floor: its left and lower edge, its width and its height [m]."""
+    """A rectangle on the floor: left edge, lower edge, width and height [m]."""
 
     left: float
     bottom: float
@@ -42,13 +57,13 @@ class Area(NamedTuple):
 @dataclass(frozen=True)
 class PlanView:
     """
-    A plan with its name, robot, limits and floor.
+    A plan with its name, robot, limits and floor area.
 
     :param name: the name of the motion
     :param robot: the name of the robot
     :param plan: the plan
-    :param limits: the limits that it was planned with
-    :param footprint: the robot's outline from above; None if it is not known
+    :param limits: the limits used to make the plan
+    :param footprint: the robot's outline from above; None if unknown
     """
 
     name: str
@@ -59,21 +74,21 @@ class PlanView:
 
     @property
     def rate(self) -> float:
-        """Return how often a velocity is sent [Hz]."""
+        """Return the rate at which velocities are sent [Hz]."""
         return 1.0 / self.plan.period
 
     @property
     def messages(self) -> int:
-        """Return how many velocities are sent if none is late, without the stop."""
+        """Return the number of velocities sent if none is late, without the stop."""
         return sum(ticks(segment, self.plan.period) for segment in self.plan.segments)
 
     @cached_property
     def floor(self) -> Area:
         """
-        Return the floor that it needs: along x and y of the start, with the robot's outline.
+        Return the floor area that the plan needs, in the frame of the start pose.
 
-        On curves and turns the corners of the outline are looked at every few degrees, which is
-        off by less than a thousandth of the robot's size.
+        The area covers the robot's outline.  On curves and turns the outline is computed every
+        few degrees; the error is below a thousandth of the robot's size.
         """
         poses = sample_path(self.plan, most=MAX_FLOOR_POSES)
         points = [(pose.x, pose.y) for pose in poses] if self.footprint is None else [
@@ -83,8 +98,8 @@ class PlanView:
 
     @property
     def floor_size(self) -> str:
-        """Return the width and the depth of that floor in words, rounded up to a centimetre."""
-        # Not up by a rounding error.
+        """Return width and height of the floor area as text, rounded up to a centimetre."""
+        # A rounding error must not add a centimetre.
         width, depth = (math.ceil(100.0 * size - 1e-6) / 100.0
                         for size in (self.floor.width, self.floor.height))
         return f'{width:.2f} m x {depth:.2f} m'
@@ -92,9 +107,84 @@ class PlanView:
 
 def ticks(segment: Segment, period: float) -> int:
     """
-    Return how many velocities are sent in a segment if none is late.
+    Return the number of velocities sent in a segment if none is late.
 
     :param segment: a part of a plan with one velocity
-    :param period: how often that is repeated [s]
+    :param period: the time after which the velocity is sent again [s]
     """
     return max(1, math.ceil((segment.end - segment.start) / period - TIME_TOLERANCE))
+
+
+#: The time by which an iteration of the lesson's loop is longer than its period [s].  Measured by
+#: the benchmarks, docs/why.md: at 10 Hz, ten iterations take about 0.8 % longer than 1 s.
+LOOP_OVERHEAD = 0.0008
+
+
+@dataclass(frozen=True)
+class SleepLoopEstimate:
+    """
+    The estimated errors of a loop of publish and sleep that drives some plans.
+
+    :param extra_time: the driven time minus the planned time [s]
+    :param missing_messages: the planned number of messages minus the sent number
+    :param distance: the distance from the planned end to the robot's end [m]
+    :param angle: the heading error at the end [rad], positive to the left
+    """
+
+    extra_time: float
+    missing_messages: int
+    distance: float
+    angle: float
+
+
+def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
+    """
+    Estimate the errors of the lesson's loop when it drives plans one after the other.
+
+    Each iteration publishes the current velocity and sleeps for the velocity's duration, at most
+    one period.  An iteration takes slightly longer than the sleep.  A step ends with the iteration
+    in which its time runs out, and then the next step starts.  The robot follows each command
+    exactly.
+    """
+    pose = goal = ORIGIN
+    duration = 0.0
+    iterations = 0
+    for plan in plans:
+        goal = compose(goal, plan.pose)
+        results: dict[str, _LoopStep] = {}
+        index = 0
+        for step in plan.steps:
+            count = bisect_left(plan.segments, step.end, index, key=attrgetter('start')) - index
+            if step.path not in results:
+                results[step.path] = _loop_step(
+                    step, plan.segments[index:index + count], plan.period)
+            index += count
+            result = results[step.path]
+            pose = compose(pose, result.end)
+            duration, iterations = duration + result.duration, iterations + result.iterations
+    distance, angle = distance_between(goal, pose)
+    due = sum(ticks(segment, plan.period) for plan in plans for segment in plan.segments)
+    return SleepLoopEstimate(
+        duration - sum(plan.duration for plan in plans), due - iterations, distance, angle)
+
+
+class _LoopStep(NamedTuple):
+    """The loop's result for one step; each repetition of the step gives the same result."""
+
+    end: Pose
+    duration: float
+    iterations: int
+
+
+def _loop_step(step: PlannedStep, segments: Sequence[Segment], period: float) -> _LoopStep:
+    pose, time, iterations, index = ORIGIN, step.start, 0, 0
+    while segments and time < step.end:
+        while index + 1 < len(segments) and segments[index].end <= time:
+            index += 1
+        segment = segments[index]
+        interval = min(period, segment.end - segment.start) + LOOP_OVERHEAD
+        if not segment.velocity.is_zero:
+            pose = integrate(pose, segment.velocity, interval)
+        time += interval
+        iterations += 1
+    return _LoopStep(pose, time - step.start, iterations)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How fast motions were driven, compared with their plans, and when they were paused."""
+"""The speed factors and pauses of driven motions over time."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from kachaka_simple_control.motion.plan import PlannedStep
 @dataclass(frozen=True)
 class SpeedInterval:
     """
-    A part of a motion under one speed factor, from when that was set.
+    A part of a motion with a constant speed factor.
 
     :param motion: the motion
-    :param factors: the factors below 1 by the name of who asked for them; empty at full speed
-    :param begin: when it began [s on the steady clock]
-    :param end: when it ended [s on the steady clock]
-    :param plan_begin: where on the plan it began [s of the plan]
-    :param plan_end: where on the plan it ended [s of the plan]
+    :param factors: the factors below 1, by the name of their source; empty at full speed
+    :param begin: the start time [s on the steady clock]
+    :param end: the end time [s on the steady clock]
+    :param plan_begin: the plan time at the start [s of the plan]
+    :param plan_end: the plan time at the end [s of the plan]
     """
 
     motion: MotionLog
@@ -57,17 +57,17 @@ class SpeedInterval:
 
     @property
     def step(self) -> PlannedStep:
-        """Return the step where it began; of a pause, the step where the robot was held."""
+        """Return the step at the start of the interval; for a pause, the step at its end."""
         plan = self.motion.plan
         return plan.steps[plan.step_index(self.plan_end if self.is_pause else self.plan_begin)]
 
 
 def speed_intervals(log: DriveLog) -> list[SpeedInterval]:
     """
-    Return how fast the motions of a drive were driven, in order.
+    Return the intervals of constant speed factor of a drive, in order.
 
     :param log: the drive
-    :returns: all intervals of each motion that had a factor below 1 at some time
+    :returns: all intervals of each motion that had a speed factor below 1 at some time
     """
     return [interval for motion in log.motions if motion.own_messages and motion.plan.steps
             for interval in _intervals(motion, log.speed_changes)]

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The displacement of each step as requested, as sent and by odometry."""
+"""The displacement of each step: requested, sent and reported by odometry."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from kachaka_simple_control.analysis.drive_log import StepLog
 from kachaka_simple_control.control.events import OdometryReceived, VelocitySent
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 
-#: After this time odometry shows a velocity that was sent [s]: more than two of its samples.
+#: The delay after which odometry shows a sent velocity [s]: more than two sample periods.
 ODOMETRY_DELAY = 0.06
 
 
 def sent(messages: Sequence[VelocitySent], command_timeout: float = math.inf) -> Displacement:
     """
-    Return the displacement of a robot that keeps each velocity until the next message.
+    Return the displacement of a robot that keeps each sent velocity until the next message.
 
-    :param messages: what was sent, in order; the last one only ends the one before
-    :param command_timeout: how long the robot keeps a velocity at most [s]
+    :param messages: the sent messages, in order; the last message only ends the previous one
+    :param command_timeout: the longest time for which the robot keeps a velocity [s]
     :returns: the sum of velocity times interval
     """
     held = [(one.velocity, min(two.time - one.time, command_timeout))
@@ -47,12 +47,12 @@ def sent(messages: Sequence[VelocitySent], command_timeout: float = math.inf) ->
 
 def driven(odometry: Sequence[OdometryReceived], begin: float, end: float) -> Displacement | None:
     """
-    Return the displacement between two times by odometry.
+    Return the displacement between two times from odometry.
 
-    :param odometry: the poses that arrived, in order of time
-    :param begin: from when [s]
-    :param end: until when [s]
-    :returns: the displacement; None if odometry does not cover that time
+    :param odometry: the received samples, in order of time
+    :param begin: the start time [s]
+    :param end: the end time [s]
+    :returns: the displacement; None if odometry does not cover the interval
     """
     if not odometry or odometry[0].time > begin or odometry[-1].time < end:
         return None
@@ -68,15 +68,15 @@ def driven(odometry: Sequence[OdometryReceived], begin: float, end: float) -> Di
 def segment_odometry(
         steps: Sequence[StepLog], odometry: Sequence[OdometryReceived]) -> list[float]:
     """
-    Return where to cut odometry so that each step gets its own displacement.
+    Return the times at which to cut odometry so that each step gets its own displacement.
 
-    Commands and odometry have a delay, and odometry is sampled.  Where a step borders on a rest,
-    or was paused at its start, the cut is therefore moved a little into the rest.  A drive that
-    begins with a rest begins with the first odometry: nothing moved before it.
+    Commands and odometry have a delay, and odometry is sampled.  Therefore a cut next to a rest,
+    or next to a pause at the start of a step, is moved slightly into the rest.  If the drive
+    starts with a rest, the first cut is at the first odometry sample.
 
     :param steps: the steps, in order
-    :param odometry: the poses that arrived, in order
-    :returns: one time more than there are steps [s]
+    :param odometry: the received samples, in order
+    :returns: the cut times [s], one more than the number of steps
     """
     first = steps[0]
     cuts = [first.began]
@@ -96,9 +96,10 @@ def _begins_at_rest(step: StepLog) -> bool:
 
 def pose_at(odometry: Sequence[OdometryReceived], time: float) -> Pose:
     """
-    Return the pose at a time [s], interpolated linearly between the two samples around it.
+    Return the pose at a time [s], linearly interpolated between two odometry samples.
 
-    :param odometry: the poses that arrived, in order, covering the time
+    :param odometry: the received samples, in order; they cover the time
+    :param time: the time [s]
     """
     index = bisect_left(odometry, time, key=attrgetter('time'))
     before, after = odometry[max(0, index - 1)], odometry[index]
@@ -113,26 +114,26 @@ def pose_at(odometry: Sequence[OdometryReceived], time: float) -> Pose:
 
 
 def _forward(one: Pose, two: Pose) -> float:
-    # The chord's part along the heading half-way: its sign tells forwards from backwards.
+    # The part of the chord along the mean heading; negative backwards.
     heading = one.theta + _wrapped(two.theta - one.theta) / 2.0
     return (two.x - one.x) * math.cos(heading) + (two.y - one.y) * math.sin(heading)
 
 
 def _wrapped(angle: float) -> float:
-    # Headings of odometry are wrapped; between two samples a robot turns less than half a turn.
+    # Odometry headings are wrapped; between two samples a robot turns less than half a turn.
     return math.remainder(angle, math.tau)
 
 
 @dataclass(frozen=True)
 class StepResult:
     """
-    The displacements of a step that was begun.
+    The displacements of a started step.
 
     :param log: the step and its messages
-    :param motion: the name of its motion
-    :param requested: what it asks for
-    :param sent: what was sent
-    :param odometry: what odometry reported; None if it does not cover the step
+    :param motion: the name of the motion
+    :param requested: the requested displacement
+    :param sent: the displacement from the sent velocities
+    :param odometry: the displacement from odometry; None if odometry does not cover the step
     """
 
     log: StepLog
@@ -144,9 +145,9 @@ class StepResult:
     @property
     def error(self) -> Displacement | None:
         """
-        Return odometry less requested; of a step that was cut short, odometry less sent.
+        Return the error: odometry minus the requested displacement; None without odometry.
 
-        None if odometry does not cover the step.
+        For a step that ended early, return odometry minus the sent displacement.
         """
         if self.odometry is None:
             return None
@@ -159,11 +160,11 @@ def step_results(
         steps: Sequence[StepLog], names: Sequence[str], odometry: Sequence[OdometryReceived],
         command_timeout: float = math.inf) -> list[StepResult]:
     """
-    Compare each step's messages and odometry with what it asked for.
+    Return the requested, sent and reported displacement of each step.
 
-    :param steps: the steps that were begun, in order
-    :param names: the name of the motion of each
-    :param odometry: the poses that arrived, in order
+    :param steps: the started steps, in order
+    :param names: the name of each step's motion
+    :param odometry: the received samples, in order
     :param command_timeout: how long the robot keeps a velocity without a new one [s]
     """
     if not steps:

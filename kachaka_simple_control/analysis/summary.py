@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The outcome of a drive, and its figures."""
+"""The outcome of a drive and its results."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ import signal
 from kachaka_simple_control.analysis.drive_log import DriveLog, MotionLog
 from kachaka_simple_control.analysis.message_timing import Timing, timing
 from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive, OdometrySample
-from kachaka_simple_control.analysis.sleep_loop import estimate_sleep_loop, SleepLoopEstimate
+from kachaka_simple_control.analysis.plan_view import estimate_sleep_loop, SleepLoopEstimate
 from kachaka_simple_control.analysis.speed_history import speed_intervals, SpeedInterval
 from kachaka_simple_control.analysis.step_results import step_results, StepResult
 from kachaka_simple_control.motion.geometry import distance_between, Pose
 from kachaka_simple_control.text import pluralize
 
-#: The reason of a program whose end was not reported.
+#: The reason shown if the end of the program was not reported.
 NO_END = (
     'Nothing more came from the program: it was killed or crashed, was frozen, or drives on '
     'without a report process')
 
 
 class OutcomeKind(Enum):
-    """How a drive can end; the value is the word for it."""
+    """The ways in which a drive can end; the value is the word to show."""
 
     DONE = 'done'
     STOPPED = 'stopped'
@@ -49,11 +49,11 @@ class OutcomeKind(Enum):
 @dataclass(frozen=True)
 class Outcome:
     """
-    How a drive ended.
+    The outcome of a drive: how it ended, and why.
 
-    :param kind: in which way
-    :param headline: a few words
-    :param reason: sentences that say why, and how far it came
+    :param kind: the kind of the outcome
+    :param headline: a few words to show
+    :param reason: sentences with the cause and the progress of the drive
     """
 
     kind: OutcomeKind
@@ -62,7 +62,7 @@ class Outcome:
 
 
 def outcome(log: DriveLog) -> Outcome:
-    """Return how a drive ended."""
+    """Return the outcome of a drive."""
     end = log.session_ended
     if end is None:
         return Outcome(OutcomeKind.KILLED, 'Killed', f'{NO_END}. {_progress(log)}')
@@ -75,7 +75,7 @@ def outcome(log: DriveLog) -> Outcome:
 
 
 def signal_name(number: int) -> str:
-    """Return the name of a signal, as SIGINT."""
+    """Return the name of a signal, for example SIGINT."""
     try:
         return signal.Signals(number).name
     except ValueError:
@@ -100,13 +100,13 @@ def _outcome_of_motions(log: DriveLog, error: str | None) -> Outcome:
 
 
 def _reason(log: DriveLog, faults_only: bool = False) -> str | None:
-    """Return why the first of the motions that ended early did."""
+    """Return the reason for the first early end of a motion; None if there is none."""
     return next((motion.reason for motion in log.motions
                  if motion.reason is not None and (motion.is_fault or not faults_only)), None)
 
 
 def _earlier_reason(log: DriveLog, signal_: str) -> str:
-    # With --wait a program goes on after a motion that was given up.
+    # With --wait a program continues after an aborted motion.
     reason = _reason(log)
     if reason is None or reason == f'stopped by {signal_}':
         return ''
@@ -152,10 +152,10 @@ def _progress_of(cut: MotionLog, complete: int, begun: int) -> str:
 @dataclass(frozen=True)
 class PoseError:
     """
-    How far the robot was by odometry from where it should have been.
+    The difference between the robot's pose in odometry and the expected pose.
 
-    :param distance: how far [m]
-    :param angle: by how much it was turned too far to the left [rad]
+    :param distance: the distance between the two [m]
+    :param angle: the heading error [rad], positive to the left
     """
 
     distance: float
@@ -164,9 +164,9 @@ class PoseError:
 
 class Summary:
     """
-    The figures of a drive, each computed when it is first used.
+    The results of a drive, each computed at its first use.
 
-    :param log: the drive; it changes no more
+    :param log: the drive; it must not change any more
     """
 
     def __init__(self, log: DriveLog) -> None:
@@ -174,17 +174,17 @@ class Summary:
 
     @cached_property
     def outcome(self) -> Outcome:
-        """Return how the drive ended."""
+        """Return the outcome of the drive."""
         return outcome(self.log)
 
     @cached_property
     def aligned(self) -> AlignedDrive:
-        """Return the drive as planned, as sent and by odometry, all in one frame."""
+        """Return the planned, sent and reported paths of the drive in one frame."""
         return AlignedDrive(self.log)
 
     @cached_property
     def steps(self) -> list[StepResult]:
-        """Return the steps that were begun."""
+        """Return the displacements of all started steps."""
         pairs = [(step, motion.planned.motion.name) for motion in self.log.motions
                  for step in motion.steps if step.sent]
         odometry = [sample.received for sample in self.aligned.odometry]
@@ -193,57 +193,57 @@ class Summary:
 
     @cached_property
     def timing(self) -> Timing:
-        """Return how exactly the drive was timed."""
+        """Return the timing accuracy of the drive's messages."""
         return timing(self.log.motions)
 
     @cached_property
     def speed(self) -> list[SpeedInterval]:
-        """Return how fast the motions were driven; empty if all was at full speed."""
+        """Return the intervals of constant speed factor; empty if all was at full speed."""
         return speed_intervals(self.log)
 
     @property
     def paused_duration(self) -> float:
-        """Return for how long motions were paused [s]."""
+        """Return the total time of all pauses [s]."""
         return math.fsum(interval.end - interval.begin for interval in self.speed
                          if interval.is_pause)
 
     @cached_property
     def sleep_loop(self) -> SleepLoopEstimate:
-        """Return what the lesson's loop would have made of all that was planned."""
+        """Return the estimated errors of the lesson's loop for the plans of the drive."""
         return estimate_sleep_loop([motion.plan for motion in self.log.motions])
 
     @property
     def planned_duration(self) -> float:
-        """Return how long all motions that began were to take [s]."""
+        """Return the total planned time of all started motions [s]."""
         return math.fsum(motion.plan.duration for motion in self.log.motions
                          if motion.has_begun)
 
     @property
     def driven_duration(self) -> float:
-        """Return how long they took, from t = 0 of each to the zero that ended it [s]."""
+        """Return the total driven time of all motions [s], each from t = 0 to its final zero."""
         return math.fsum(
             motion.own_messages[-1].time - motion.began for motion in self.log.motions
             if motion.own_messages)
 
     @property
     def last_seen(self) -> OdometrySample | None:
-        """Return the last sample of odometry; None if there is none since t = 0."""
+        """Return the last odometry sample; None if there is none since t = 0."""
         return self.aligned.odometry[-1] if self.aligned.odometry else None
 
     @property
     def final_pose(self) -> Pose | None:
-        """Return the last pose of odometry; None if there is none since t = 0."""
+        """Return the last odometry pose; None if there is none since t = 0."""
         return None if self.last_seen is None else self.last_seen.pose
 
     @property
     def error_from_plan(self) -> PoseError | None:
-        """Return its error from the planned end; None if not all was driven, or not reported."""
+        """Return the final error from the plan; None for an early end or without odometry."""
         if self.final_pose is None or not all(motion.is_complete for motion in self.log.motions):
             return None
         return PoseError(*distance_between(self.aligned.planned_end, self.final_pose))
 
     @property
     def error_from_sent(self) -> PoseError | None:
-        """Return its error from where the messages should have brought the robot."""
+        """Return the final error from the path of the sent velocities; None without odometry."""
         return None if self.last_seen is None else PoseError(
             self.last_seen.distance, self.last_seen.angle)

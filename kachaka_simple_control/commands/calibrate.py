@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command ``kachaka_calibrate``: measures a robot, and writes its file."""
+"""The command ``kachaka_calibrate``: calibrate a robot, and write its profile."""
 
 from __future__ import annotations
 
@@ -51,11 +51,10 @@ from kachaka_simple_control.text import escaped
 
 def calibrate(options: Options, more: CalibrateOptions) -> None:
     """
-    Show the drive, let somebody confirm it, drive, and write the file of the robot.
+    Drive a calibration motion after the user's confirmation, and write the robot's profile.
 
-    :raises CalibrationError: if the drive cannot tell; nothing is written
-    :raises ControlError: if the drive could not be completed, or something is wrong before it;
-        nothing is written then either
+    :raises CalibrationError: if the drive gives no valid calibration; no file is written
+    :raises ControlError: if the drive cannot start or is not completed; no file is written
     """
     settings = require_ready(options, more)
     if settings.profile.is_calibrated:
@@ -74,7 +73,7 @@ def calibrate(options: Options, more: CalibrateOptions) -> None:
         return log, fit_calibration(log)
 
     log, fit = drive_until_good(options, more, measure)
-    # First of all: what was measured is not lost if a file cannot be written.
+    # Printed first, so that the result is not lost if the file cannot be written.
     print('\n'.join(['', *_table(fit), '']), flush=True)
     write_robot(settings.robot, fit.calibration(today(), more.floor), more.file)
     if plot is not None:
@@ -97,7 +96,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Run the command.
 
-    :param args: arguments without the program's name; None for those of the process
+    :param args: the arguments without the program's name; None for the process's arguments
     :returns: the exit code
     """
     options, more = parse(sys.argv[1:] if args is None else args)

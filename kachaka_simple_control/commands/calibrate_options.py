@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The parts that both ways of ``kachaka_calibrate`` share: options, question, result."""
+"""The options and functions that all parts of ``kachaka_calibrate`` share."""
 
 from __future__ import annotations
 
@@ -38,8 +38,7 @@ from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.exit_codes import HELP, OneLineParser
 from kachaka_simple_control.files.robot_profile import calibrated_text
-from kachaka_simple_control.motion.calibration import Calibration
-from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
+from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.report.output_file import write_atomically
 from kachaka_simple_control.report.table_layout import terminal_columns
 from kachaka_simple_control.report.text_tables import plan_table
@@ -49,9 +48,9 @@ T = TypeVar('T')
 
 NAME = 'kachaka_calibrate'
 OUTPUT = Path('my_kachaka.yaml')
-#: The head of the table of a fit.
+#: The header of the table of a fit.
 FIT_HEAD = (('', ''), ('value', ''), ('standard error', ''))
-#: How often a drive that does not count is made at most.
+#: The largest number of attempts of a drive.
 MAX_ATTEMPTS = 3
 #: The parts that need a tape measure.
 FLOOR, UMBMARK = 'floor', 'umbmark'
@@ -69,18 +68,18 @@ how unequal the wheels are and how wide the track is (after J. Borenstein and L.
 @dataclass(frozen=True)
 class CalibrateOptions:
     """
-    The options of the command that other commands do not have.
+    The options that only ``kachaka_calibrate`` has.
 
-    :param part: what is measured: '' by odometry, ``floor`` or ``umbmark`` by a tape measure
-    :param output: the file of the robot to write; None: not said
-    :param floor: on which floor the robot drives, for people
-    :param plot: the file to plot the fit to; None for none
+    :param part: the measurement: '' with odometry, ``floor`` or ``umbmark`` with a tape measure
+    :param output: the profile to write; None if not given
+    :param floor: a description of the floor, for the profile
+    :param plot: the file for a plot of the fit; None for no plot
     :param is_confirmed: whether to drive without asking
-    :param is_dry: whether to show what would be driven, and drive nothing
-    :param measured: the answers to what is asked, in order; none: somebody is asked
-    :param side: of the squares, as it is written
-    :param squares: how many to each side
-    :param track: that odometry uses, as it is written; None: what is known of the robot
+    :param is_dry: whether to show the motion without driving
+    :param measured: the answers to the questions, in order; empty to ask the user
+    :param side: the side length of the squares, as text
+    :param squares: the number of squares in each direction
+    :param track: the track that odometry uses, as text; None for the known track of the robot
     """
 
     part: str
@@ -96,7 +95,7 @@ class CalibrateOptions:
 
     @property
     def file(self) -> Path:
-        """Return the file to write."""
+        """Return the path of the profile to write."""
         return OUTPUT if self.output is None else self.output
 
 
@@ -104,7 +103,7 @@ def parse(arguments: Sequence[str]) -> tuple[Options, CalibrateOptions]:
     """
     Parse the arguments of the command.
 
-    :raises SystemExit: with code 2 and one line if they are invalid; with 0 after ``--help``
+    :raises SystemExit: with code 2 and one line if an argument is invalid; with 0 after ``--help``
     """
     own, ros = split_ros_arguments(arguments)
     parser = _parser()
@@ -127,7 +126,7 @@ def parse(arguments: Sequence[str]) -> tuple[Options, CalibrateOptions]:
         parser.error(f'--squares is {more.squares}; it must be from 1 to 20')
     simulation = take_simulation(parser, values)
     return Options(
-        # This command asks by itself.
+        # This command asks for the confirmation itself.
         ros_arguments=tuple(ros), simulation=simulation, calibrates=True, yes=True,
         command=shlex.join([NAME, *arguments]), **values), more
 
@@ -162,13 +161,14 @@ def _parser() -> OneLineParser:
 
 def require_ready(options: Options, more: CalibrateOptions) -> Settings:
     """
-    Return the settings of a robot with odometry; refuse a file that cannot be written.
+    Check the robot and the output file before a calibration, and return the robot's settings.
 
-    :raises UsageError: if something is wrong; nothing has moved
+    :raises UsageError: if the robot has no odometry, or the file exists or cannot be written;
+        nothing has moved
     """
     settings = choose_settings(options, None)
     file = more.file
-    # What cannot be written is refused before anything moves.
+    # A calibration that cannot be written is refused before the robot moves.
     calibrated_text(settings.robot, OdometryCalibration() if more.part else Calibration())
     if settings.profile.odometry_topic is None:
         raise UsageError(
@@ -183,23 +183,23 @@ def require_ready(options: Options, more: CalibrateOptions) -> Settings:
 
 
 def _is_asked_to_replace(robot: str, more: CalibrateOptions) -> bool:
-    """Return whether the file of the robot itself was named to be written."""
+    """Return whether ``--output`` names the profile of the robot itself."""
     return bool(more.part) and more.output is not None and (
         Path(robot).exists() and more.output.samefile(robot))
 
 
 def show(views: Sequence[PlanView]) -> None:
-    """Print what will be driven."""
+    """Print the plans of the calibration motions."""
     print(plan_table(views, terminal_columns()), flush=True)
 
 
 def ask(options: Options, more: CalibrateOptions, view: PlanView, before: str = '') -> None:
     """
-    Ask whether the robot may drive, unless it is simulated or ``--yes`` was said.
+    Ask whether the robot may drive, unless it is simulated or ``--yes`` was given.
 
-    :param view: what it will drive
-    :param before: what to do before
-    :raises UsageError: if nobody can be asked, or the answer is no
+    :param view: the plan of the drive
+    :param before: an instruction for the user before the drive
+    :raises UsageError: if there is no terminal to ask at, or the answer is no
     """
     if not (options.sim or more.is_confirmed):
         confirm(view.floor_size, before)
@@ -208,14 +208,14 @@ def ask(options: Options, more: CalibrateOptions, view: PlanView, before: str = 
 def drive_until_good(
         options: Options, more: CalibrateOptions, measure: Callable[[Options], T]) -> T:
     """
-    Drive, and return what that measured; a drive that was spoilt is driven again.
+    Drive until a measurement is valid, at most three times, and return the measurement.
 
-    Only where somebody sits at a terminal, who puts the robot back, and lets a real one drive.  A
-    drive that a fault ended is not driven again: the fault may still be there.
+    The drive is repeated only if a user at the terminal can put the robot back and confirm the
+    next drive.  A drive that ended with a fault is not repeated.
 
-    :param measure: asks whether the robot may drive, drives, and returns what it measured; called
-        with the options of this drive: another one has a report of its own
-    :raises CalibrationError: why the last drive does not count
+    :param measure: a function that asks, drives and returns the measurement; its argument is the
+        options of this attempt, with a report directory of its own
+    :raises CalibrationError: if the last drive gives no valid measurement
     """
     for attempt in range(1, MAX_ATTEMPTS + 1):
         report = options.report
@@ -233,17 +233,19 @@ def drive_until_good(
 
 
 def today() -> str:
-    """Return the date for a calibration."""
+    """Return today's date in ISO format, for a calibration."""
     return datetime.now().astimezone().date().isoformat()
 
 
 def write_robot(
         robot: str, calibration: Calibration | OdometryCalibration, file: Path) -> None:
     """
-    Write the file of a calibrated robot, and print how to drive by it.
+    Write the profile of a calibrated robot, and print how to use it.
 
-    :param robot: the name or the file of the robot
-    :raises UsageError: if that fails
+    :param robot: the name or the file of the robot's profile
+    :param calibration: the result of the calibration
+    :param file: the profile to write
+    :raises UsageError: if the file cannot be written
     """
     try:
         write_atomically(file, calibrated_text(robot, calibration).encode())

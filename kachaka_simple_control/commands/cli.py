@@ -52,7 +52,7 @@ examples:
   kachaka_simple_control ./mine.yaml --sim --report run1
   kachaka_simple_control square --ros-args -p robot_timeout:=30
 """
-#: A time typed after ``--wait``, which takes none.
+#: Matches a time that a user typed after ``--wait``, which has no value.
 TIME = re.compile(r'\d+(\.\d*)?(s|min)?|inf|forever')
 MAX_REPEATS = 1000
 PRECEDENCE = """
@@ -66,24 +66,24 @@ class Options:
     """
     The options of the command.
 
-    :param motions: names or files of motions; none: the lesson
+    :param motions: the names or files of motions; empty for the lesson
     :param sim: whether to start the bridge of a simulated robot
-    :param robot: name or file of the robot's profile; None if not given
-    :param rate: how often a velocity is sent [Hz]; None if not given
+    :param robot: the name or file of the robot's profile; None if not given
+    :param rate: the rate of velocity messages [Hz]; None if not given
     :param closed_loop: whether odometry corrects the velocities; None if not given
-    :param speed: the speed factor to start with, from 0 to 1; None if not given
-    :param list: whether to list the motions that come with the package
-    :param plan: whether to print what a motion will do
-    :param plot: the file to plot what a motion will do to; None for none
-    :param wait: whether to drive only when the service ``~/run`` is called
-    :param ros_arguments: the arguments of ROS, with their marks
+    :param speed: the initial speed factor, from 0 to 1; None if not given
+    :param list: whether to list the motions of the package
+    :param plan: whether to print the plan of each motion
+    :param plot: the file for a plot of the plans; None for no plot
+    :param wait: whether to wait for the service ``~/run`` or Enter before driving
+    :param ros_arguments: the arguments of ROS, with ``--ros-args`` and ``--``
     :param report: the directory for a report; None for no report
-    :param repeat: how many times to drive
+    :param repeat: the number of drives
     :param quiet: whether to print only the node's log lines while the robot drives
-    :param address: the real robot to start a bridge for; None for no bridge
-    :param simulation: options of the simulated robot, as they are written
+    :param address: the address of the real robot to start a bridge for; None for no bridge
+    :param simulation: the options of the simulated robot, as text
     :param yes: whether to drive a real robot without asking
-    :param calibrates: whether the drive is one to calibrate by: its log is kept, not printed
+    :param calibrates: whether the drive is for a calibration, which needs the log but no table
     :param command: the whole command line, for reports
     """
 
@@ -109,7 +109,7 @@ class Options:
 
     @property
     def is_preview(self) -> bool:
-        """Whether the command shows motions and drives none."""
+        """Whether the command only shows motions and does not drive."""
         return self.list or self.plan or self.plot is not None
 
     @property
@@ -122,8 +122,8 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     """
     Parse the arguments of the command.
 
-    :param arguments: without the program's name; None for those of the process
-    :raises SystemExit: with code 2 and one line if they are invalid; with 0 after ``--help``
+    :param arguments: the arguments without the program's name; None for the process's arguments
+    :raises SystemExit: with code 2 and one line if an argument is invalid; with 0 after ``--help``
     """
     arguments = sys.argv[1:] if arguments is None else arguments
     own, ros = split_ros_arguments(arguments)
@@ -156,10 +156,11 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
 
 def take_simulation(parser: OneLineParser, values: dict[str, Any]) -> tuple[str, ...]:
     """
-    Take the options of the simulated robot out of those of a command; end if one is wrong.
+    Remove the options of the simulated robot from the options of a command, and check them.
 
-    :param values: the options by name
-    :returns: those that were given, as they are written
+    :param parser: the parser, which ends the program if an option is invalid
+    :param values: the options of the command by name
+    :returns: the given options of the simulated robot, as text
     """
     simulation = simulation_words(values)
     if simulation and not values['sim']:
@@ -210,7 +211,7 @@ def _parser() -> OneLineParser:
 
 
 def add_drive_options(parser: OneLineParser) -> None:
-    """Add the options of all commands that drive: which robot, at which rate, with a report."""
+    """Add the options that all driving commands share: robot, rate, report and others."""
     robot = parser.add_mutually_exclusive_group()
     robot.add_argument(
         '--sim', action='store_true',
@@ -243,7 +244,7 @@ def add_drive_options(parser: OneLineParser) -> None:
 def _speed(text: str) -> float:
     number = text.strip().removesuffix('%')
     with contextlib.suppress(ValueError):
-        # A comma is read as a point only to say what to write.
+        # A decimal comma is accepted here only to print the corrected number.
         percent = float(number.replace(',', '.', 1))
         has_sign = number != text.strip()
         if (100.0 * MIN_SPEED_FACTOR if has_sign else 2.0) <= percent <= 100.0:
@@ -251,7 +252,7 @@ def _speed(text: str) -> float:
                 raise argparse.ArgumentTypeError(f'{escaped(text, 60)!r}; {advice}')
             return percent / 100.0
         if not has_sign and MIN_SPEED_FACTOR <= percent <= 1.0:
-            # A part of 1 for some, a percentage for others: the robot must not guess.
+            # A number without % is ambiguous: it may be a fraction or a percentage.
             meant = '1% or 100%' if percent == 1.0 else f'{100.0 * percent:g}%'
             raise argparse.ArgumentTypeError(f'{escaped(text, 60)!r} has no %: write {meant}')
     raise argparse.ArgumentTypeError(
@@ -267,7 +268,7 @@ def _count(text: str) -> int:
 
 
 def _complete(parser: OneLineParser) -> NoReturn:
-    """Tell a shell what the word at its cursor may become; nothing is driven, whatever it is."""
+    """Print the completions of the current word for a shell, and exit without driving."""
     try:
         from argcomplete import autocomplete
     except ModuleNotFoundError:
@@ -286,7 +287,7 @@ def _complete(parser: OneLineParser) -> NoReturn:
 
 
 def _paths(prefix: str, *suffixes: str) -> list[str]:
-    """Return the files with one of some suffixes, and the folders, whose path begins so."""
+    """Return the folders, and the files with one of the suffixes, that start with a prefix."""
     found = glob(f'{escape(prefix)}*')  # noqa: PTH207 (a path keeps its ./)
     return [f'{path}/' if Path(path).is_dir() else path
             for path in found if path.endswith(suffixes) or Path(path).is_dir()]
@@ -294,9 +295,11 @@ def _paths(prefix: str, *suffixes: str) -> list[str]:
 
 def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     """
-    Split arguments into ours and those of ROS, from ``--ros-args`` to ``--``.
+    Split arguments into the command's own arguments and the ROS arguments.
 
-    :returns: ours, and those of ROS with these marks
+    ROS arguments are those from ``--ros-args`` to ``--``.
+
+    :returns: the command's own arguments, and the ROS arguments with ``--ros-args`` and ``--``
     """
     own: list[str] = []
     ros: list[str] = []

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command ``kachaka_compare``: how exactly drives of the same motion end, and how alike."""
+"""The command ``kachaka_compare``: compare where drives of the same motion end."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ NAME = 'kachaka_compare'
 
 def compare(directories: Sequence[Path], plot: str | None) -> None:
     """
-    Print a table of drives, and plot them.
+    Print a table that compares drives, and plot their paths.
 
-    :param directories: of their reports
-    :param plot: the file of the plot; None for none
-    :raises UsageError: if they cannot be compared, or the plot cannot be written
+    :param directories: the directories of the drives' reports
+    :param plot: the file of the plot; None for no plot
+    :raises UsageError: if the drives cannot be compared, or the plot cannot be written
     """
     file = None if plot is None else check_plot_file(plot)
     places = [os.path.realpath(directory) for directory in directories]
@@ -60,7 +60,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Run the command.
 
-    :param args: arguments without the program's name; None for those of the process
+    :param args: the arguments without the program's name; None for the process's arguments
     :returns: the exit code
     """
     parser = OneLineParser(

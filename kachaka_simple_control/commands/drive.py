@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Drive a robot as the command's options say; needs ROS."""
+"""Drive a robot according to the command's options; needs ROS."""
 
 from __future__ import annotations
 
@@ -68,20 +68,21 @@ if TYPE_CHECKING:
     from kachaka_simple_control.motion.limits import Limits
     from kachaka_simple_control.motion.steps import Motion
 
-#: By how much a key changes the speed factor.
+#: The change of the speed factor for each key press.
 KEY_STEP = 0.1
 
 
 def drive(options: Options) -> DriveLog:
     """
-    Drive a motion or the lesson, or offer a service that does; return the log of the drive.
+    Drive a motion or the lesson, or wait for a request to drive a motion.
 
+    :returns: the log of the drive
     :raises ControlError: if the drive could not be completed; the robot was stopped
-    :raises InvalidMotionError: if the robot cannot do the motion; nothing has moved
+    :raises InvalidMotionError: if the robot cannot drive the motion; nothing has moved
     """
     make_nonblocking(STDOUT, STDERR)
     motion_file = _motion_file(options)
-    # A bridge ends when the stack is closed: after its robot was stopped and released.
+    # The stack closes a bridge last, after its robot is stopped and released.
     with contextlib.ExitStack() as stack:
         if options.report is not None:
             stack.enter_context(prepare_report_dir(options.report))
@@ -136,7 +137,7 @@ def drive(options: Options) -> DriveLog:
 def _start_subscribers(
         subscribers: SubscriberProcesses, options: Options, is_lesson: bool,
         guardian_file: int | None) -> SubscriberProcess | None:
-    """Start display and reporter; return the reporter, if there is one."""
+    """Start the display and the report program; return the report program, or None."""
     if not options.quiet and should_display(is_lesson):
         subscribers.add(DisplayProcess())
     if options.report is not None:
@@ -158,7 +159,7 @@ def _bridge(
 
 
 def _motion_file(options: Options) -> MotionFile | None:
-    """Return the motion, None for the lesson; check it before anything is started."""
+    """Return the checked motion file that the options name; None for the lesson."""
     motion_file = None
     if options.motions or options.wait:
         motion_file = find(options.motions[0] if options.motions else 'lesson')
@@ -178,15 +179,15 @@ def _motion_file(options: Options) -> MotionFile | None:
 
 
 def _count_movements() -> int | None:
-    """Return how many movements the lesson has; None if only driving it can tell."""
+    """Return the number of movements of the lesson; None if it is known only after a drive."""
     try:
         return len(lesson_motion().steps)
-    except Exception:  # an edited lesson may do what only the node can
+    except Exception:  # an edited lesson may call methods that only a node has
         return None
 
 
 def _parameters(options: Options) -> dict[str, object]:
-    # Table and report need the odometry that ``summary`` records.
+    # The table and the report need the odometry that ``summary`` records.
     summary = (options.starts_bridge or options.calibrates
                or options.report is not None or None)
     values = {'robot': options.robot, 'rate': options.rate, 'summary': summary,
@@ -215,13 +216,13 @@ def _run(
 def _wait_for_requests(
         robot_control: KachakaSimpleControl, motion: Motion, limits: Limits,
         keys: dict[str, Callable[[], object]]) -> None:
-    """Offer the service ``~/run``, and Enter at a terminal, until no motion may start again."""
+    """Start the motion on each ``~/run`` call or Enter key, until the node is stopped."""
     commander = robot_control.commander
     drive = partial(robot_control.run, motion, limits)
     name = commander.serve('~/run', partial(commander.request_start, drive))
     how = f'`ros2 service call {name} std_srvs/srv/Trigger` starts the motion'
     with _keyboard(robot_control, {**keys, '\n': partial(commander.start, drive)}):
-        # Logged now: what was typed before the keyboard is read starts nothing.
+        # Logged after the keyboard has started, because earlier keys are ignored.
         if is_keyboard():
             how = f'Enter starts the motion, Ctrl+C ends this program; {how}, too'
         robot_control.get_logger().info(f'Standing by: {how}')
@@ -229,21 +230,21 @@ def _wait_for_requests(
 
 
 def _keys(robot_control: KachakaSimpleControl) -> dict[str, Callable[[], object]]:
-    """Return what each key does while the robot drives."""
+    """Return the function of each key while the robot drives."""
     commander = robot_control.commander
     slower, faster = partial(commander.change_speed, -KEY_STEP), partial(
         commander.change_speed, KEY_STEP)
     return {
         ' ': commander.pause, 'r': commander.resume_when_confirmed,
         '-': slower, '+': faster, '=': faster,
-        # As Ctrl+C does.
+        # Like Ctrl+C.
         'q': lambda: os.kill(os.getpid(), signal.SIGINT),
     }
 
 
 def _keyboard(
         robot_control: KachakaSimpleControl, keys: dict[str, Callable[[], object]]) -> Keyboard:
-    """Return a keyboard whose keys log the error that refuses what they do."""
+    """Return a keyboard that logs an error of a key's function as a warning."""
     def press(function: Callable[[], object]) -> None:
         try:
             function()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The ``kachaka_simple_control`` command."""
+"""The ``kachaka_simple_control`` command: drive a motion, or show it without driving."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ from kachaka_simple_control.run_command import run_command
 if TYPE_CHECKING:
     from kachaka_simple_control.analysis.drive_log import DriveLog
 
-#: The answers that let it drive; the empty one is Enter alone.
+#: The answers that allow a drive; the empty answer is Enter.
 CONSENT = ('', 'y', 'yes')
 
 
 def confirm(floor_size: str, before: str = '') -> None:
     """
-    Ask whether a robot may drive; return if it may.
+    Ask the user whether a robot may drive, and return only if it may.
 
-    Lines typed before the question do not answer it.
+    Lines that were typed before the question are discarded.
 
-    :param floor_size: how much free floor it needs, in words
-    :param before: what to do before
-    :raises UsageError: if nobody can be asked, or the answer is not Enter, y or yes
+    :param floor_size: the size of the free floor that the motion needs, as text
+    :param before: an instruction for the user before the drive
+    :raises UsageError: if there is no terminal to ask at, or the answer is not Enter, y or yes
     """
     if not sys.stdin.isatty():
         raise UsageError('a robot will move: pass --yes, for there is no terminal to ask at')
@@ -60,13 +60,15 @@ def confirm(floor_size: str, before: str = '') -> None:
 
 def drive(options: Options) -> DriveLog:
     """
-    Drive, and return the log of the drive; it is empty unless the options ask for one.
+    Drive, and return the log of the drive.
 
-    :raises UsageError: if there is no ROS
+    The log is empty unless the options ask for a bridge, a report or a calibration.
+
+    :raises UsageError: if ROS is not installed or not sourced
     :raises ControlError: if the drive could not be completed; the robot was stopped
     """
     try:
-        # Imported here: previews need no ROS.
+        # Imported here, because previews need no ROS.
         exit_on_interrupt()
         from kachaka_simple_control.commands.drive import drive as drive_by_ros
         raise_on_interrupt()
@@ -112,7 +114,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Run the command.
 
-    :param args: arguments without the program's name; None for those of the process
+    :param args: the arguments without the program's name; None for the process's arguments
     :returns: the exit code
     """
     options = parse(args)

@@ -23,7 +23,7 @@ from kachaka_simple_control.commands.cli import Options
 from kachaka_simple_control.commands.settings import choose_settings, describe_overrides
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find, library
-from kachaka_simple_control.motion.drive_order import DriveOrder
+from kachaka_simple_control.motion.plan import DriveOrder
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.plan_plot import save_plot
 from kachaka_simple_control.report.table_layout import terminal_columns
@@ -33,9 +33,9 @@ from kachaka_simple_control.ros.parameters import require_parameters_only
 
 def preview(options: Options) -> None:
     """
-    Print or plot what motions will do.
+    List motions, or print or plot the plans of motions.
 
-    :raises InvalidMotionError: if a motion is invalid, or there is none of that name
+    :raises InvalidMotionError: if a motion is invalid or not found
     :raises UsageError: if an option is invalid, or the output cannot be written
     """
     require_parameters_only(
@@ -68,18 +68,18 @@ def _print(text: str) -> None:
     try:
         print(text, flush=True)
     except OSError as error:
-        # At exit Python would flush once more, and fail again.
+        # Python flushes again at exit, and would fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):  # of a reader like `head`
+        if not isinstance(error, BrokenPipeError):  # a reader like `head` has ended
             raise UsageError(f'it cannot be printed: {error.strerror}') from None
 
 
 def plan_view(name: str, options: Options) -> PlanView:
     """
-    Return what a motion will do.
+    Return the plan of a motion, with the data to print or plot it.
 
-    :param name: of the library, or the path of a file
-    :raises InvalidMotionError: if it is invalid, or there is none of that name
+    :param name: the name of a motion in the library, or the path of a file
+    :raises InvalidMotionError: if the motion is invalid or not found
     :raises UsageError: if an option is invalid
     """
     motion_file = find(name)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The robot, rate and loop of a motion: option or ``-p``, else its file, else a default."""
+"""Choose the robot, the rate and closed-loop control of a motion from all their sources."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ if TYPE_CHECKING:
     from kachaka_simple_control.files.motion_file import MotionFile
     from kachaka_simple_control.motion.limits import Limits
 
-#: The settings that an option, ``-p`` and a motion's file can all set.
+#: The settings that an option, ``-p`` or a motion's file can set.
 NAMES = ('robot', 'rate', 'closed_loop')
 
 
 @dataclass(frozen=True)
 class Settings:
     """
-    What a motion is planned for.
+    The settings for planning a motion.
 
-    :param robot: name or file of the robot's profile
-    :param rate: how often a velocity is sent [Hz]
-    :param profile: the profile
+    :param robot: the name or file of the robot's profile
+    :param rate: the rate of velocity messages [Hz]
+    :param profile: the robot's profile
     :param closed_loop: whether odometry corrects the velocities
     """
 
@@ -54,9 +54,9 @@ class Settings:
 
     def limits_of(self, motion_file: MotionFile) -> Limits:
         """
-        Return the limits of a motion; a closed loop plans it with a part of them.
+        Check a motion, and return its limits, which are lower for a closed loop.
 
-        :raises MotionFileError: if the robot cannot drive it, with a line for each problem
+        :raises MotionFileError: if the robot cannot drive the motion, with one line per problem
         """
         return motion_file.check(
             self.profile.planning_limits, self.profile.name, self.closed_loop)
@@ -64,13 +64,15 @@ class Settings:
 
 def choose_settings(options: Options, motion_file: MotionFile | None) -> Settings:
     """
-    Choose each value: option or ``-p``, else the motion's file, else the parameter's default.
+    Return the settings of a motion.
 
-    :param options: of the command
+    Each value is from the option or ``-p``, else from the motion's file, else the default.
+
+    :param options: the options of the command
     :param motion_file: the motion; None for the lesson
-    :raises UsageError: if an option and ``-p`` differ, or a value is invalid, or the robot cannot
-        be driven in a closed loop
-    :raises MotionFileError: if the rate of the file cannot be used
+    :raises UsageError: if an option and ``-p`` differ, or a value is invalid, or the robot does
+        not support closed-loop control
+    :raises MotionFileError: if the rate of the file is out of range
     """
     given = _given(options)
     values = {'robot': NodeParameters.robot, 'rate': NodeParameters.rate,
@@ -93,8 +95,9 @@ def check_rate(rate: float, profile: RobotProfile) -> None:
     """
     Check that a robot can be driven at a rate.
 
-    :param rate: how often a velocity is sent [Hz]
-    :raises InvalidMotionError: if it cannot
+    :param rate: the rate of velocity messages [Hz]
+    :param profile: the robot's profile
+    :raises InvalidMotionError: if the rate is out of range for the robot
     """
     lowest = min_rate(profile.command_timeout)
     if not lowest <= rate <= MAX_RATE:
@@ -107,9 +110,9 @@ def describe_overrides(
         options: Options, motion_file: MotionFile | None,
         used: Settings | NodeParameters) -> list[str]:
     """
-    Return a line for each value of the motion's file that something else has overridden.
+    Return a line for each value of the motion's file that an option or a parameter overrides.
 
-    :param used: the values that are used
+    :param used: the effective values
     """
     lines = []
     for name, said in _in_file(motion_file).items():
@@ -127,13 +130,13 @@ def describe_overrides(
 
 
 def _in_file(motion_file: MotionFile | None) -> dict[str, object]:
-    """Return the values of NAMES that the motion's file sets."""
+    """Return the settings that the motion's file contains, by name."""
     values = {name: getattr(motion_file, name, None) for name in NAMES}
     return {name: value for name, value in values.items() if value is not None}
 
 
 def _given(options: Options) -> dict[str, object]:
-    """Return the values of NAMES that the command line sets."""
+    """Return the settings that the command line contains, by name."""
     values: dict[str, object] = {}
     parameters = parameter_arguments(options.ros_arguments)
     for name in NAMES:
@@ -154,7 +157,7 @@ def chosen_speed(options: Options) -> float | None:
     """
     Return the speed factor of the option ``--speed``; None if it is not given.
 
-    :raises UsageError: if the parameter ``speed_factor`` says something else
+    :raises UsageError: if the parameter ``speed_factor`` has a different value
     """
     text = parameter_arguments(options.ros_arguments).get('speed_factor')
     if options.speed is not None and text is not None and _number('speed_factor', text) != (
@@ -174,20 +177,20 @@ def _number(name: str, text: str) -> float:
 
 
 def _boolean(name: str, text: str) -> bool:
-    # As ROS reads it.
+    # The words that ROS accepts.
     for value, words in ((True, ('true', 'yes', 'on', 'y')), (False, ('false', 'no', 'off', 'n'))):
         if text.lower() in words:
             return value
     raise UsageError(f'parameter {name} is {quoted(text, 60)}; it must be true or false')
 
 
-#: How the value of a parameter is read from its text.
+#: The functions that convert the text of a parameter to its value.
 _READERS: dict[str, Callable[[str, str], object]] = {
     'robot': lambda _, text: text, 'rate': _number, 'closed_loop': _boolean}
 
 
 def _option(name: str, value: object) -> str:
-    """Return an option as it is written."""
+    """Return an option with its value as command line text."""
     word = name.replace('_', '-')
     if isinstance(value, bool):
         return f'--{word}' if value else f'--no-{word}'

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Measures a robot's odometry with a tape: two parts of ``kachaka_calibrate``."""
+"""Calibrate a robot's odometry with a tape measure: two parts of ``kachaka_calibrate``."""
 
 from __future__ import annotations
 
@@ -25,11 +25,13 @@ import tempfile
 
 from kachaka_simple_control.analysis.odometry_fit import (
     fit_floor,
+    fit_umbmark,
     reported_displacement,
     reported_path,
+    Square,
+    UmbmarkFit,
 )
 from kachaka_simple_control.analysis.plan_view import PlanView
-from kachaka_simple_control.analysis.umbmark_fit import fit_umbmark, Square, UmbmarkFit
 from kachaka_simple_control.commands.calibrate_options import (
     ask,
     CalibrateOptions,
@@ -46,27 +48,27 @@ from kachaka_simple_control.commands.preview import plan_view
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK, RobotProfile
+from kachaka_simple_control.motion.calibration import OdometryCalibration
 from kachaka_simple_control.motion.geometry import Pose
-from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.units import ANGLE, LENGTH, Quantity, SIZE, UnitError
 from kachaka_simple_control.report.table_layout import columns
 from kachaka_simple_control.text import escaped
 
-#: The side of the squares as the library has it, and the range of another one [m].
+#: The side length of the squares in the library, and the range of other side lengths [m].
 SIDE, MIN_SIDE, MAX_SIDE = '4 m', 0.5, 10.0
 MARK = 'Mark where the middle between its wheels is, and which way it looks.  '
 
 
 class _Answers:
-    """The measurements: of ``--measured``, or of somebody at the terminal who is asked."""
+    """The tape measurements, from ``--measured`` or from questions to the user."""
 
     def __init__(self, given: Sequence[str], quantities: Sequence[Sequence[Quantity]]) -> None:
         """
-        Check what is given.
+        Check the given answers.
 
-        :param given: the answers as they are written; none: somebody is asked
-        :param quantities: of each answer
-        :raises UsageError: if the answers are not what is asked for, or nobody can be asked
+        :param given: the answers from ``--measured``, as text; empty to ask the user
+        :param quantities: the quantities of each answer
+        :raises UsageError: if an answer is invalid, or there is no terminal to ask at
         """
         if given and len(given) != len(quantities):
             raise UsageError(
@@ -82,10 +84,12 @@ class _Answers:
 
     def ask(self, question: str, kinds: Sequence[Quantity]) -> list[float]:
         """
-        Return what was measured.
+        Return the next given answer, or ask the user for it.
 
-        :param kinds: of the values that belong to one answer
-        :raises UsageError: if there is no answer
+        :param question: the question to the user
+        :param kinds: the quantities of the answer
+        :returns: the measured values
+        :raises UsageError: if the user gives no answer
         """
         if self._given:
             return self._given.pop(0)
@@ -110,11 +114,12 @@ def _parse(answer: str, kinds: Sequence[Quantity]) -> list[float]:
 
 def measure_floor(options: Options, more: CalibrateOptions) -> None:
     """
-    Drive 1 m and once round, ask what they were on the floor, and write the file of the robot.
+    Calibrate odometry with a straight line and a turn, and write the robot's profile.
 
-    :raises CalibrationError: if that cannot tell; nothing is written
-    :raises ControlError: if a drive could not be completed, or something is wrong before it;
-        nothing is written then either
+    The robot drives 1 m and makes one full turn, and the user measures both on the floor.
+
+    :raises CalibrationError: if the drives give no valid calibration; no file is written
+    :raises ControlError: if a drive cannot start or is not completed; no file is written
     """
     settings = require_ready(options, more)
     motions = 'floor_straight', 'floor_turn'
@@ -131,7 +136,7 @@ def measure_floor(options: Options, more: CalibrateOptions) -> None:
         options, more, views[1], motions[1], motions[1], 'Mark which way it looks.  '))[1]
     angle, = answers.ask('How far has it turned, in all?  Such as 358 deg', [ANGLE])
     fit = fit_floor(line, distance, turn, angle)
-    # First of all: what was measured is not lost if a file cannot be written.
+    # Printed first, so that the result is not lost if the file cannot be written.
     print('\n'.join(['', *columns(FIT_HEAD, [
         ('scale', f'{fit.scale.value:.4f}', f'{fit.scale.error:.4f}'),
         ('track ratio', f'{fit.track_ratio.value:.4f}', f'{fit.track_ratio.error:.4f}'),
@@ -145,11 +150,12 @@ def measure_floor(options: Options, more: CalibrateOptions) -> None:
 
 def measure_squares(options: Options, more: CalibrateOptions) -> None:
     """
-    Drive squares to each side, ask where each ended, and write the file of the robot.
+    Calibrate odometry with squares in both directions (UMBmark), and write the robot's profile.
 
-    :raises CalibrationError: if they cannot tell; nothing is written
-    :raises ControlError: if a drive could not be completed, or something is wrong before it;
-        nothing is written then either
+    The user measures the end pose of each square on the floor.
+
+    :raises CalibrationError: if the drives give no valid calibration; no file is written
+    :raises ControlError: if a drive cannot start or is not completed; no file is written
     """
     settings = require_ready(options, more)
     known = settings.profile.odometry_calibration
@@ -161,7 +167,7 @@ def measure_squares(options: Options, more: CalibrateOptions) -> None:
     if track is None:
         raise UsageError(
             "which track does the robot's odometry use?  Say it by --track, as in --track 0.2m")
-    # Refused before anything moves.
+    # An invalid track is refused before the robot moves.
     known = replace(known, track=track)
     count, kinds = more.squares or 1, [LENGTH, LENGTH, ANGLE]
     with _motions(more.side or SIDE) as motions:
@@ -191,12 +197,12 @@ def _drive(
         options: Options, more: CalibrateOptions, view: PlanView, motion: str, report: str,
         before: str) -> list[Pose]:
     """
-    Ask, and drive a motion; return the path that odometry reported.
+    Drive a motion after the user's confirmation, and return the path from odometry.
 
-    :param view: what it will drive
-    :param motion: of the library, or a file
-    :param report: the folder in that of ``--report``
-    :param before: what somebody has to do before
+    :param view: the plan of the motion
+    :param motion: the name of a motion in the library, or the path of a file
+    :param report: the name of a folder within the directory of ``--report``
+    :param before: an instruction for the user before the drive
     """
     def measure(options: Options) -> list[Pose]:
         ask(options, more, view, before)
@@ -210,7 +216,7 @@ def _drive(
 
 @contextlib.contextmanager
 def _motions(side: str) -> Iterator[tuple[str, str]]:
-    """Yield the squares to the right and to the left: names of the library, or files."""
+    """Yield the clockwise and the counterclockwise square, as library names or as files."""
     names = 'umbmark_cw', 'umbmark_ccw'
     length = _size('side', side)
     if not MIN_SIDE <= length <= MAX_SIDE:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Claims on a robot: one program drives it, on one machine and among several."""
+"""Claims on a robot: only one program drives it, on one machine and across several machines."""
 
 from __future__ import annotations
 
@@ -35,25 +35,26 @@ from kachaka_simple_control.control.timing import (
     GUARDIAN_LEAVE_TIMEOUT,
 )
 
-#: What ``SO_PEERCRED`` returns: process, user and group.
+#: The format of the result of ``SO_PEERCRED``: process, user and group.
 CREDENTIALS = struct.Struct('3i')
 #: Longest description of a holder that is read [bytes].
 MAX_DESCRIPTION_BYTES = 1000
-#: Most claims that are kept; the network may deliver anything.
+#: The largest number of claims that are kept: the network may deliver any number.
 MAX_CLAIMS = 64
-#: Most of a text from the network that is kept [characters].
+#: A longer text from the network is cut to this length [characters].
 MAX_TEXT_LENGTH = 200
-#: States of a claim: the robot is not claimed; it is wanted, and taken if no other claim blocks
-#: it; it is held until the program ends.
+#: The states of a claim.  RELEASED: the program does not claim the robot.  WANTED: the program
+#: wants the robot, and takes it if no other claim blocks this.  HELD: the program has taken the
+#: robot, and keeps it until the program ends.
 RELEASED, WANTED, HELD = 'nothing', 'wanted', 'held'
 
 
 class ClaimedError(Exception):
     """
-    The claim is held; the message says by which program, and since when.
+    A claim cannot be taken, because it is held; the message names the holder and the start time.
 
     :param holder: the message
-    :param is_own: whether something in this process holds it
+    :param is_own: whether the holder is in this process
     """
 
     def __init__(self, holder: str, is_own: bool) -> None:
@@ -63,12 +64,12 @@ class ClaimedError(Exception):
 
 class MachineClaim:
     """
-    The claim on one name on this machine: an abstract Unix socket that is bound to it.
+    The claim on one name on this machine: an abstract Unix socket bound to the name.
 
-    The kernel gives a name to one socket at a time, and frees it when the last process that has
-    the socket open is gone, however it ended.  So a guardian that inherited the socket keeps the
-    claim of a program that was killed until the robot is stopped, and a frozen program keeps its
-    own.  Only Linux has such sockets; elsewhere every claim is granted.
+    The kernel gives a name to one socket at a time.  It frees the name when every process that
+    has the socket open has ended, normally or not.  The guardian inherits the socket: if the
+    program is killed, the claim lasts until the guardian has stopped the robot.  A frozen program
+    keeps its claim.  Only Linux has abstract sockets; on other systems every claim is granted.
     """
 
     def __init__(self) -> None:
@@ -77,18 +78,18 @@ class MachineClaim:
         os.register_at_fork(after_in_child=self._socket.close)
 
     def fileno(self) -> int:
-        """Return the descriptor that keeps the claim, for a child process to inherit."""
+        """Return the socket's descriptor; a child process that inherits it keeps the claim."""
         return self._socket.fileno()
 
     def take(self, name: str, who: str) -> None:
         """
         Take the claim, unless this object holds it already.
 
-        If the holder has ended, wait up to GUARDIAN_LEAVE_TIMEOUT for its guardian.
+        If the holder has ended, wait up to GUARDIAN_LEAVE_TIMEOUT until its guardian ends.
 
-        :param name: what is claimed
-        :param who: describes this program to others, in one line of at most 1000 bytes
-        :raises ClaimedError: if another program holds it
+        :param name: the name to claim
+        :param who: the description of this program that others read: one line, at most 1000 bytes
+        :raises ClaimedError: if another program holds the claim
         """
         if self._is_held or not sys.platform.startswith('linux'):
             return
@@ -104,8 +105,8 @@ class MachineClaim:
             target=_serve, args=(self._socket, who), name='claim', daemon=True).start()
 
     def release(self) -> None:
-        """Release the claim in this process; it cannot be taken again."""
-        # Closing alone would not wake the thread that accepts, and the socket would stay open.
+        """Release the claim in this process; this object cannot take it again."""
+        # close() alone does not wake the thread in accept(), and the socket would stay open.
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
@@ -122,17 +123,17 @@ class MachineClaim:
 
 
 def _address(name: str) -> bytes:
-    # An address has room for 107 bytes, and a topic may be longer.
+    # An address has at most 107 bytes, and a topic name may be longer.
     digest = hashlib.sha256(name.encode()).hexdigest()
     return f'\0kachaka_simple_control/claim/{digest[:32]}'.encode()
 
 
 def _holder(address: bytes) -> tuple[str, int, bool]:
     """
-    Return a description of who holds a claim, its process, and whether it answers.
+    Return the description of the holder of a claim, its process number, and whether it answers.
 
-    The process is 0 if it is in a container with its own process numbers, and -1 if it does not
-    listen yet, or has just left.
+    The process number is 0 if the holder runs in a container with its own process numbers.  It is
+    -1 if the holder does not listen yet, or has just ended.
     """
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(CLAIM_ANSWER_TIMEOUT)
@@ -145,12 +146,12 @@ def _holder(address: bytes) -> tuple[str, int, bool]:
         with contextlib.suppress(OSError):
             if description := client.recv(MAX_DESCRIPTION_BYTES):
                 return description.decode(errors='replace'), process, True
-    # Frozen; or ended, and its guardian is not.
+    # The holder is frozen, or it has ended and its guardian still runs.
     return f'process {process}, which does not answer', process, False
 
 
 def _serve(server: socket.socket, who: str) -> None:
-    """Send a description of the holder to each client, until the claim is released."""
+    """Send the description of this program to each client, until the claim is released."""
     while True:
         try:
             client, _ = server.accept()
@@ -165,9 +166,9 @@ class Claim:
     """
     The claim that one program publishes.
 
-    :param participant: its DDS participant, in hexadecimal digits
+    :param participant: the DDS participant of the program, in hexadecimal digits
     :param state: RELEASED, WANTED or HELD
-    :param who: describes the program, and says since when it has the claim
+    :param who: the description of the program, with the time since when it has the claim
     """
 
     participant: str
@@ -175,12 +176,12 @@ class Claim:
     who: str
 
     def to_json(self) -> str:
-        """Return it as text."""
+        """Return the claim as JSON text."""
         return json.dumps(asdict(self))
 
     @staticmethod
     def from_json(text: str) -> Claim | None:
-        """Return the claim in a text from the network; None if it is none."""
+        """Return the claim that a text from the network describes; None if the text is invalid."""
         try:
             claim = Claim(**json.loads(text))
         except (ValueError, TypeError, RecursionError):
@@ -195,18 +196,18 @@ class Claim:
 
 class Claims:
     """
-    The claims of other programs, as received.
+    The claims received from other programs.
 
     :param participant: the DDS participant of this program, in hexadecimal digits
     """
 
     def __init__(self, participant: str) -> None:
         self._participant = participant
-        #: by participant: when it was received [s], and the claim; the oldest first
+        #: for each participant the time of reception [s] and the claim; the oldest first
         self._received: dict[str, tuple[float, Claim]] = {}
 
     def on_claim(self, claim: Claim, now: float) -> None:
-        """Keep a claim that was received [s]; this program's own is ignored."""
+        """Keep a claim received at the time ``now`` [s]; ignore this program's own claim."""
         if claim.participant == self._participant:
             return
         self._received.pop(claim.participant, None)
@@ -215,20 +216,21 @@ class Claims:
             self._received.pop(next(iter(self._received)))
 
     def holder(self, now: float) -> Claim | None:
-        """Return a claim that another program holds; None if none does."""
+        """Return the claim of another program that holds the robot; None if there is none."""
         return next((claim for claim in self._current(now) if claim.state == HELD), None)
 
     def blocking_claim(self, now: float) -> Claim | None:
         """
-        Return the claim to which this program has to yield while it wants the robot.
+        Return the claim that prevents this program from taking the robot.
 
-        :returns: one that is held, else a wanted one of a lower participant, else None
+        :returns: a claim in the state HELD; otherwise a claim in the state WANTED with a lower
+            participant than this program's; otherwise None
         """
         wanted = (claim for claim in self._current(now)
                   if claim.state == WANTED and claim.participant < self._participant)
         return self.holder(now) or next(wanted, None)
 
     def _current(self, now: float) -> list[Claim]:
-        # A copy first: another thread receives meanwhile.
+        # Work on a copy: another thread adds claims at the same time.
         return [claim for received, claim in [*self._received.values()]
                 if now - received <= CLAIM_TIMEOUT]

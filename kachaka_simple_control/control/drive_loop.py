@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The thread that drives: it sleeps until the next deadline, or until something wakes it.
+The loop of the thread that drives: it sleeps until the next deadline, or until it is woken.
 
-Meanwhile Python does not search old objects for garbage.
+During a drive Python's garbage collector does not search old objects.
 """
 
 from __future__ import annotations
@@ -38,9 +38,10 @@ FD_SETSIZE = 1024
 
 class Sleeper:
     """
-    Sleeps; another thread can cut a sleep short.
+    Sleeps for a time; another thread can end the sleep early.
 
-    By ``select``, and no lock of Python's: that follows the wall clock before Python 3.11.
+    It uses ``select``, not a lock of Python: before Python 3.11 the timeout of a lock depends on
+    the wall clock.
     """
 
     def __init__(self) -> None:
@@ -51,9 +52,9 @@ class Sleeper:
 
     def sleep(self, duration: float) -> None:
         """
-        Sleep.
+        Sleep for a time, or until another thread calls ``wake``.
 
-        :param duration: how long [s]; less if another thread wakes it
+        :param duration: the longest time to sleep [s]
         """
         if self._reader >= FD_SETSIZE:
             time.sleep(min(duration, 0.01))  # select takes no descriptor above 1023
@@ -61,27 +62,27 @@ class Sleeper:
             os.read(self._reader, 4096)
 
     def wake(self) -> None:
-        """End the sleep under way, or the next one; from any thread."""
-        # The pipe may be full, then the sleep ends anyway; and no error here may keep a stop back.
+        """End the current sleep, or the next one if none is running; any thread may call this."""
+        # If the pipe is full, the sleep ends anyway.  No error here may delay a stop.
         with contextlib.suppress(OSError):
             os.write(self._writer, b'\0')
 
     def __del__(self) -> None:
-        """Free its descriptors."""
-        # Not by a call: another thread may still sleep.
+        """Close both descriptors of the pipe."""
+        # There is no method to close them earlier: another thread may still sleep.
         os.close(self._reader)
         os.close(self._writer)
 
 
 class DriveLoop:
     """
-    Drives one robot or many in the thread that calls ``run``.
+    Drives one or more robots in the thread that calls ``run``.
 
-    Nothing is polled: each drive says when it has to be called again, at the latest, and ``wake``
-    ends a sleep.  No stop waits for this thread: whoever asks for one sends its first zero.
+    The loop does not poll.  Each drive returns the latest time of its next call, and ``wake`` ends
+    a sleep.  No stop waits for this thread: the thread that requests a stop sends the first zero.
 
     :param clock: the steady clock [s]
-    :param sleep: sleeps for a time [s]; None for a sleep that ``wake`` ends
+    :param sleep: sleeps for a time [s]; None: use a ``Sleeper``, which ``wake`` ends early
     """
 
     def __init__(
@@ -93,7 +94,7 @@ class DriveLoop:
         self._woken: deque[RobotDrive] = deque()
 
     def wake(self, drive: RobotDrive) -> None:
-        """Let a drive look for what has changed; from any thread."""
+        """Make ``run`` call a drive at once, after a change; any thread may call this."""
         self._woken.append(drive)
         self._sleeper.wake()
 
@@ -101,15 +102,15 @@ class DriveLoop:
             self, drives: Sequence[RobotDrive],
             on_failure: Callable[[RobotDrive, Exception], None] | None = None) -> None:
         """
-        Drive robots whose runs have begun, until the last of them has ended.
+        Drive robots whose runs have begun, until all runs have ended.
 
-        Whatever ends the loop or one of several drives, each robot concerned gets one zero at
-        once; the whole stop is the caller's.
+        If an error ends the loop or one of several drives, each affected robot gets one zero at
+        once.  The caller has to send the whole stop.
 
         :param drives: the drives
-        :param on_failure: called with a drive and the error that ended it, in this thread, which
-            drives the others on; None: the error ends all
-        :raises ControlError: if a run could not go on, unless ``on_failure`` takes that
+        :param on_failure: called in this thread with a drive and the error that ended it; the
+            other drives continue.  None: an error ends all drives
+        :raises ControlError: if a run could not continue and ``on_failure`` is None
         """
         following = dict.fromkeys(range(len(drives)), 0.0)
         heap = [(0.0, number) for number in following]
@@ -121,7 +122,7 @@ class DriveLoop:
                     self._call_woken(drives, following, heap)
                 at, number = heapq.heappop(heap)
                 if following.get(number) != at:
-                    continue  # it was woken since
+                    continue  # an old entry: the drive was woken after it was added
                 then = None
                 try:
                     then = drives[number].step(self._clock())
@@ -136,7 +137,7 @@ class DriveLoop:
                     following[number] = then
                     heapq.heappush(heap, (then, number))
         except BaseException as error:
-            # KeyboardInterrupt as well.  The only drive of a loop is stopped by the caller now.
+            # This includes KeyboardInterrupt.  If there is only one drive, the caller stops it.
             for number in following if len(drives) > 1 else ():
                 drives[number].end(control_error(error))
             raise
@@ -144,7 +145,7 @@ class DriveLoop:
     def _call_woken(
             self, drives: Sequence[RobotDrive], following: dict[int, float],
             heap: list[tuple[float, int]]) -> None:
-        """Have the drives called next that were woken."""
+        """Schedule each woken drive to be called next."""
         while self._woken:
             drive = self._woken.popleft()
             for number in following:
@@ -153,23 +154,23 @@ class DriveLoop:
                     heapq.heappush(heap, (0.0, number))
 
 
-#: So many collections of young objects never come before one of all: Python's largest threshold.
+#: Python's largest threshold for the garbage collector: with it no full collection ever starts.
 NEVER = 2 ** 31 - 1
 
 _lock = threading.Lock()
 _runs = 0
-#: undoes what the first of the runs under way did
+#: restores the settings of the collector when the last run ends
 _restore = contextlib.ExitStack()
 
 
 @contextlib.contextmanager
 def old_objects_frozen() -> Iterator[None]:
     """
-    Leave all objects that exist now out of collections for the length of a block.
+    Exclude all objects that exist now from garbage collection during a ``with`` block.
 
-    Searching a million objects takes 150 ms, in which no other code of the process runs
-    (measured).  Afterwards the collector is as it was found: it belongs to the user's program.
-    Blocks may overlap, in one thread or several.
+    To search a million objects takes 150 ms (measured), and no other code of the process runs in
+    that time.  After the block the collector has its previous settings, because the user's program
+    may have set them.  Blocks may overlap, in one thread or in several.
     """
     global _runs  # noqa: PLW0603 (as the collector itself)
     with _lock:
@@ -187,7 +188,7 @@ def old_objects_frozen() -> Iterator[None]:
 
 def _freeze() -> None:
     if gc.get_freeze_count():
-        # Unfreezing would also release the objects that the user has frozen.
+        # gc.unfreeze() would also unfreeze the objects that the user's program has frozen.
         thresholds = gc.get_threshold()
         gc.set_threshold(*thresholds[:2], NEVER)
         _restore.callback(gc.set_threshold, *thresholds)

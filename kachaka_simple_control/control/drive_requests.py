@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Accept requests: one drive at a time, and a resume that is confirmed; none of them at a stop.
+Accept or refuse requests: one drive at a time, a resume only if confirmed, none during a stop.
 
-A stop ends a drive from the call on that requests it.
+A stop cancels a drive at any time after the call that requests the drive.
 """
 
 from __future__ import annotations
@@ -38,10 +38,11 @@ class DriveRequest:
     """
     One drive, from the call that requests it to its end.
 
-    :param run: what a stop cancels, even before the drive has begun
-    :param thread: the thread that requested it
-    :param ended: when it ended complete [s on the clock]; None before, and if it was cut short
-    :param stopped_by: why another thread stopped it, or stopped the robot right after it
+    :param run: the run of the drive; a stop cancels it, even before the drive has begun
+    :param thread: the thread that requested the drive
+    :param ended: when the drive was complete [s on the clock]; None before, or if it ended early
+    :param stopped_by: the error of a stop by another thread, during the drive or right after it;
+        None without such a stop
     """
 
     run: Run
@@ -54,10 +55,10 @@ class DriveRequests:
     """
     Accepts one drive at a time.
 
-    Movements of one thread that follow each other within a period are one run to a caller that
-    stops the robot from another thread: a stop between two of them refuses the second.
+    If one thread requests a second movement within one period after the first, both count as one
+    run for a stop: a stop by another thread between the two also refuses the second movement.
 
-    :param gate: prepares the runs
+    :param gate: the velocity gate, which prepares the runs
     :param period: time between two messages of a run [s]
     :param clock: the steady clock [s]
     """
@@ -78,17 +79,17 @@ class DriveRequests:
 
     def accept(self) -> DriveRequest:
         """
-        Accept a drive; ``finish`` has to follow.
+        Accept a drive; the caller has to call ``finish`` at its end.
 
-        :raises ControlError: if another drive is under way, or a stop fell between the previous
+        :raises ControlError: if another drive is under way, or a stop came between the previous
             movement and this one
         """
         if not self._busy.acquire(blocking=False):
             raise MotionRunningError('a motion is running already; wait for its end, or stop it')
         request = DriveRequest(self._gate.prepare())
         previous, self._newest = self._newest, request
-        # In this order: a stop that comes now finds either the run that was just prepared, or the
-        # request before it, which is checked only here.
+        # The order matters.  A stop at this moment finds either the new run or the previous
+        # request.  So check the previous request only after the run was prepared.
         if (previous is not None and previous.stopped_by is not None
                 and self._continues(previous, request)):
             self.finish(request, is_complete=False)
@@ -97,22 +98,22 @@ class DriveRequests:
 
     def finish(self, request: DriveRequest, is_complete: bool) -> None:
         """
-        End a drive; the next may be accepted.
+        End a drive, so that the next one can be accepted.
 
-        :param request: what ``accept`` returned
-        :param is_complete: whether it was driven to its end
+        :param request: the request that ``accept`` returned
+        :param is_complete: whether the drive reached its end
         """
         request.ended = self._clock() if is_complete else None
         self._busy.release()
 
     def on_stop(self, reason: ControlError) -> None:
         """
-        Record a stop, before the gate cancels the run.
+        Record a stop; call this before the gate cancels the run.
 
-        :param reason: the error with which a movement that follows at once is refused
+        :param reason: the error that refuses a movement right after the stop
         """
         newest = self._newest
-        # A thread that stops its own drive may drive on.
+        # A thread that stops its own drive may drive again.
         if newest is not None and newest.thread != threading.get_ident():
             newest.stopped_by = newest.stopped_by or reason
 
@@ -123,12 +124,12 @@ class DriveRequests:
 
 class ResumeConfirmation:
     """
-    Tells whether a request to resume confirms one that was refused with a warning.
+    Decides whether a request to resume confirms an earlier request that got a warning.
 
-    It does if it comes after RESUME_QUIET_TIME without any request, and within
-    RESUME_CONFIRM_TIMEOUT of the warning: a key that repeats, and many clients that ask at once,
-    confirm nothing.  A warning is confirmed once.  Any thread may call this.
-
+    A request confirms the newest warning if it comes within RESUME_CONFIRM_TIMEOUT after the
+    warning, and if no request came for RESUME_QUIET_TIME before it.  So a key that repeats, or
+    several clients at the same time, confirm nothing.  Each warning can be confirmed only once.
+    Any thread may call the methods.
     :param clock: the steady clock [s]
     """
 
@@ -138,7 +139,7 @@ class ResumeConfirmation:
         self._requested = self._warned = float('-inf')
 
     def on_request(self) -> bool:
-        """Take note of a request to resume; return whether it confirms the newest warning."""
+        """Record a request to resume; return whether it confirms the newest warning."""
         with self._lock:
             now = self._clock()
             is_late_enough = now - self._requested >= RESUME_QUIET_TIME
@@ -149,18 +150,17 @@ class ResumeConfirmation:
             return is_confirmed
 
     def on_warning(self) -> None:
-        """Take note of a request that was refused with a warning."""
+        """Record that a request to resume was refused with a warning."""
         with self._lock:
             self._warned = self._clock()
 
 
 class StopRequests:
     """
-    Refuses requests that start a motion at the same time as one that stops it.
+    Refuses requests that start a motion within a short time after a request to stop.
 
-    Two requests of one client may be served in either order: one to drive that was sent just
-    before one to stop must not be served after it.
-
+    The node may serve two requests of one client in either order.  A client may send a request to
+    drive and then a request to stop: the drive must not start after the stop.
     :param clock: the steady clock [s]
     """
 
@@ -169,14 +169,14 @@ class StopRequests:
         self._newest = float('-inf')
 
     def on_stop(self) -> None:
-        """Take note of a request to stop."""
+        """Record a request to stop."""
         self._newest = self._clock()
 
     def require_none(self) -> None:
         """
-        Check that no stop is requested at the same time.
+        Check that no stop was requested within the last STOP_REQUEST_WINDOW.
 
-        :raises MotionRefusedError: if one was within STOP_REQUEST_WINDOW
+        :raises MotionRefusedError: if one was requested
         """
         if self._clock() - self._newest < STOP_REQUEST_WINDOW:
             raise MotionRefusedError('a stop came at the same time: call again')

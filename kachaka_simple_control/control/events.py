@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The events of a drive: all that a reader needs, in the order in which it happened."""
+"""The events of a drive: readers such as logs and displays receive them in order of time."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ from kachaka_simple_control.motion.steps import Motion
 @dataclass(frozen=True)
 class SessionStarted:
     """
-    A program began; the first event of all.
+    A program started; this is the first event.
 
-    :param title: name of what it drives
+    :param title: name of the motion
     :param robot: name of the robot
-    :param limits: what the robot can do
+    :param limits: the limits of velocity and acceleration of the robot
     :param command_timeout: how long the robot keeps a velocity without a new one [s]
-    :param epoch: what to add to a time of the steady clock for the time since 1970 [s]
+    :param epoch: offset from the steady clock to the time since 1970 [s]
     :param velocity_topic: the resolved name of the topic of velocities
     :param odometry_topic: the resolved name of the topic of odometry; None without one
     :param message_type: the type of velocity messages: Twist or TwistStamped
     :param frame: the frame in the header of a TwistStamped
     :param footprint: the outline of the robot; None if it is unknown
     :param settings: the parameters of the node
-    :param versions: of the program and its dependencies, by name
+    :param versions: the versions of the program and its dependencies, by name
     :param command: the command line; empty if there was none
-    :param motion_source: the file of the motion; empty if it comes from none
-    :param motion_text: the text of that file; None if it comes from none
-    :param movement_count: how many motions will follow, one for each call; None if that is unknown
-    :param has_keys: whether keys at the terminal pause, slow down and stop
+    :param motion_source: the file of the motion; empty if the motion is not from a file
+    :param motion_text: the text of that file; None if the motion is not from a file
+    :param movement_count: how many motions will follow, one for each call; None if unknown
+    :param has_keys: whether keys at the terminal can pause, slow down and stop the robot
     """
 
     title: str
@@ -71,12 +71,15 @@ class SessionStarted:
 @dataclass(frozen=True)
 class MotionPlanned:
     """
-    A motion was planned; a robot that is not connected yet is connected next.
+    A motion was planned; if the robot is not connected yet, the program connects to it next.
 
-    A subscriber that needs the plan makes it anew: the same motion, limits and rate give the same.
+    The event does not contain the plan.  A subscriber that needs the plan computes it again: the
+    same motion, limits and rate always give the same plan.
 
+    :param motion: the motion
+    :param limits: the limits for the plan
     :param rate: how often a velocity is sent [Hz]
-    :param time: when [s on the steady clock]; None if that is not known
+    :param time: when it was planned [s on the steady clock]; None if unknown
     """
 
     motion: Motion
@@ -88,10 +91,10 @@ class MotionPlanned:
 @dataclass(frozen=True)
 class MotionStarted:
     """
-    A run begins: its first velocity follows.
+    A run begins; its first velocity follows this event.
 
     :param time: t = 0 of the run [s on the steady clock]
-    :param has_plan: whether it drives the motion planned last; False: it has no plan
+    :param has_plan: True if the run drives the motion planned last; False if it has no plan
     """
 
     time: float
@@ -99,15 +102,15 @@ class MotionStarted:
 
 
 class VelocityKind(Enum):
-    """What a velocity was sent for."""
+    """The purpose of a sent velocity."""
 
-    #: a velocity of a plan, as it is there or under a speed factor
+    #: a velocity of a plan, as planned or under a speed factor
     PLAN = 'plan'
-    #: a velocity of a plan, corrected by odometry
+    #: a velocity of a plan, corrected with odometry
     CORRECTION = 'correction'
-    #: a velocity that somebody wants now
+    #: a velocity that a caller commands directly, without a plan
     HAND = 'hand'
-    #: a zero before a run, so that the robot's reader is matched
+    #: a zero before a run, so that the publisher and the robot's reader are matched
     PRIME = 'prime'
     #: a zero of a stop
     STOP = 'stop'
@@ -115,7 +118,7 @@ class VelocityKind(Enum):
     GUARDIAN = 'guardian'
 
 
-#: The kinds that a run sends.
+#: The kinds of velocity that a run sends.
 RUN_KINDS = frozenset({VelocityKind.PLAN, VelocityKind.CORRECTION, VelocityKind.HAND})
 
 
@@ -124,12 +127,14 @@ class VelocitySent:
     """
     A velocity was published.
 
-    :param time: when [s on the steady clock]
-    :param kind: what it was sent for
-    :param due: when it was due [s after t = 0 of its run]; None if it is no velocity of a run
-    :param plan_time: where on the plan that is [s of the plan]; None if it is none of a plan
-    :param skipped: how many velocities before it were not sent: this one was due already
-    :param expected: what the robot makes of it by its calibration; None: the velocity itself
+    :param time: when it was published [s on the steady clock]
+    :param velocity: the velocity in the message
+    :param kind: the purpose of the velocity
+    :param due: when it was due [s after t = 0 of its run]; None if no run sent it
+    :param plan_time: the position on the plan at that time [s of the plan]; None without a plan
+    :param skipped: how many velocities just before it were not sent, because they were too late
+    :param expected: how the robot really moves at this command, according to its calibration;
+        None: as the velocity says
     """
 
     time: float
@@ -142,21 +147,21 @@ class VelocitySent:
 
     @property
     def is_delayed(self) -> bool:
-        """Return whether a speed factor has made it later than planned, or another velocity."""
+        """Return whether the plan time differs from the due time, because of a speed factor."""
         return self.plan_time != self.due
 
     @property
     def is_of_run(self) -> bool:
-        """Return whether a run sent it, and not a stop or a robot being taken."""
+        """Return whether a run sent the velocity; False for a zero of a stop or before a run."""
         return self.kind in RUN_KINDS
 
 
 @dataclass(frozen=True)
 class StopBegan:
     """
-    A stop begins: its zeros follow.
+    A stop begins; its zeros follow this event.
 
-    :param time: when [s on the steady clock]
+    :param time: when the stop begins [s on the steady clock]
     """
 
     time: float
@@ -165,9 +170,9 @@ class StopBegan:
 @dataclass(frozen=True)
 class StopConfirmed:
     """
-    A stop was sent whole, and odometry, where there is any, no longer showed motion.
+    A stop was sent completely, and odometry, if available, shows no motion.
 
-    :param time: when [s on the steady clock]
+    :param time: when both were true [s on the steady clock]
     """
 
     time: float
@@ -178,9 +183,9 @@ class SpeedFactorChanged:
     """
     The speed factor was changed.
 
-    :param time: when [s on the steady clock]
-    :param factors: the factors below 1, by the name of who asks for less speed; their product
-        counts
+    :param time: when it was changed [s on the steady clock]
+    :param factors: the factors below 1, by the name of the source that set them; the speed factor
+        is their product
     """
 
     time: float
@@ -188,7 +193,7 @@ class SpeedFactorChanged:
 
     @property
     def product(self) -> float:
-        """Return the factor that results, from 0 to 1."""
+        """Return the product of the factors, from 0 to 1."""
         return product(self.factors)
 
 
@@ -197,9 +202,9 @@ class OdometryReceived:
     """
     An odometry message arrived.
 
-    :param time: when [s on the steady clock]
-    :param pose: of the robot, in ``odom``
-    :param velocity: of the robot
+    :param time: when it arrived [s on the steady clock]
+    :param pose: the pose of the robot in the frame ``odom``
+    :param velocity: the velocity of the robot
     """
 
     time: float
@@ -212,10 +217,10 @@ class MotionEnded:
     """
     The motion planned last is over.
 
-    :param time: when that was known [s on the steady clock]; if it was driven to its end, its
-        last zero was sent just before
-    :param reason: why it is over before its end; None if it was driven to its end
-    :param is_fault: whether something went wrong; False where its end was asked for
+    :param time: when the program found this [s on the steady clock]; after a complete motion, the
+        last zero was sent just before this time
+    :param reason: why the motion ended early; None if it was complete
+    :param is_fault: True if an error ended the motion; False if somebody requested its end
     """
 
     time: float
@@ -226,13 +231,13 @@ class MotionEnded:
 @dataclass(frozen=True)
 class SessionEnded:
     """
-    The program stopped the robot and released it; the last event of all, unless it was killed.
+    The program stopped and released the robot; the last event, missing if the program was killed.
 
-    :param time: when [s on the steady clock]
-    :param stop_confirmed_after: how long after the stop began odometry showed standstill [s]; None
-        if it did not
+    :param time: when the robot was released [s on the steady clock]
+    :param stop_confirmed_after: time from the start of the stop until odometry showed standstill
+        [s]; None if odometry did not show standstill
     :param signal: the signal that ended the program; None without one
-    :param error: why the program failed, in one line; None if it did not
+    :param error: why the program failed, in one line; None if it did not fail
     """
 
     time: float

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The guardian, the process that stops the robot when this one cannot: the node's side of it.
+The node's side of the guardian, a separate process that stops the robot if the node cannot.
 
-The latch, the flags and the counter are in a page of memory that both processes share.
+The latch, the flag and the counter are in a memory page that both processes share.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError
 
 class SharedByte:
     """
-    A byte that is 0 or 1; reading and writing it is atomic.
+    A byte in memory that two processes can share; reads and writes are atomic.
 
-    :param memory: one writable byte, 0 at the start; None for memory of this process alone
+    :param memory: one writable byte, 0 at the start; None: use memory of this process only
     """
 
     def __init__(self, memory: bytearray | memoryview | None = None) -> None:
@@ -56,12 +56,13 @@ class SharedByte:
 
 class Latch(SharedByte):
     """
-    Blocks all motion once it is set; nothing resets it.
+    Blocks all motion after it is set; it cannot be reset.
 
-    :param memory: ``Latch.SIZE`` writable bytes, 0 at the start; None for memory of this process
+    :param memory: ``Latch.SIZE`` writable bytes, 0 at the start; None: use memory of this process
     """
 
-    #: its length in memory: a byte that is 1 if it is set, and the time of the guardian's stop
+    #: size in memory [bytes]: one byte that is 1 if the latch is set, and the time of the
+    #: guardian's stop
     SIZE = 9
 
     def __init__(self, memory: bytearray | memoryview | None = None) -> None:
@@ -75,7 +76,7 @@ class Latch(SharedByte):
             a stop of the node itself
         """
         if stop_time:
-            # Before the byte: whoever sees that set reads a whole number here.
+            # Write the time before the byte: a reader that sees the byte set reads a valid time.
             struct.pack_into('d', self._memory, 1, stop_time)
         self._memory[0] = 1
 
@@ -89,7 +90,7 @@ class Latch(SharedByte):
 
 
 class SharedCounter(SharedByte):
-    """Counts from 0 to 255, and again from 0."""
+    """A counter from 0 to 255; after 255 it restarts at 0."""
 
     @property
     def value(self) -> int:
@@ -97,7 +98,7 @@ class SharedCounter(SharedByte):
         return self._memory[0]
 
     def increment(self) -> None:
-        """Count one more; by one process alone."""
+        """Add 1 to the count; only one process may call this."""
         self._memory[0] = (self._memory[0] + 1) % 256
 
 
@@ -115,11 +116,12 @@ class SharedFlag(SharedByte):
 
 def shared_state(memory: memoryview) -> tuple[Latch, SharedFlag, SharedCounter]:
     """
-    Return what the node and its guardian share.
+    Return the three objects that the node and its guardian share.
 
-    :param memory: the shared page
-    :returns: the latch, set before the first zero of the guardian's stop; the flag that is set
-        while the node is in DDS; the count of the heartbeats that the guardian has served
+    :param memory: the shared memory page
+    :returns: the latch, which is set before the first zero of the guardian's stop; the flag, which
+        is set while the node waits in a DDS call; the counter of the heartbeats that the guardian
+        has processed
     """
     end = Latch.SIZE
     return (Latch(memory[:end]), SharedFlag(memory[end:end + 1]),
@@ -127,7 +129,7 @@ def shared_state(memory: memoryview) -> tuple[Latch, SharedFlag, SharedCounter]:
 
 
 class NullGuardian:
-    """Takes the place of a guardian where none is wanted (parameter ``guardian: false``)."""
+    """Replaces the guardian if the parameter ``guardian`` is false; most methods do nothing."""
 
     participants: frozenset[bytes] = frozenset()
     is_matched = True
@@ -139,35 +141,35 @@ class NullGuardian:
         self.prime_count = 0
 
     def prime(self) -> None:
-        """Count the request as served."""
+        """Increment ``prime_count`` as if the guardian had published a zero."""
         self.prime_count += 1
 
     def heartbeat(self) -> None:
-        """Do nothing."""
+        """Do nothing: there is no guardian."""
 
     def report_stopping(self) -> None:
-        """Do nothing."""
+        """Do nothing: there is no guardian."""
 
     def report_stopped(self) -> None:
-        """Do nothing."""
+        """Do nothing: there is no guardian."""
 
     def shutdown(self) -> None:
-        """Do nothing."""
+        """Do nothing: there is no guardian."""
 
 
 class Guardian:
     """
-    Starts the guardian's program and sends it heartbeats over a pipe.
+    Starts the guardian's program and sends heartbeats to it over a pipe.
 
-    When the pipe closes, or no heartbeat comes, before the stop was reported whole, the guardian
-    sets the latch and stops the robot.  The program runs in a session of its own, which Ctrl+C
-    does not reach.  Every child of this process closes the pipe, so its end is the end of this
-    process.
+    If the pipe closes or the heartbeats stop before the node has reported a complete stop, the
+    guardian sets the latch and stops the robot.  The guardian runs in its own session, so Ctrl+C
+    does not reach it.  Child processes of the node close the pipe, so the pipe closes exactly when
+    the node ends.
 
-    :param command: the program; it gets two descriptors as its last arguments: the pipe to read,
-        and a file of memory that holds the ``shared_state``
-    :param environment: the program's environment
-    :param kept: descriptors that the program keeps open as long as it runs
+    :param command: the guardian's program; it gets two descriptors as its last arguments: the
+        reading end of the pipe, and a file in memory that contains the ``shared_state``
+    :param environment: the environment variables of the program
+    :param kept: descriptors that the program keeps open while it runs
     """
 
     def __init__(
@@ -176,7 +178,8 @@ class Guardian:
             memory.truncate(mmap.PAGESIZE)
             shared = memoryview(mmap.mmap(memory.fileno(), mmap.PAGESIZE))
             self.latch, self.sending, self._served = shared_state(shared)
-            #: its descriptor, for a process that asks when the guardian stopped; None once closed
+            #: descriptor of the shared memory, for a process that reads the time of the guardian's
+            #: stop; None after it was closed
             self.shared_file: int | None = os.dup(memory.fileno())
             self._watch = GuardianWatch()
             messages, self._pipe = os.pipe()
@@ -189,29 +192,29 @@ class Guardian:
             os.close(messages)
         self._writing = threading.Lock()
         self._last_heartbeat = float('-inf')
-        #: number of zeros it has published on request
+        #: number of zeros that the guardian has published on request
         self.prime_count = 0
-        #: its DDS participants: it may leave the graph and join it anew
+        #: DDS participants of the guardian; several if it has left the graph and joined it again
         self.participants: set[bytes] = set()
-        #: whether its publisher has matched a subscriber
+        #: whether the guardian's publisher has matched a subscriber
         self.is_matched = False
-        #: why it stopped the robot; None if it did not
+        #: why the guardian stopped the robot; None if it did not
         self.stopped_because: str | None = None
         threading.Thread(target=self._read_output, name='guardian', daemon=True).start()
 
     def prime(self) -> None:
         """
-        Ask it to publish one zero.
+        Ask the guardian to publish one zero.
 
-        :raises RunFaultError: if it has ended
+        :raises RunFaultError: if the guardian has ended
         """
         self._send(GuardianMessage.PRIME)
 
     def heartbeat(self) -> None:
         """
-        Send a heartbeat: a run is on.
+        Send a heartbeat during a run, at most one per HEARTBEAT_PERIOD.
 
-        :raises RunFaultError: if it has ended, or is frozen
+        :raises RunFaultError: if the guardian has ended or is frozen
         """
         now = time.monotonic()
         if now - self._last_heartbeat >= HEARTBEAT_PERIOD:
@@ -223,15 +226,19 @@ class Guardian:
             self._send(GuardianMessage.HEARTBEAT)
 
     def report_stopping(self) -> None:
-        """Report that the run is over and its stop goes on."""
+        """Report that the run is over and that zeros of its stop follow."""
         self._send_if_alive(GuardianMessage.STOPPING)
 
     def report_stopped(self) -> None:
-        """Report that the stop was sent whole."""
+        """Report that the complete stop was sent."""
         self._send_if_alive(GuardianMessage.STOPPED)
 
     def shutdown(self) -> None:
-        """Close the pipe, and return when its publisher is gone; it stops a robot that moves."""
+        """
+        Close the pipe, and return when the guardian has ended.
+
+        If no complete stop was reported after a run, the guardian first stops the robot.
+        """
         self._close()
         if self.shared_file is not None:
             os.close(self.shared_file)
@@ -253,7 +260,8 @@ class Guardian:
             with self._writing:
                 os.write(self._pipe, message.value)
         except OSError as error:
-            # A broken pipe: it has ended.  A full one: it has not read for minutes.
+            # If the pipe is broken, the guardian has ended.  If it is full, the guardian has not
+            # read for minutes.
             raise RunFaultError(
                 f'the guardian is gone ({error.strerror}), so the motion was given up') from None
 
@@ -278,6 +286,6 @@ class Guardian:
             os.close(pipe)
 
     def _close_in_child(self) -> None:
-        # A lock that another thread held at the fork stays locked in the child.
+        # A new lock: if another thread held the old one at the fork, it stays locked in the child.
         self._writing = threading.Lock()
         self._close()

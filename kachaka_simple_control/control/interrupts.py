@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Ctrl+C before anything has begun: it ends the process at once, and nothing is printed."""
+"""Make Ctrl+C end the process at once and print nothing, while the program still starts."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ from types import FrameType
 
 
 def _exit(signum: int, _frame: FrameType | None) -> None:
-    # SIGNALLED of exit_codes; to import that takes longer than all that is imported here.
+    # 128 is SIGNALLED of exit_codes; the import of that module would be slow.
     os._exit(128 + signum)
 
 
 def exit_on_interrupt() -> None:
     """
-    Let Ctrl+C end the process from now on, until ``raise_on_interrupt``.
+    Make Ctrl+C end the process at once, until ``raise_on_interrupt`` is called.
 
-    For the time in which modules are imported: an interrupted import prints a traceback, or raises
-    another error.  Without effect if SIGINT is ignored or handled already, or in another thread.
+    Call this before the program imports its modules: an interrupted import prints a traceback, or
+    raises another error.  It has no effect if SIGINT is ignored or already has a handler, or
+    outside the main thread.
     """
     if (threading.current_thread() is threading.main_thread()
             and signal.getsignal(signal.SIGINT) is signal.default_int_handler):
@@ -39,6 +40,6 @@ def exit_on_interrupt() -> None:
 
 
 def raise_on_interrupt() -> None:
-    """Let Ctrl+C raise KeyboardInterrupt again, if ``exit_on_interrupt`` has changed that."""
+    """Make Ctrl+C raise KeyboardInterrupt again, if ``exit_on_interrupt`` has changed that."""
     if signal.getsignal(signal.SIGINT) is _exit:
         signal.signal(signal.SIGINT, signal.default_int_handler)

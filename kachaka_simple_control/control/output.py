@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Standard output and standard error that never block: what finds no room is dropped.
+Make standard output and standard error non-blocking: text that cannot be written is dropped.
 
-A full pipe, or a terminal after Ctrl+S, blocks each write to it for ever.  ROS's logger writes
-in C and keeps Python's interpreter lock meanwhile, so that no thread runs, not even one that
-stops a robot.
+A full pipe, or a terminal after Ctrl+S, blocks each write without end.  The logger of ROS writes
+in C code and holds Python's interpreter lock during the write.  Then no thread can run, not even
+a thread that stops a robot.
 """
 
 from __future__ import annotations
@@ -35,55 +35,57 @@ from typing import Any, TextIO
 
 STDOUT, STDERR = 1, 2
 STREAMS = {STDOUT: 'stdout', STDERR: 'stderr'}
-#: How long Python's own text waits for room [s], if there has been some since the last time.
+#: How long a write of Python text waits for room [s].  After one such wait without success,
+#: further text is dropped at once until there is room.
 FLUSH_TIMEOUT = 1.0
 
 
 def open_closed_streams() -> None:
     """
-    Open ``/dev/null`` where a standard stream is closed.
+    Open ``/dev/null`` for each standard stream that is closed.
 
-    A file or a socket that is opened later would get its number, and be written to.
+    Otherwise a file or socket that is opened later gets the descriptor of the stream, and text for
+    the stream is written to it.
     """
     for name, mode in ('stdin', 'r'), ('stdout', 'w'), ('stderr', 'w'):
         if getattr(sys, name) is None:
-            # It gets the lowest number that is free: that of the stream.
+            # open() returns the lowest free descriptor: the one of the closed stream.
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
 
 
 def make_nonblocking(*descriptors: int) -> None:
     """
-    Make outputs non-blocking for this process, and Python's streams drop what finds no room.
+    Make outputs non-blocking for this process; Python's streams drop text that cannot be written.
 
-    Where possible the output is opened anew, for ``O_NONBLOCK`` belongs to all processes that
-    share an open file: a shell would keep it.  Elsewhere (a socket, the terminal of another user)
-    the flag is set until this program exits.  Regular files are left as they are.
+    All processes that share an open file share its flag ``O_NONBLOCK``; a shell would keep the
+    flag.  So the output is opened a second time if possible.  Otherwise (a socket, the terminal of
+    another user) the flag is set until this program exits.  Regular files are not changed.
 
-    :param descriptors: 1, 2 or both
+    :param descriptors: 1 (standard output), 2 (standard error) or both
     """
     open_closed_streams()
     for descriptor in filter(_may_block, descriptors):
         _set_nonblocking(descriptor)
-    # Standard error may share the flag with standard output, and either may have been inherited.
+    # Standard error may share the flag with standard output, and a flag may be inherited.
     for descriptor in filter(_is_nonblocking, STREAMS):
         _replace_stream(descriptor)
 
 
 def make_log_nonblocking() -> None:
-    """Make the output of ROS's logger non-blocking."""
+    """Make the output stream of the ROS logger non-blocking."""
     to_stdout = os.environ.get('RCUTILS_LOGGING_USE_STDOUT') == '1'
     make_nonblocking(*[STDOUT, STDERR] if to_stdout else [STDERR])
 
 
 def make_blocking(descriptor: int) -> None:
-    """Make an inherited output blocking, for this process alone."""
+    """Make an inherited output blocking, for this process only."""
     if _is_nonblocking(descriptor):
         with contextlib.suppress(OSError):
             _reopen(descriptor, 0)
 
 
 def discard_unread() -> None:
-    """Drop what standard output does not take; Python would wait for that when it exits."""
+    """Drop buffered text that standard output does not accept: it would block Python's exit."""
     if not _may_block(STDOUT):
         return
     stdout = sys.stdout
@@ -97,10 +99,12 @@ def discard_unread() -> None:
 
 def has_room(descriptor: int, timeout: float = 0.0) -> bool:
     """
-    Wait until an output can be written to.
+    Wait until a write to an output would not block.
 
+    :param descriptor: the output
     :param timeout: how long to wait [s]
-    :returns: whether it can; True as well if it has no reader left, which a write finds at once
+    :returns: whether a write would not block; also True if nobody reads the output any longer,
+        because then a write fails at once
     """
     poll = select.poll()
     poll.register(descriptor, select.POLLOUT)
@@ -109,12 +113,13 @@ def has_room(descriptor: int, timeout: float = 0.0) -> bool:
 
 class NonblockingStream(io.RawIOBase):
     """
-    A raw stream on a non-blocking descriptor: what finds no room in time is dropped.
+    A raw stream on a non-blocking descriptor: it drops data that cannot be written in time.
 
-    It waits once: until there is room again, all further data is dropped at once.  A reader that
-    is gone is no error either.
+    A write waits up to FLUSH_TIMEOUT for room.  After a timeout, further data is dropped at once
+    until there is room again.  If the reader has closed its end, data is dropped without an error.
 
-    :param descriptor: where to write; it stays open
+    :param descriptor: the descriptor to write to; it stays open
+    :param name: the name of the stream
     """
 
     mode = 'wb'
@@ -129,18 +134,18 @@ class NonblockingStream(io.RawIOBase):
         return self._descriptor
 
     def isatty(self) -> bool:
-        """Return whether it is a terminal."""
+        """Return whether the descriptor is a terminal."""
         return os.isatty(self._descriptor)
 
     def writable(self) -> bool:
-        """Return True."""
+        """Return True: the stream can be written to."""
         return True
 
     def write(self, data: Any, /) -> int:
         """
-        Write what there is room for, and drop the rest.
+        Write data, and drop the part for which there is no room in time.
 
-        :returns: the length of all data [bytes]
+        :returns: the length of all data, including dropped data [bytes]
         """
         rest = memoryview(data).cast('B')
         count = len(rest)
@@ -214,7 +219,7 @@ def _restore_blocking(descriptor: int) -> None:
 
 
 def _replace_stream(descriptor: int) -> None:
-    """Replace Python's own stream, which would raise BlockingIOError, by a non-blocking one."""
+    """Replace Python's stream, which would raise BlockingIOError, with a non-blocking stream."""
     name = STREAMS[descriptor]
     original: TextIO | None = getattr(sys, f'__{name}__')
     if not isinstance(original, io.TextIOWrapper) or isinstance(
@@ -225,8 +230,8 @@ def _replace_stream(descriptor: int) -> None:
             return
     with contextlib.suppress(OSError, ValueError):
         original.flush()
-    # Without a buffer between: the lock of one, held by a thread that waits for room when Python
-    # exits, would abort the interpreter.
+    # Without a buffer: a buffer has a lock.  If a thread waits for room and holds this lock when
+    # Python exits, the interpreter aborts.
     stream = io.TextIOWrapper(
         NonblockingStream(descriptor, original.name),
         encoding=original.encoding, errors=original.errors,
@@ -238,7 +243,11 @@ def _replace_stream(descriptor: int) -> None:
 
 @contextlib.contextmanager
 def print_only_on_success() -> Iterator[None]:
-    """Hold back what ROS's C code prints to standard error; drop it if the block raises."""
+    """
+    Hold back text on standard error, also from C code of ROS, until the end of a block.
+
+    Print it at the end if the block succeeds; drop it if the block raises an error.
+    """
     sys.stderr.flush()
     try:
         terminal = os.dup(STDERR)

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Correct the velocities of a plan by odometry: a bounded addition.  No clock, no ROS."""
+"""
+Correct the velocities of a plan with odometry: add a bounded correction to each velocity.
+
+This module needs no ROS; the caller passes the time.
+"""
 
 from __future__ import annotations
 
@@ -29,6 +33,7 @@ from kachaka_simple_control.control.timing import (
     MAX_POSITION_ERROR,
 )
 from kachaka_simple_control.errors import RunFaultError
+from kachaka_simple_control.motion.calibration import OdometryCalibration
 from kachaka_simple_control.motion.geometry import (
     distance_between,
     integrate,
@@ -39,25 +44,24 @@ from kachaka_simple_control.motion.geometry import (
     ZERO,
 )
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
-from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
 
-#: The largest correction at the largest velocity, as a part of that.
+#: The largest correction, as a fraction of the largest velocity, when the robot drives at it.
 MAX_CORRECTION = 0.2
-#: The largest gain [1/s]: more would pass on the noise of odometry.
+#: The largest gain [1/s]: a higher gain would amplify the noise of odometry.
 MAX_LOOP_GAIN = 1.5
-#: How many samples of a robot at rest make the pose where it starts: half a second of a Kachaka.
+#: The start pose is the mean of up to this many samples at rest: half a second of a Kachaka.
 START_SAMPLES = 25
-#: A pose beyond this counts as none [m], [rad].
+#: A pose with larger coordinates is ignored [m], [rad].
 MAX_COORDINATE = 1e9
 
 
 class PoseSample(NamedTuple):
     """
-    A pose by odometry.
+    A pose from odometry, after the odometry calibration.
 
-    :param arrived: when it arrived [s on the steady clock]
-    :param pose: the pose, on the floor
+    :param arrived: when the message arrived [s on the steady clock]
+    :param pose: the pose on the floor, as calibrated
     """
 
     arrived: float
@@ -65,7 +69,7 @@ class PoseSample(NamedTuple):
 
 
 class _Sent(NamedTuple):
-    """A velocity of the plan from a time on, and the pose by the plan at that time."""
+    """A velocity of the plan, the time when it was sent, and the planned pose at that time."""
 
     time: float
     pose: Pose
@@ -74,45 +78,48 @@ class _Sent(NamedTuple):
 
 def loop_gain(delay: float) -> float:
     """
-    Return the gain of the loop [1/s] (21): times the delay at most 1/e, against overshoot.
+    Return the gain of the control loop [1/s], formula (21) of docs/theory.md.
 
-    :param delay: of the robot, dead time and lag together [s]
+    The gain times the delay is at most 1/e, so that the loop does not overshoot.
+
+    :param delay: dead time plus lag of the robot [s]
     """
     return min(MAX_LOOP_GAIN, 1.0 / (math.e * delay)) if delay else MAX_LOOP_GAIN
 
 
 class PoseFeedback:
     """
-    Adds to each velocity of a run what odometry shows to be missing: a closed loop.
+    Adds a correction to each velocity of a run, so that the robot follows the plan: a closed loop.
 
-    The error is that of the newest sample against the pose that the plan had one delay before it
-    arrived: until then the robot is rightly behind.  Formulas (20) and (21) of docs/theory.md.
+    The error compares the newest odometry sample with the planned pose at an earlier time: the
+    arrival of the sample minus the delay.  The delay itself causes no error in this way.  Formulas
+    (20) and (21) of docs/theory.md.
 
-    ``on_odometry`` may be called from another thread than the rest.
+    Another thread may call ``on_odometry``; one thread has to call all other methods.
 
-    :param delay: of the robot from a command to odometry, dead time and lag together [s]
-    :param odometry: how the motion on the floor differs from what odometry reports
+    :param delay: time from a command to its effect in odometry: dead time plus lag [s]
+    :param odometry: the calibration from reported odometry to the motion on the floor
     """
 
     def __init__(self, delay: float, odometry: OdometryCalibration | None = None) -> None:
         self._delay = delay
         self._odometry = odometry or OdometryCalibration()
-        #: the newest pose by odometry, and on the floor; None before the first
+        #: the newest pose as odometry reports it (None before the first), and on the floor
         self._reported: Pose | None = None
         self._floor = ORIGIN
-        #: the newest samples: those since the robot came to rest, or one
+        #: the newest samples: all since the robot came to rest, or one if it moves
         self._samples: tuple[PoseSample, ...] = ()
-        #: number of samples, each later than the one before
+        #: number of samples that were accepted
         self.sample_count = 0
         self._sent: deque[_Sent] = deque()
 
     def on_odometry(self, arrived: float, pose: Pose, is_moving: bool) -> None:
         """
-        Process a sample.
+        Process an odometry sample.
 
-        :param arrived: when it arrived [s on the steady clock]; it is ignored unless that is after
-            the sample before
-        :param pose: the pose; it is ignored if it is not finite, or absurd
+        :param arrived: when the sample arrived [s on the steady clock]; the sample is ignored if
+            this is not later than the previous sample
+        :param pose: the pose; the sample is ignored if a coordinate is not finite or too large
         :param is_moving: whether odometry shows motion
         """
         if not (math.isfinite(arrived)
@@ -135,15 +142,15 @@ class PoseFeedback:
 
     def begin(self, plan: Plan, limits: Limits) -> None:
         """
-        Begin a run; at least one sample must have come before, by ``on_odometry``.
+        Begin a run; ``on_odometry`` must have received at least one sample before.
 
         :param plan: the plan, made with ``CLOSED_LOOP_SHARE`` of the limits
-        :param limits: no velocity and no acceleration beyond them comes out
+        :param limits: the limits of velocity and acceleration for the corrected velocities
         """
         self._limits = limits
         self._gain = loop_gain(self._delay)
         self._plan = plan
-        # Without a limit, the plan's largest velocity takes its place.
+        # If a velocity has no limit, use the plan's largest velocity instead.
         self._top = Velocity(
             *(limit if limit < math.inf else planned for limit, planned in (
                 (self._limits.max_linear_velocity, plan.max_linear_velocity),
@@ -152,16 +159,16 @@ class PoseFeedback:
         self._start = ORIGIN
         self._last = ZERO
         self._last_tick: Tick | None = None
-        #: the angle by which the settle under way has turned the robot so far [rad]
+        #: the angle by which the current settle has turned the robot so far [rad]
         self._settled = 0.0
 
     def correct(self, tick: Tick, now: float) -> Velocity:
         """
-        Return the velocity to send for a tick.
+        Return the corrected velocity to send for a tick.
 
         :param tick: the tick
-        :param now: when it is sent [s on the steady clock]
-        :raises RunFaultError: if the robot is too far from where it should be
+        :param now: when the velocity is sent [s on the steady clock]
+        :raises RunFaultError: if the robot is too far from its planned pose
         """
         planned = tick.velocity
         self._check_settle(tick)
@@ -179,7 +186,7 @@ class PoseFeedback:
         return velocity
 
     def _error(self, now: float) -> Pose | None:
-        """Return where the robot should be, seen from it; None if that is not known now."""
+        """Return the planned pose relative to the robot's pose; None if it is unknown now."""
         arrived, pose = self._samples[-1]
         then = arrived - self._delay
         if now - arrived > FEEDBACK_MAX_AGE or then < self._sent[0].time:
@@ -200,7 +207,7 @@ class PoseFeedback:
         return error
 
     def _correction(self, tick: Tick, error: Pose | None) -> Velocity:
-        """Return what is to be added for an error, within its bounds."""
+        """Return the bounded correction for an error: the velocity to add to the planned one."""
         planned, gain, top = tick.velocity, self._gain, self._top
         if error is None:
             return ZERO
@@ -210,7 +217,7 @@ class PoseFeedback:
                          self._limits.angular_deceleration, left)
             return Velocity(0.0, _clip(
                 gain * error.theta, min(top.angular_z * MAX_CORRECTION, rate)))
-        # The bound scales with the planned velocity, so a correction ends where a step does.
+        # The bound is proportional to the planned velocity, so a correction ends with its step.
         pace = MAX_CORRECTION * max(_ratio(abs(planned.linear_x), top.linear_x),
                                     _ratio(abs(planned.angular_z), top.angular_z))
         fastest = max(abs(planned.linear_x), top.linear_x * CLOSED_LOOP_SHARE)
@@ -221,14 +228,15 @@ class PoseFeedback:
 
     def _check_settle(self, tick: Tick) -> None:
         """
-        Add up what a settle has turned the robot by.
+        Add up the angle by which the corrections of a settle have turned the robot.
 
-        Odometry that drifts shows a robot that stands as turning, and one that turns as standing.
+        This check finds odometry that drifts.  Such odometry shows a turn although the robot
+        stands still.  The corrections then turn the robot, and odometry does not show this turn.
 
-        :raises RunFaultError: if it is more than a robot may be off
+        :raises RunFaultError: if the angle is larger than MAX_HEADING_ERROR
         """
         before = self._last_tick
-        # A hold within a settle does not end it.
+        # A hold during a settle does not end the settle.
         if before is None or not self._is_settling(tick):
             self._settled = 0.0
             return
@@ -240,21 +248,21 @@ class PoseFeedback:
                 'something turns the robot')
 
     def _is_settling(self, tick: Tick) -> bool:
-        """Return whether a settle is under way, held or not."""
+        """Return whether the step of a tick is a settle, also while the robot is held."""
         return self._step(tick).step.settles
 
     def _settle_time(self, tick: Tick) -> float:
-        """Return how long the heading may still be corrected at rest [s]."""
+        """Return how long the heading may still be corrected at rest [s]; 0 outside a settle."""
         if tick.rest == math.inf or not self._is_settling(tick):
             return 0.0
         return self._step(tick).end - (tick.plan_time or 0.0)
 
     def _step(self, tick: Tick) -> PlannedStep:
-        """Return the step of the plan that a tick of it belongs to."""
+        """Return the step of the plan to which a tick belongs."""
         return self._plan.steps[self._plan.step_index(tick.plan_time or 0.0)]
 
     def _limited(self, tick: Tick, wanted: Velocity) -> Velocity:
-        """Return what is nearest to a velocity within the limits of velocity and acceleration."""
+        """Return the velocity within the limits that is nearest to the wanted velocity."""
         before, limits = self._last_tick, self._limits
         duration = tick.start - before.start if before else 0.0
         planned = before.velocity if before else ZERO
@@ -273,19 +281,27 @@ class PoseFeedback:
 def _reachable(
         wanted: float, last: float, planned_change: float, largest_change: float,
         bounds: tuple[float, float]) -> float:
-    """Return what is nearest to a velocity, from the last one: a step of the plan is one here."""
+    """
+    Return the velocity nearest to the wanted one that may follow the last one.
+
+    :param wanted: the wanted velocity
+    :param last: the last velocity
+    :param planned_change: the change of the planned velocity, which is always allowed
+    :param largest_change: the largest other change, up or down
+    :param bounds: the smallest and the largest velocity
+    """
     low = last + min(planned_change, -largest_change)
     high = last + max(planned_change, largest_change)
     return min(max(min(max(wanted, low), high), bounds[0]), bounds[1])
 
 
 def _rate(acceleration: float, deceleration: float, duration: float) -> float:
-    """Return by how much a velocity may change in a time, whichever way."""
+    """Return the largest change of a velocity in a time that is allowed both up and down."""
     return min(acceleration, deceleration) * duration if duration else 0.0
 
 
 def _are_near(one: PoseSample, two: PoseSample) -> bool:
-    """Return whether a robot at rest may have both: no gap, and no jump."""
+    """Return whether two samples at rest are close in time, distance and angle: no jump."""
     distance, angle = distance_between(one.pose, two.pose)
     return (two.arrived - one.arrived <= FEEDBACK_MAX_AGE
             and distance <= MAX_MOVED_DISTANCE and abs(angle) <= MAX_MOVED_ANGLE)

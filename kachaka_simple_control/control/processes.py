@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Start child processes; read the state of processes, set priorities, read the boot time."""
+"""Start child processes, read the state of processes, set priorities, read the boot clock."""
 
 from __future__ import annotations
 
@@ -21,31 +21,32 @@ from pathlib import Path
 import sys
 import time
 
-#: The first entry of the search path is the folder the program was started in, which may be any:
-#: even that of this package, where ``kachaka_simple_control`` is a file.
+#: The code drops the empty entry of the search path, which means the current folder.  The user may
+#: start the program in any folder, even in the folder of this package: there the name
+#: ``kachaka_simple_control`` is a file.
 MAIN_CODE = (
     'import sys; sys.path = [entry for entry in sys.path if entry]; '
     'from {module} import main; sys.exit(main())')
 PACKAGE = Path(__file__).resolve().parent.parent
-#: The states of a Linux process that a signal, or a debugger, has stopped.
+#: The states of a Linux process that a signal or a debugger has stopped.
 STOPPED_STATES = ('T', 't')
-#: How much is added to the nice value.
+#: The increment of the nice value for a low priority.
 NICENESS = 10
 
 
 def python_command(module: str) -> list[str]:
     """
-    Return the command that runs a module's ``main`` in a fresh Python.
+    Return the command that runs the function ``main`` of a module in a new Python process.
 
-    :param module: its full name
-    :returns: the command, to which arguments may be added
+    :param module: the full name of the module
+    :returns: the command; the caller may append arguments
     """
     return [sys.executable, '-c', MAIN_CODE.format(module=module)]
 
 
 def child_environment() -> dict[str, str]:
     """Return an environment in which a child finds all modules that this process finds."""
-    # It works, too, where this package is not installed.
+    # This also works if the package is not installed.
     entries = [Path(entry).resolve() for entry in sys.path]
     path = os.pathsep.join(str(entry) for entry in entries if entry != PACKAGE)
     return {**os.environ, 'PYTHONPATH': path}
@@ -53,27 +54,27 @@ def child_environment() -> dict[str, str]:
 
 def boottime() -> float:
     """
-    Return the time since the machine was started, sleep included [s].
+    Return the time since the machine was started [s], including the time in suspend.
 
-    The steady clock stands still while a machine is suspended; this one goes on.
+    The steady clock does not count the time in which the machine is suspended; this clock does.
     """
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def is_stopped(pid: int) -> bool:
-    """Return whether SIGSTOP or a debugger stopped a process; False if that is unknown."""
+    """Return whether SIGSTOP or a debugger has stopped a process; False if unknown."""
     fields = _stat_fields(pid)
     return fields is not None and fields[0] in STOPPED_STATES
 
 
 def is_running(pid: int) -> bool:
-    """Return whether a process exists and is no zombie; False if that is unknown."""
+    """Return whether a process exists and is not a zombie; False if unknown."""
     fields = _stat_fields(pid)
     return fields is not None and fields[0] != 'Z'
 
 
 def is_in_background(pid: int) -> bool:
-    """Return whether Ctrl+C misses a process: it is in the background of its terminal."""
+    """Return whether a process is in the background of its terminal: Ctrl+C does not reach it."""
     fields = _stat_fields(pid)
     if fields is None:
         return False
@@ -83,30 +84,30 @@ def is_in_background(pid: int) -> bool:
 
 def _stat_fields(pid: int) -> list[str] | None:
     """
-    Return the fields of a process in ``/proc`` after its name; None if they are unknown.
+    Return the fields after the name in ``/proc/<pid>/stat``; None if they cannot be read.
 
-    They begin with its state, parent, process group, session, terminal, and the terminal's
-    foreground process group (-1 without a terminal).
+    The first fields are: state, parent, process group, session, terminal, and the foreground
+    process group of the terminal (-1 without a terminal).
     """
     try:
         status = Path(f'/proc/{pid}/stat').read_text()
     except OSError:
         return None
-    # The name comes before, in brackets, and may hold any character.
+    # The name stands before these fields, in brackets, and may contain any character.
     return status.rpartition(')')[2].split()
 
 
 def lower_priority() -> None:
-    """Let other processes go first."""
+    """Lower the CPU priority of this process."""
     with contextlib.suppress(OSError):
         os.nice(NICENESS)
 
 
 def set_idle_priority() -> None:
     """
-    Run only when no other process wants to.
+    Let this process run only if no other process needs the CPU.
 
-    With a mere low priority Linux still lets a process that wakes up wait for a moment.
+    A low priority alone is not enough: Linux may still delay another process that wakes up.
     """
     lower_priority()
     with contextlib.suppress(AttributeError, OSError):

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""One robot's drive: what is due, sent, checked and known of it; told the time."""
+"""The drive of one robot: send due velocities, check for faults, report the progress."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from kachaka_simple_control.motion.plan import Plan
 
 
 class RunState(Enum):
-    """The state of the newest run, in words."""
+    """The state of the newest run; each value is the text for the user."""
 
     NONE = 'nothing started yet'
     CONNECTING = 'connecting to the robot'
@@ -46,20 +46,22 @@ class RunState(Enum):
 @dataclass(frozen=True)
 class RunProgress:
     """
-    The newest run at one time; it never changes.
+    The progress of the newest run at one time; the object never changes.
 
-    :param title: the name of what is driven; empty before the first run
-    :param plan: its plan; None without one
-    :param began: t = 0 [s on the steady clock]; nan before it began
-    :param plan_time: where on the plan its newest velocity is [s of the plan]; None without a plan
-    :param start: where odometry showed the robot at t = 0; None if that is unknown
-    :param way: where the velocities since then should have brought it, from its start
-    :param factors: the speed factors below 1, by the name of who asks for less speed
-    :param late: how many velocities of all runs left a quarter of a period or more after their
-        time
-    :param skipped: how many velocities of all runs never left: the next was due by then
-    :param is_over: whether it has ended
-    :param ended_by: why it ended early; None if it did not
+    :param title: the name of the motion; empty before the first run
+    :param plan: the plan of the run; None without one
+    :param began: t = 0 of the run [s on the steady clock]; nan before the run began
+    :param plan_time: the position on the plan of the newest velocity [s of the plan]; None without
+        a plan
+    :param start: the pose of the robot at t = 0 according to odometry; None if unknown
+    :param way: the planned pose relative to the start, integrated from the velocities since t = 0
+    :param factors: the speed factors below 1, by the name of the source that set them
+    :param late: number of velocities in all runs that were sent a quarter of a period or more
+        after their due time
+    :param skipped: number of velocities in all runs that were not sent, because the next one was
+        already due
+    :param is_over: whether the run has ended
+    :param ended_by: why the run ended early; None if it did not
     """
 
     title: str = ''
@@ -76,7 +78,7 @@ class RunProgress:
 
     @property
     def state(self) -> RunState:
-        """Return its state."""
+        """Return the state of the run."""
         if not self.title:
             return RunState.NONE
         if self.is_over:
@@ -87,32 +89,32 @@ class RunProgress:
 
     @property
     def planned_pose(self) -> Pose | None:
-        """Return where the robot should be, as odometry would show it; None if unknown."""
+        """Return the planned pose of the robot in the odometry frame; None if unknown."""
         return None if self.start is None else compose(self.start, self.way)
 
     @property
     def step(self) -> tuple[int, int]:
-        """Return the number of the step under way, and of all; 0 before the first."""
+        """Return the number of the current step (0 before the first) and the number of steps."""
         if self.plan is None or not self.plan.steps:
             return 0, 0
         number = 0 if self.plan_time is None else self.plan.step_index(self.plan_time) + 1
         return number, len(self.plan.steps)
 
 
-#: A velocity is late if it leaves this part of a period after its time, or more.
+#: A velocity is late if it is sent this fraction of a period or more after its due time.
 LATE = 0.25
 
 
 class RobotDrive:
     """
-    The run of one robot, from its first velocity to the zero after its last.
+    Drives one robot through a run, from the first velocity to the zero after the last velocity.
 
-    It has no thread and no clock: whoever drives it calls ``step`` with the time, and again at the
-    time that it returns.  ``end`` and ``progress`` may be called from any thread.
+    The object has no thread and no clock.  The caller passes the time to ``step``, and calls
+    ``step`` again at the time that it returns.  Any thread may call ``end`` and ``progress``.
 
-    :param gate: sends the velocities
+    :param gate: the velocity gate, which sends the velocities
     :param monitor: sends heartbeats, corrects velocities, and raises the faults that end a run
-    :param speed_factor: the speed relative to the plan, and who wants it slower
+    :param speed_factor: the speed relative to the plan, as a product of named factors
     :param command_timeout: how long the robot keeps a velocity [s]
     """
 
@@ -131,15 +133,15 @@ class RobotDrive:
         self._way = ORIGIN
         #: when the next velocity is due [s after t = 0]
         self._due = 0.0
-        #: whether the source has changed since it was asked last
+        #: whether the source has changed since its last ``due`` call
         self._has_source_changed = False
 
     def request(self, title: str, plan: Plan | None = None) -> None:
         """
-        Show what is driven next; the robot may have to be taken before.
+        Show in ``progress`` which motion is next; the robot may not be connected yet.
 
-        :param title: its name
-        :param plan: its plan; None without one
+        :param title: the name of the motion
+        :param plan: the plan of the motion; None without one
         """
         before = self._progress
         self._tick, self._way = None, ORIGIN
@@ -149,15 +151,15 @@ class RobotDrive:
             self, source: VelocitySource, t0: float, period: float | None = None,
             run: Run | None = None, start: Pose | None = None) -> Run:
         """
-        Begin a run; ``step`` drives it from now on.
+        Begin a run; after this the caller has to call ``step``.
 
-        :param source: tells which velocity is due
-        :param t0: when its first velocity is due: t = 0 [s on the steady clock]
-        :param period: time between two velocities in good conditions [s]; None if that is unknown
-        :param run: the run that the gate prepared for it; None for a new one
-        :param start: where the robot is, by odometry; None if that is unknown
+        :param source: the source of the velocities
+        :param t0: when the first velocity is due: t = 0 [s on the steady clock]
+        :param period: normal time between two velocities [s]; None if unknown
+        :param run: the run that the gate prepared before; None for a new run
+        :param start: the pose of the robot according to odometry; None if unknown
         :returns: the run
-        :raises ControlError: if it may not begin
+        :raises ControlError: if the run may not begin
         """
         self._run = self.gate.begin(
             max_gap(period, self._command_timeout), run, self._command_timeout, t0)
@@ -169,12 +171,12 @@ class RobotDrive:
 
     def step(self, now: float) -> float | None:
         """
-        Look for faults, and send the velocity that is due, if one is.
+        Check for faults, and send a velocity if one is due.
 
         :param now: the time [s on the steady clock]
-        :returns: when to call it again, at the latest [s on the steady clock]; None at the end of
-            the run, which has sent one zero; the whole stop is the caller's
-        :raises ControlError: if the run was ended or cannot go on
+        :returns: the latest time of the next call [s on the steady clock]; None at the end of the
+            run.  At the end one zero has been sent, and the caller has to send the complete stop
+        :raises ControlError: if the run was ended or cannot continue
         """
         run, source, gate = self._run, self._source, self.gate
         assert source is not None
@@ -182,9 +184,10 @@ class RobotDrive:
         gate.wait_for_dds(self.monitor.check)
         if now < run.began + self._due and not self._has_source_changed:
             return min(run.began + self._due, now + CHECK_PERIOD)
-        # Before the source is asked: a change that comes meanwhile is for the next call.
+        # Clear the flag before the call of the source: a change during the call then counts for
+        # the next step.
         is_early, self._has_source_changed = self._has_source_changed, False
-        # A deadline has passed, even if the difference of two times rounds below it.
+        # The deadline has passed, even if the rounded time difference is slightly below it.
         elapsed = now - run.began if is_early else max(now - run.began, self._due)
         tick = source.due(elapsed, self.monitor.speed_factor)
         if tick is None:
@@ -206,17 +209,18 @@ class RobotDrive:
         return min(run.began + tick.deadline, now + CHECK_PERIOD)
 
     def on_source_changed(self) -> None:
-        """Ask the source at once, and not at its next deadline; from any thread."""
+        """Make ``step`` ask the source before its next deadline; any thread may call this."""
         self._has_source_changed = True
         self.gate.wake()
 
     def end(self, reason: ControlError) -> bool:
         """
-        End the run under way, with one zero at once; from any thread.
+        End the current run and send one zero at once; any thread may call this.
 
-        The thread that drives it raises the reason, and sends the whole stop.
+        The thread that drives the run then raises the reason, and sends the complete stop.
 
-        :returns: whether there was one to end
+        :param reason: the error that the thread raises
+        :returns: whether this call ended a run
         """
         run = self.gate.cancel(reason)
         is_ended = run is not None and run.ended_by is reason
@@ -226,15 +230,15 @@ class RobotDrive:
 
     def finish(self, reason: str | None = None) -> None:
         """
-        Show that the run is over.
+        Show in ``progress`` that the run is over.
 
-        :param reason: why it ended early; None if it was driven to its end
+        :param reason: why the run ended early; None if it was complete
         """
         self._progress = replace(self.progress, is_over=True, ended_by=reason)
 
     @property
     def progress(self) -> RunProgress:
-        """Return the newest run as it is now."""
+        """Return the progress of the newest run now."""
         tick = self._tick
         if self._progress.is_over or tick is None:
             return replace(self._progress, factors=self.speed_factor.factors)
@@ -243,7 +247,7 @@ class RobotDrive:
             factors=self.speed_factor.factors)
 
     def _count(self, sent: float) -> None:
-        """Count what is late or was skipped; told when a velocity was sent."""
+        """Count late and skipped velocities, after a velocity was sent at the time ``sent``."""
         source, late = self._source, sent - self._run.began - self._due
         is_late = self._period is not None and late >= LATE * self._period
         if source is not None and (is_late or source.skipped):

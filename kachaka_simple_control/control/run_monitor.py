@@ -21,7 +21,6 @@ import time
 from typing import Protocol
 
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
-from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.speed_factor import MOVED, SpeedFactor
 from kachaka_simple_control.control.standstill import PausePose, StandstillDetector
@@ -31,6 +30,8 @@ from kachaka_simple_control.control.timing import (
     GRAPH_CHECK_PERIOD,
     GRAPH_COUNT_PERIOD,
     HEARTBEAT_TIMEOUT,
+    LEASE_RENEW_AT_REST,
+    LEASE_RENEW_LATEST,
     SUBSCRIBER_CHECK_PERIOD,
 )
 from kachaka_simple_control.errors import (
@@ -42,47 +43,123 @@ from kachaka_simple_control.errors import (
 from kachaka_simple_control.motion.geometry import Velocity
 
 
+class PendingResponse(Protocol):
+    """The response to a request for manual control, which may still be outstanding."""
+
+    @property
+    def done(self) -> bool:
+        """Whether the response has arrived."""
+
+    @property
+    def refusal(self) -> str | None:
+        """Why manual control was refused; None if it was granted."""
+
+
+class LeaseRenewer:
+    """
+    Requests manual control again before the lease expires, if possible while the plan is at rest.
+
+    The robot processes the request between two velocities.  If the response takes longer than the
+    robot's command timeout, the robot has stopped in the middle of the motion.
+    :param request: sends a request, without waiting
+    :param response_timeout: how long a response may take in a run [s]
+    """
+
+    def __init__(
+            self, request: Callable[[], PendingResponse], response_timeout: float) -> None:
+        self._request = request
+        self._response_timeout = response_timeout
+        self._requested = float('-inf')
+        self._pending: PendingResponse | None = None
+
+    def granted(self, requested: float) -> None:
+        """
+        Record that manual control was granted.
+
+        :param requested: when it was requested [s]; the age of the lease counts from this time
+        """
+        self._requested = requested
+        self._pending = None
+
+    def is_stale(self, now: float) -> bool:
+        """Return whether the lease is so old that it must be renewed before a run begins."""
+        return now - self._requested >= LEASE_RENEW_AT_REST
+
+    def on_sent(self, now: float, rest: float) -> None:
+        """
+        Request manual control again if the lease is old enough; call this after each velocity.
+
+        :param now: the time [s]
+        :param rest: how long the plan stays at rest from now on [s]; 0 while moving
+        """
+        age = now - self._requested
+        can_wait = rest >= self._response_timeout
+        if age >= LEASE_RENEW_LATEST or (age >= LEASE_RENEW_AT_REST and can_wait):
+            self._requested = now
+            self._pending = self._request()
+
+    def poll(self, now: float) -> None:
+        """
+        Check the pending response, if there is one.
+
+        :param now: the time [s]
+        :raises RunFaultError: if the response took too long, or manual control was refused
+        """
+        if self._pending is None:
+            return
+        if not self._pending.done:
+            if now - self._requested > self._response_timeout:
+                raise RunFaultError(
+                    'manual control was not renewed within '
+                    f'{self._response_timeout * 1e3:.0f} ms; the robot may have stopped '
+                    'meanwhile, so the motion was given up')
+            return
+        refusal, self._pending = self._pending.refusal, None
+        if refusal is not None:
+            raise RunFaultError(f'the robot took manual control away: {refusal}')
+
+
 class RobotPort(Protocol):
-    """What the network shows of the robot; each call may have to wait for DDS."""
+    """Checks on the robot's endpoints in the ROS graph; each call may have to wait for DDS."""
 
     def check_subscribed(self) -> None:
         """
-        Check that the robot still subscribes.
+        Check that the robot still subscribes to the velocity topic.
 
         :raises RunFaultError: if it does not
         """
 
     def check_identity(self) -> None:
         """
-        Check that the robot is the one that was taken.
+        Check that the subscriber is still the robot that this program has taken.
 
-        :raises RunFaultError: if it is another, or has left
+        :raises RunFaultError: if it is another robot, or the robot has left the ROS graph
         """
 
     def check_exclusive(self) -> None:
         """
-        Check that there is one robot.
+        Check that only one robot subscribes.
 
-        :raises RunFaultError: if there are more
+        :raises RunFaultError: if there are more robots
         """
 
     def has_changed(self) -> bool:
-        """Return whether a number of endpoints has changed since the last call."""
+        """Return whether the number of publishers or subscribers changed since the last call."""
 
 
 class OtherPublishers(Protocol):
-    """Watches for velocities of other programs."""
+    """Detects velocities that other programs send to the robot."""
 
     def update(self) -> bool:
-        """Find other publishers, and listen to them; return whether there are any."""
+        """Find other publishers and subscribe to them; return whether there are any."""
 
 
 class RunTimeouts(Protocol):
-    """How long a run waits."""
+    """The timeouts of a run."""
 
     @property
     def odometry_timeout(self) -> float:
-        """Return how long odometry may be silent [s]; 0: for ever."""
+        """Return how long odometry may be silent [s]; 0: no limit."""
 
     @property
     def pause_timeout(self) -> float:
@@ -93,14 +170,15 @@ class RunMonitor:
     """
     Sends heartbeats, renews manual control and raises the faults that end a run.
 
-    Called after each message and at least every CHECK_PERIOD; each call is short.
+    The thread that drives calls this object after each message, and at least every CHECK_PERIOD.
+    Each call is short.
 
-    :param guardian: gets the heartbeats
-    :param lease: renews manual control; None for a robot that needs none
-    :param robot: what the network shows of the robot
+    :param guardian: receives the heartbeats
+    :param lease: renews manual control; None for a robot without manual control
+    :param robot: checks the robot's endpoints in the ROS graph
     :param others: detects the velocities of other publishers
-    :param odometry: what odometry shows of the robot
-    :param timeouts: how long odometry may be silent, and a run paused
+    :param odometry: detects from odometry whether the robot stands still
+    :param timeouts: the timeouts for silent odometry and for a pause
     :param speed_factor: the speed relative to the plan
     """
 
@@ -119,11 +197,11 @@ class RunMonitor:
         #: the steady clock [s]
         self.clock: Callable[[], float] = lambda: time.monotonic()  # noqa: PLW0108
         self._feedback: PoseFeedback | None = None
-        #: since when the robot stands, held by a speed factor of 0 [s]; None if it is not held
+        #: since when a speed factor of 0 has held the robot at rest [s]; None without a hold
         self._held_since: float | None = None
-        #: whether the hold was released, and may be
+        #: whether the hold was released, and the checks have allowed this
         self._is_released = False
-        #: called with why a hold that was released goes on, if it does
+        #: called with the reason if the hold continues although it was released
         self.on_kept_hold: Callable[[str], object] = lambda _: None
         #: how far the robot was moved from outside while it was held
         self.pause_pose = PausePose()
@@ -132,7 +210,7 @@ class RunMonitor:
 
     @property
     def speed_factor(self) -> float:
-        """Return the speed factor, from 0 to 1; 1: as planned; 0 until a release is checked."""
+        """Return the speed factor, 0 to 1; after a hold it is 0 until the checks allow motion."""
         if self._speed_factor.is_hold:
             self._is_released = False
             return 0.0
@@ -141,19 +219,20 @@ class RunMonitor:
 
     def correct(self, tick: Tick, now: float) -> Velocity:
         """
-        Return the velocity to send for a tick: its own, or in a closed loop the corrected one.
+        Return the velocity to send for a tick: as planned, or in a closed loop corrected.
 
-        :param now: when it is sent [s on the steady clock]
-        :raises RunFaultError: if the robot is too far from where it should be
+        :param tick: the tick
+        :param now: when the velocity is sent [s on the steady clock]
+        :raises RunFaultError: if the robot is too far from its planned pose
         """
         return tick.velocity if self._feedback is None else self._feedback.correct(tick, now)
 
     def on_sent(self, rest: float) -> None:
         """
-        Renew manual control when it is time to.
+        Record a hold, and renew manual control if necessary; called after each velocity.
 
-        :param rest: how long the robot stays at rest from here [s]; 0 while moving, infinite
-            while it is held by a speed factor of 0
+        :param rest: how long the robot stays at rest from now on [s]; 0 while moving, infinite
+            while a speed factor of 0 holds the robot
         """
         is_held = rest == math.inf
         if not is_held:
@@ -166,9 +245,9 @@ class RunMonitor:
 
     def begin(self, feedback: PoseFeedback | None) -> None:
         """
-        Forget the run before.
+        Reset the state for a new run.
 
-        :param feedback: corrects the velocities of the run that begins; None: sent as planned
+        :param feedback: corrects the velocities of the new run; None: send them as planned
         """
         self._feedback = feedback
         self._checked = self.clock()
@@ -178,9 +257,9 @@ class RunMonitor:
 
     def check_resume(self) -> None:
         """
-        Check what a start would check, before a run that is held goes on.
+        Repeat the checks of a start, before a run continues after a hold.
 
-        :raises RunFaultError: if there is a reason not to go on
+        :raises RunFaultError: if the run must not continue
         """
         self._robot.check_subscribed()
         self._robot.check_identity()
@@ -190,7 +269,7 @@ class RunMonitor:
 
     def check(self) -> None:
         """
-        Send a heartbeat, and look for faults.
+        Send a heartbeat, and check for faults.
 
         :raises RunFaultError: if the run must end
         """
@@ -205,7 +284,7 @@ class RunMonitor:
         if self.has_lost_robot(now):
             age = self._odometry.age(now) or 0.0
             if held_up > HEARTBEAT_TIMEOUT and age - held_up <= self._odometry_timeout:
-                # Odometry came as long as this program could receive it.
+                # Odometry arrived until this program could no longer receive it.
                 raise RunFaultError(
                     f'odometry has been silent for {age:.1f} s: the program was held up, '
                     f'{HELD_UP_ADVICE}')
@@ -213,7 +292,7 @@ class RunMonitor:
                 f'odometry has been silent for {age:.1f} s: the robot or the link to it is lost')
         if self._feedback is not None:
             age = self._feedback.age(now)
-            # Messages may still arrive, with an old stamp.
+            # Messages may still arrive, but with old time stamps.
             if age > (self._odometry_timeout or FEEDBACK_TIMEOUT):
                 raise RunFaultError(
                     f'odometry has had nothing new for {age:.1f} s: a closed loop needs it')
@@ -230,12 +309,12 @@ class RunMonitor:
 
     def _release(self) -> None:
         """
-        Go on after a hold, whoever held the robot, unless it was moved meanwhile.
+        Continue the run after a hold, unless the robot was moved during the hold.
 
-        Called in the thread that drives, while no lock is held: who releases a hold waits for
-        nothing.
+        The thread that drives calls this, and no lock is held.  So the thread that sets the speed
+        factor does not wait for the checks.
 
-        :raises RunFaultError: if there is a reason not to go on
+        :raises RunFaultError: if the run must not continue
         """
         self.check_resume()
         try:
@@ -247,7 +326,7 @@ class RunMonitor:
             self._is_released = True
 
     def has_lost_robot(self, now: float) -> bool:
-        """Return whether odometry, received before, has been silent for too long."""
+        """Return whether odometry arrived before, and is now silent for too long."""
         age = self._odometry.age(now)
         return age is not None and 0.0 < self._odometry_timeout < age
 

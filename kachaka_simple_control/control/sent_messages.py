@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Tell the messages that this program sent from those of other programs; pure."""
+"""Distinguish the messages that this program sent from messages of other programs."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from collections import deque
 
 from kachaka_simple_control.control.timing import MAX_GUARDIAN_DELAY, MAX_TRANSIT_TIME
 
-#: Most messages that are kept: some seconds at the highest rate.
+#: The largest number of messages that are kept: some seconds at the highest rate.
 MAX_KEPT = 4096
 
 
 class SentMessages:
     """
-    Messages that were sent and not received yet.
+    The messages of this program that were sent and have not been received back yet.
 
-    Each message that was sent accounts for one that is received.  Those of one publisher arrive in
-    order, so what was sent before a received one has been lost.  One thread records,
-    another one consumes.
+    Each sent message matches one received message.  The messages of one publisher arrive in order.
+    So if a message is received, all earlier messages that are still missing were lost.  One thread
+    may record messages while another thread consumes them.
     """
 
     def __init__(self) -> None:
@@ -37,28 +37,28 @@ class SentMessages:
         self._guardian_zeros: deque[float] = deque(maxlen=MAX_KEPT)
 
     def record(self, now: float, data: bytes) -> None:
-        """Record a message, as serialized, before it is sent."""
+        """Record a serialized message; call this before the message is sent."""
         self._sent.append((now, data))
 
     def record_guardian_zero(self, now: float) -> None:
-        """Record that the guardian is asked to send a zero."""
+        """Record that this program requests a zero from the guardian."""
         self._guardian_zeros.append(now)
 
     def discard_old(self, now: float) -> None:
-        """Discard what was sent too long ago to reach a subscription that begins now."""
+        """Discard messages that are too old to reach a subscription that begins now."""
         while self._sent and now - self._sent[0][0] > MAX_TRANSIT_TIME:
             self._sent.popleft()
 
     def consume(self, data: bytes, is_zero: bool, now: float) -> bool:
         """
-        Remove a received message, and all that were sent before it.
+        Remove a received message, and all messages sent before it.
 
         :param data: the message as received
-        :param is_zero: whether it is a zero, which the guardian may have sent
+        :param is_zero: whether the message is a zero, which the guardian may have sent
         :param now: the time [s]
-        :returns: whether it was sent by this program or its guardian
+        :returns: whether this program or its guardian sent the message
         """
-        # A copy: the other thread goes on sending.
+        # Work on a copy: the other thread continues to send.
         for index, (_, sent) in enumerate([*self._sent]):
             if sent == data:
                 for _ in range(index + 1):

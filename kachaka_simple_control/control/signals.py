@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Signals that end a program: told to handlers at once, or waited for."""
+"""Handle the signals that end a program: call handlers at once, or wait for a signal."""
 
 from __future__ import annotations
 
@@ -33,17 +33,18 @@ from kachaka_simple_control.exit_codes import code_of, SIGNALLED
 from kachaka_simple_control.text import escaped, escaped_lines, MAX_LINE_LENGTH
 
 PACKAGE = __name__.partition('.')[0]
-#: Set to anything, it lets an uncaught error of this package print its traceback.
+#: If this environment variable is not empty, an uncaught error of this package prints its
+#: traceback.
 TRACEBACK_VARIABLE = 'KACHAKA_SIMPLE_CONTROL_TRACEBACK'
-#: The signals that ask a program to end.
+#: The signals that request a program to end.
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def wakeup_pipe() -> tuple[int, int]:
     """
-    Make Python write the number of each signal that it handles to a pipe; main thread only.
+    Make Python write the number of each handled signal to a pipe; main thread only.
 
-    :returns: the descriptor to read from, and the one to write to, which never blocks
+    :returns: the descriptor to read from, and the descriptor to write to, which never blocks
     """
     reader, writer = os.pipe()
     # Python writes from within the signal handler, which must not wait.
@@ -53,13 +54,13 @@ def wakeup_pipe() -> tuple[int, int]:
 
 
 class SignalHandler(Protocol):
-    """Reacts to the signals that end a program."""
+    """A handler of the signals that end a program."""
 
     def on_signal(self, signum: int) -> None:
-        """React to a signal; runs in a thread of its own and may take its time."""
+        """React to a signal; this runs in its own thread and may take long."""
 
     def wake(self) -> None:
-        """Make a main thread that waits in foreign code return to Python."""
+        """Make the main thread return to Python if it waits in C code."""
 
     def uncaught(self, error: BaseException) -> None:
         """React to an exception that ends the main thread."""
@@ -67,12 +68,13 @@ class SignalHandler(Protocol):
 
 class SignalDispatcher:
     """
-    Passes the ending signals on to handlers; one for the whole process.
+    Passes the signals that end the program to handlers; there is one object per process.
 
-    Each signal has two effects.  A thread reads it from the wake-up pipe, at once, even while the
-    main thread waits in foreign code, and calls the handlers.  Then Python's own handler runs in
-    the main thread.  It raises KeyboardInterrupt for SIGINT, as Python does, and
-    SystemExit(128 + N) for the others, so that ``finally`` and ``with`` blocks run.
+    Each signal has two effects.  First, a thread reads the signal from the wake-up pipe and calls
+    the handlers at once, even while the main thread waits in C code.  Second, Python runs the
+    signal handler in the main thread.  This handler raises KeyboardInterrupt for SIGINT, as Python
+    does, and SystemExit(128 + N) for the other signals, so that ``finally`` and ``with`` blocks
+    run.
     """
 
     def __init__(self) -> None:
@@ -81,18 +83,19 @@ class SignalDispatcher:
         self._first: float | None = None
         #: whether the main thread is in a block that no signal interrupts
         self._is_deferring = False
-        #: the signal that came meanwhile, and where
+        #: the signal that came during such a block, and its stack frame
         self._deferred: tuple[int, FrameType | None] | None = None
         self._excepthook = sys.excepthook
-        #: the first signal that came; None before
+        #: the first signal that came; None before the first
         self.signum: int | None = None
 
     def register(self, handler: SignalHandler) -> bool:
         """
-        Call a handler for each ending signal from now on.
+        Register a handler: it is called for each signal that ends the program.
 
-        :returns: whether signals can be received: False outside the main thread before the first
-            handler, for Python sets signal handlers in its main thread only
+        :param handler: the handler
+        :returns: whether signals can be received; False if the first call is not in the main
+            thread, because Python sets signal handlers only there
         """
         if not self._previous and not self._install():
             return False
@@ -100,17 +103,17 @@ class SignalDispatcher:
         return True
 
     def unregister(self, handler: SignalHandler) -> None:
-        """Call a handler no more."""
+        """Remove a handler, so that it is no longer called."""
         with contextlib.suppress(ValueError):
             self._handlers.remove(handler)
 
     @contextlib.contextmanager
     def deferred(self) -> Iterator[None]:
         """
-        Let no signal interrupt a block in the main thread; it is raised at the end of the block.
+        Protect a block in the main thread from signals; raise a signal at the end of the block.
 
-        Handlers are told at once all the same.  In other threads this has no effect, for signals
-        interrupt the main thread only.
+        Handlers are still called at once.  In other threads this has no effect, because signals
+        interrupt only the main thread.
         """
         if threading.current_thread() is not threading.main_thread():
             yield
@@ -126,11 +129,12 @@ class SignalDispatcher:
 
     def handle_uncaught(self) -> None:
         """
-        End a program that an error of this package ends by one line, and with its exit code.
+        Make an uncaught error of this package print one line and set the error's exit code.
 
-        The line names the line of the program, not of this package.  With the environment
-        variable ``KACHAKA_SIMPLE_CONTROL_TRACEBACK`` the traceback is printed as well.  An error
-        that ends another thread is one line, too, and ends nothing else.
+        The printed line names the file and line of the user's program, not of this package.  With
+        the environment variable ``KACHAKA_SIMPLE_CONTROL_TRACEBACK`` the traceback is printed
+        instead.  An uncaught error in another thread also prints one line, and ends only that
+        thread.
         """
         if threading.excepthook is threading.__excepthook__:
             threading.excepthook = _except_in_thread
@@ -138,7 +142,11 @@ class SignalDispatcher:
             self._excepthook, sys.excepthook = sys.excepthook, self._except
 
     def reinstall(self) -> None:
-        """Take the signals back from code that took them after ``register``; main thread only."""
+        """
+        Install the signal handlers again, if C code has replaced them since ``register``.
+
+        Handlers that Python code has set stay as they are.  Main thread only.
+        """
         if self._previous and threading.current_thread() is threading.main_thread():
             for signum in self._previous:
                 if signal.getsignal(signum) == self._handle:
@@ -165,7 +173,7 @@ class SignalDispatcher:
     def _dispatch(self, signum: int) -> None:
         self._note(signum)
         for handler in [*self._handlers]:
-            # One thread for each handler: one robot's stop must not wait for another's.
+            # One thread per handler: the stop of one robot must not wait for another robot.
             try:
                 threading.Thread(target=handler.on_signal, args=(signum,), daemon=True).start()
             except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
@@ -198,23 +206,23 @@ class SignalDispatcher:
             kind: type[BaseException],
             error: BaseException,
             traceback: TracebackType | None) -> None:
-        # An interactive prompt goes on after an error, and so do its robots.
+        # An interactive prompt continues after an error, so its robots also continue.
         for handler in [] if hasattr(sys, 'ps1') else [*self._handlers]:
             handler.uncaught(error)
-        # After Ctrl+C Python ends with the right status by itself, and a traceback does not help.
+        # After Ctrl+C Python already ends with the correct status; a traceback would not help.
         if kind is KeyboardInterrupt and self.signum == signal.SIGINT:
             return
         if (self.signum is not None and not hasattr(sys, 'ps1')
                 and _is_interrupted_call(error, traceback)):
             raise SystemExit(SIGNALLED + self.signum)
-        # A hook that was set after this one may call it: then Python's own is next.
+        # If a hook that was set later calls this one again, use Python's own hook next.
         hook, self._excepthook = self._excepthook, sys.__excepthook__
         try:
             if (not isinstance(error, ControlError) or hook is not sys.__excepthook__
                     or hasattr(sys, 'ps1')):
                 hook(kind, error, traceback)
                 return
-            if self.signum is not None:  # the error only says that the signal stopped the motion
+            if self.signum is not None:  # the error only reports that the signal ended the motion
                 raise SystemExit(SIGNALLED + self.signum)
             if os.environ.get(TRACEBACK_VARIABLE):
                 hook(kind, error, traceback)
@@ -227,10 +235,11 @@ class SignalDispatcher:
 
 def _is_interrupted_call(error: BaseException, traceback: TracebackType | None) -> bool:
     """
-    Return whether an error may be a signal that came while rclpy converted a message.
+    Return whether a signal may have caused an error inside rclpy.
 
-    An exception of a signal handler becomes an error of rclpy there.  Measured: one SIGTERM of 20
-    in ``rclpy.spin`` gave ``RuntimeError: Unable to convert call argument``.
+    If a signal handler raises an exception while rclpy converts a message, rclpy raises its own
+    error instead.  Measured: one of 20 SIGTERM signals in ``rclpy.spin`` caused
+    ``RuntimeError: Unable to convert call argument``.
     """
     frames = [*walk_tb(traceback)]
     module = str(frames[-1][0].f_globals.get('__name__', '')) if frames else ''
@@ -250,8 +259,8 @@ def _except_in_thread(arguments: threading.ExceptHookArgs) -> None:
 
 
 def _place(traceback: TracebackType | None) -> str:
-    """Return file and line, outside of this package, where an error was raised."""
-    # By its module: code that dataclasses make for a class of ours has no file.
+    """Return the file and line of the innermost call outside this package; empty without one."""
+    # Compare module names: code that dataclasses generate for a class of this package has no file.
     frames = [summary for summary, (frame, _) in zip(
                   extract_tb(traceback), walk_tb(traceback), strict=True)
               if frame.f_globals.get('__name__', '').partition('.')[0] != PACKAGE]
@@ -260,7 +269,7 @@ def _place(traceback: TracebackType | None) -> str:
     return f'{escaped(frames[-1].filename, MAX_LINE_LENGTH)}:{frames[-1].lineno}: '
 
 
-#: Python has one set of signal handlers and one wake-up descriptor, hence one dispatcher.
+#: Python has one set of signal handlers and one wake-up descriptor, so there is one dispatcher.
 signal_dispatcher = SignalDispatcher()
 
 
@@ -268,13 +277,13 @@ class ShutdownEvent:
     """
     Waits for a signal, for ``end()``, or for the end of standard input.
 
-    Enter it in the main thread, before anything that takes time: from then on, for the rest of the
-    process, signals are noted and have no other effect, so that none of them interrupts a start or
-    leaves a traceback.  A signal that was ignored at start (nohup) stays ignored.
+    Use it as a context manager in the main thread, early in the start of the process.  After that,
+    signals only end ``wait``: no signal interrupts the start or prints a traceback.  A signal that
+    was ignored at the start of the process (nohup) stays ignored.
     """
 
     def __enter__(self) -> ShutdownEvent:
-        """Handle signals from now on, for the rest of the process."""
+        """Handle signals from now on, until the process ends."""
         self._reader, self._writer = wakeup_pipe()
         for signum in ENDING_SIGNALS:
             if signal.getsignal(signum) != signal.SIG_IGN:
@@ -287,24 +296,24 @@ class ShutdownEvent:
             error: BaseException | None,
             traceback: TracebackType | None) -> None:
         """
-        Ignore further signals, so that none of them cuts the shutdown short.
+        Ignore further signals, so that no signal interrupts the shutdown.
 
-        Python takes its handlers back while it ends; what it ignores stays ignored.
+        Python removes its signal handlers when it exits, but ignored signals stay ignored.
         """
         for signum in ENDING_SIGNALS:
             signal.signal(signum, signal.SIG_IGN)
 
     def end(self) -> None:
-        """Make ``wait`` return; from any thread."""
+        """Make ``wait`` return; any thread may call this."""
         with contextlib.suppress(BlockingIOError):
             os.write(self._writer, b'\0')
 
     def wait(self, with_parent: bool) -> None:
         """
-        Return when it is time to end.
+        Wait for a signal or for ``end()``.
 
-        :param with_parent: whether to end with standard input as well: then a parent that holds
-            its other end can be killed without leaving this process behind
+        :param with_parent: also return at the end of standard input: if the parent process holds
+            the other end of this pipe and is killed, this process ends too
         """
         sources = [self._reader] + with_parent * [sys.stdin.fileno()]
         while True:

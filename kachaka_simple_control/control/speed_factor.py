@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The speed factor: the product of all that ask for less speed, each by its name."""
+"""The speed factor: the product of named factors; each source of slower speed has a name."""
 
 from __future__ import annotations
 
@@ -23,40 +23,41 @@ from types import MappingProxyType
 
 from kachaka_simple_control.errors import MotionRefusedError
 
-#: The factor of ``pause``: 0 while paused.
+#: Name of the factor that ``pause`` sets: 0 while paused.
 PAUSE = 'pause'
-#: The factor that keeps a hold which was released after the robot was moved.
+#: Name of the factor that continues a hold after its release, because the robot was moved.
 MOVED = 'moved'
-#: The least factor that a person may set, and below which a run is held.  Chosen; to stop, pause.
+#: The smallest factor that a person may set.  Below it a run is held.  Chosen; use pause for 0.
 MIN_SPEED_FACTOR = 0.01
-#: The factor that a person sets: the parameter ``speed_factor``.
+#: Name of the factor that a person sets with the parameter ``speed_factor``.
 OVERRIDE = 'override'
 
 
 class SpeedFactor:
     """
-    One number from 0 to 1 by which a run is slower than planned: the product of named factors.
+    The speed of a run relative to its plan, from 0 to 1: the product of named factors.
 
-    Whoever wants less speed sets a factor of its own: a pause, a person, an obstacle.  Any thread
-    may do so.
+    Each source of slower speed, such as a pause, a person or an obstacle, sets its own factor.
+    Any thread may set a factor.
 
     :param clock: the steady clock [s]
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        # Entered anew by a subscriber that sets a factor when one changes.
+        # Reentrant: the subscriber that ``on_change`` calls may set a factor itself.
         self._lock = threading.RLock()
         self._factors: Mapping[str, float] = MappingProxyType({})
         self._value = 1.0
-        #: until when factors are valid [s on the clock], by name; without those that never end
+        #: until when factors are valid [s on the clock], by name; only factors with a time limit
         self._expiries: dict[str, float] = {}
-        #: called after a change with its time [s on the clock] and all factors below 1
+        #: called after a change with the time of the change [s on the clock] and all factors
+        #: below 1
         self.on_change: Callable[[float, Mapping[str, float]], None] = lambda *_: None
 
     @property
     def factors(self) -> Mapping[str, float]:
-        """Return the factors below 1, by name; the mapping never changes."""
+        """Return the factors below 1, by name, as a mapping that never changes."""
         self._expire()
         return self._factors
 
@@ -69,15 +70,16 @@ class SpeedFactor:
     def set(  # noqa: A003
             self, name: str, factor: float, valid_for: float | None = None) -> bool:
         """
-        Set a named factor; the run under way reaches it within the robot's limits.
+        Set a named factor; the current run changes its speed within the robot's limits.
 
-        :param name: whose it is
-        :param factor: from 0 to 1
-        :param valid_for: how long it holds unless it is set again [s]: then it is 0, and the robot
-            is held, for whoever set it may be gone; None: for ever
-        :returns: whether that changed anything
-        :raises MotionRefusedError: if it is not a number from 0 to 1, or the time is not above 0;
-            nothing has changed
+        :param name: the name of the source that sets the factor
+        :param factor: the factor, from 0 to 1
+        :param valid_for: how long the factor is valid, unless it is set again [s].  After this
+            time the factor is 0 and the robot is held, because the source may have failed.  None:
+            no time limit
+        :returns: whether a factor changed
+        :raises MotionRefusedError: if the factor is not a number from 0 to 1, or the time is not
+            above 0; then nothing has changed
         """
         check_factor(factor)
         _check_duration(valid_for)
@@ -100,7 +102,7 @@ class SpeedFactor:
         return True
 
     def _expire(self) -> None:
-        """Hold the robot for each factor that was valid until now."""
+        """Set each factor whose time limit has passed to 0, which holds the robot."""
         if not self._expiries:
             return
         now = self._clock()
@@ -112,21 +114,21 @@ class SpeedFactor:
 
     @property
     def is_hold(self) -> bool:
-        """Whether the product is too small to drive by."""
+        """Whether the product is so small that the robot is held."""
         return is_hold(self.value)
 
     def describe(self) -> str:
-        """Return who asks for less speed, such as ``paused, speed 50 %``."""
+        """Return the factors below 1 as text, such as ``paused, speed 50 %``, or 'full speed'."""
         return describe_factors(self.factors) or 'full speed'
 
 
 def product(factors: Mapping[str, float]) -> float:
-    """Return the speed factor that results from named ones, from 0 to 1."""
+    """Return the product of named factors: the speed factor, from 0 to 1."""
     return math.prod(factors.values(), start=1.0)
 
 
 def describe_factors(factors: Mapping[str, float]) -> str:
-    """Return factors below 1 in words, such as ``paused, speed 50 %, obstacle 40 %``."""
+    """Return factors below 1 as text, such as ``paused, speed 50 %, obstacle 40 %``."""
     return ', '.join(
         'paused' if name == PAUSE and factor == 0.0
         else f'{"speed" if name == OVERRIDE else name} {factor * 100.0:.3g} %'
@@ -134,15 +136,15 @@ def describe_factors(factors: Mapping[str, float]) -> str:
 
 
 def is_hold(speed: float) -> bool:
-    """Return whether a product of factors is too small to drive by."""
+    """Return whether a speed factor is so small that the robot is held."""
     return speed < MIN_SPEED_FACTOR
 
 
 def check_factor(factor: object) -> None:
     """
-    Refuse what is no speed factor.
+    Check that a value is a valid speed factor.
 
-    :raises MotionRefusedError: if it is not a number from 0 to 1
+    :raises MotionRefusedError: if the value is not a number from 0 to 1
     """
     if not (isinstance(factor, (int, float)) and 0.0 <= factor <= 1.0):
         raise MotionRefusedError(

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Whether odometry shows the robot at rest, and a paused one where it was paused.  No clock."""
+"""
+Detect from odometry whether the robot stands still, and whether a paused robot was moved.
+
+The caller passes the time.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,7 @@ from kachaka_simple_control.motion.geometry import distance_between, Pose, Veloc
 
 
 class StandstillDetector:
-    """Detects by odometry whether the robot stands still."""
+    """Detects from odometry whether the robot stands still."""
 
     def __init__(self) -> None:
         self._received: float | None = None
@@ -38,10 +42,10 @@ class StandstillDetector:
 
     def on_odometry(self, now: float, velocity: Velocity) -> None:
         """
-        Process a sample.
+        Process an odometry sample.
 
-        :param now: when it arrived [s]
-        :param velocity: the robot's velocity in it
+        :param now: when the sample arrived [s]
+        :param velocity: the velocity of the robot in the sample
         """
         self._received = now
         if (abs(velocity.linear_x) > STANDSTILL_LINEAR
@@ -51,15 +55,15 @@ class StandstillDetector:
             self._still_since = now
 
     def age(self, now: float) -> float | None:
-        """Return the age of the newest sample [s]; None before the first."""
+        """Return the age of the newest odometry sample [s]; None before the first."""
         return None if self._received is None else now - self._received
 
     def is_moving(self, now: float) -> bool:
-        """Return whether a fresh sample shows the robot in motion."""
+        """Return whether a recent odometry sample shows the robot in motion."""
         return self._is_fresh(now) and self._still_since is None
 
     def still_since(self, now: float) -> float | None:
-        """Return since when the robot stands still [s]; None if it moves or no sample is fresh."""
+        """Return since when the robot stands still [s]; None if it moves or odometry is silent."""
         return self._still_since if self._is_fresh(now) else None
 
     def _is_fresh(self, now: float) -> bool:
@@ -68,29 +72,31 @@ class StandstillDetector:
 
 
 class PausePose:
-    """Measures by odometry how far a paused robot was moved from outside."""
+    """Measures from odometry how far somebody has moved the robot during a pause."""
 
     def __init__(self) -> None:
         self._standstill = StandstillDetector()
         self._paused = False
         self._pose: Pose | None = None
-        #: the newest pose by odometry; None before the first
+        #: the newest pose from odometry; None before the first
         self.newest: Pose | None = None
 
     def on_sent(self, is_paused: bool) -> None:
         """
-        Process a sent message.
+        Process a sent velocity.
 
-        :param is_paused: whether it holds the robot at rest
+        :param is_paused: whether the velocity holds the robot at rest in a pause
         """
         if is_paused != self._paused:
             self._paused, self._pose, self._standstill = is_paused, None, StandstillDetector()
 
     def on_odometry(self, now: float, pose: Pose, velocity: Velocity) -> None:
         """
-        Process a sample.
+        Process an odometry sample.
 
-        :param now: when it arrived [s]
+        :param now: when the sample arrived [s]
+        :param pose: the pose of the robot in the sample
+        :param velocity: the velocity of the robot in the sample
         """
         self.newest = pose
         if not self._paused or self._pose is not None:
@@ -101,12 +107,12 @@ class PausePose:
             self._pose = pose
 
     def accept(self) -> None:
-        """Take where the robot is now for the place where it was paused."""
+        """Use the current pose as the pose of the pause, so that ``moved`` starts again at 0."""
         if self._pose is not None:
             self._pose = self.newest
 
     def moved(self) -> tuple[float, float]:
-        """Return how far [m] and by what angle [rad] it was moved; 0 if that is unknown."""
+        """Return how far the robot was moved in the pause: [m] and [rad]; 0 and 0 if unknown."""
         if self._pose is None or self.newest is None:
             return 0.0, 0.0
         distance, angle = distance_between(self._pose, self.newest)
@@ -114,9 +120,9 @@ class PausePose:
 
     def require_not_moved(self) -> None:
         """
-        Check that the robot stands where it was paused.
+        Check that the robot still stands where it was paused.
 
-        :raises RobotMovedError: if it was moved too far for the rest of the motion
+        :raises RobotMovedError: if it was moved more than MAX_MOVED_DISTANCE or MAX_MOVED_ANGLE
         """
         distance, angle = self.moved()
         if distance > MAX_MOVED_DISTANCE or angle > MAX_MOVED_ANGLE:

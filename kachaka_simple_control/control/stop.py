@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The stop sequence, who starts it, and whether odometry confirms it."""
+"""Send the stop sequence once per run, and check with odometry that the robot stands still."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from kachaka_simple_control.errors import ControlError, RunFaultError
 
 
 class GuardianClient(Protocol):
-    """The reports of a stop to the guardian."""
+    """The interface that reports a stop to the guardian."""
 
     def report_stopping(self) -> None:
-        """Report that a zero is about to leave, and that more will follow."""
+        """Report that a zero is sent next, and that more zeros will follow."""
 
     def report_stopped(self) -> None:
-        """Report that the stop was sent whole: no heartbeat is due until the next run."""
+        """Report that the complete stop was sent: no heartbeat is due until the next run."""
 
 
 def send_stop(
@@ -50,14 +50,14 @@ def send_stop(
     """
     Send a stop: STOP_BURST_COUNT zeros at once, then zeros until the command timeout has passed.
 
-    The burst comes first because a reader that was slow or frozen plays its queue: the zeros push
-    the velocities out of it.
+    A reader that was slow or frozen later processes all messages in its queue.  The burst comes
+    first, so that its zeros push older velocities out of this queue.
 
     :param send_zero: publishes one zero; returns False to end the stop early
     :param command_timeout: how long the robot keeps a velocity [s]
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
-    :returns: whether the stop was sent whole
+    :returns: whether the complete stop was sent
     """
     end = clock() + command_timeout + STOP_MARGIN
     for _ in range(STOP_BURST_COUNT):
@@ -72,12 +72,12 @@ def send_stop(
 
 class StopController:
     """
-    Sends one stop for each run, however many threads ask; a run that begins ends it early.
+    Sends one stop per run, even if several threads request it; a new run ends the stop early.
 
     :param gate: the velocity gate
     :param command_timeout: how long the robot keeps a velocity [s]
-    :param guardian: is told of each zero, and of the end of the stop
-    :param still_moving: returns whether the robot is seen to move although nobody drives it
+    :param guardian: gets a report before each zero, and at the end of the stop
+    :param still_moving: returns whether more zeros are needed: odometry shows motion, or is lost
     :param clock: the steady clock [s]
     :param sleep: sleeps for a time [s]
     :param publish: puts an event into a queue, and returns at once
@@ -107,16 +107,16 @@ class StopController:
 
     @property
     def is_stopped(self) -> bool:
-        """Whether the stop of the newest run was sent whole, or no run has begun."""
+        """Whether the complete stop of the newest run was sent, or no run has begun."""
         return self._stopped is self._gate.run
 
     def stop(self, reason: ControlError | None, only: Run | None = None) -> str | None:
         """
-        Stop the newest run, and return when the stop was sent whole.
+        Stop the newest run, and return when the complete stop was sent.
 
-        :param reason: what the run's own thread raises
-        :param only: without a reason, the run to stop unless another has begun since it ended
-        :returns: why the stop could not be sent; None if it was, or another run ended it early
+        :param reason: the error that the thread of the run raises; None if the run has ended
+        :param only: used if the reason is None: the run to stop, unless a newer run has begun
+        :returns: why the stop could not be sent; None if it was sent, or a new run ended it early
         """
         run = only
         if reason is not None:
@@ -143,10 +143,10 @@ class StopController:
 
     def stop_after_idle(self, run: Run, within: float) -> None:
         """
-        Stop in the background unless another run begins soon.
+        Send the stop of a run in the background, unless another run begins soon.
 
         :param run: the run that has just ended
-        :param within: how long to wait for the next [s]
+        :param within: how long to wait for the next run [s]
         """
         self._later = threading.Timer(within, self._stop_ended, (run,))
         self._later.daemon = True
@@ -156,7 +156,7 @@ class StopController:
             self._stop_ended(run)
 
     def cancel_pending(self) -> None:
-        """Cancel what ``stop_after_idle`` has planned: another run begins."""
+        """Cancel the stop that ``stop_after_idle`` has scheduled, because another run begins."""
         if self._later is not None:
             self._later.cancel()
 
@@ -165,16 +165,16 @@ class StopController:
             raise RunFaultError(failure)
 
     def _send_zero(self, run: Run | None) -> bool:
-        # Reported before: if this process hangs before its last zero, the guardian must not take
-        # the stop for complete.
+        # Report before the zero: if this process hangs before its last zero, the guardian must not
+        # treat the stop as complete.
         self._guardian.report_stopping()
         return self._gate.send_zero(run)
 
     def _repeat_until_still(self, run: Run | None) -> bool:
         """
-        Send more zeros while the robot moves: a lossy link may have lost the others.
+        Send more zeros while ``still_moving`` returns True: the link may have lost earlier zeros.
 
-        :returns: whether it no longer moves, as far as that is known
+        :returns: whether ``still_moving`` returned False in time
         """
         end = self._clock() + STOP_CONFIRM_TIMEOUT
         while self._still_moving():

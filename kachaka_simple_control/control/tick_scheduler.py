@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Which velocity of a plan is due when, under a speed factor that may change.  No clock."""
+"""
+Find the velocity of a plan that is due at a time, under a speed factor that may change.
+
+The caller passes the time.
+"""
 
 from __future__ import annotations
 
@@ -28,21 +32,21 @@ from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.replanning import PathState, Replanned
 from kachaka_simple_control.motion.trajectory import Trajectory
 
-#: A last tick shorter than this part of a period is a rounding error, not a tick.
+#: A last tick shorter than this fraction of a period is a rounding error, not a tick.
 TIME_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
     """
-    What is due at a time.
+    A velocity to send, and the time when it is due.
 
-    :param velocity: the velocity to send now
-    :param start: when it is due [s after t = 0]
+    :param velocity: the velocity
+    :param start: when the velocity is due [s after t = 0]
     :param deadline: when the next tick is due [s after t = 0]
     :param rest: how long the robot stays at rest from the start of this tick [s]; 0 while moving
-    :param plan_time: where on the plan it begins [s of the plan]; the start, if nothing has
-        delayed the plan; None if it is of no plan
+    :param plan_time: the position on the plan at the start of this tick [s of the plan]; equal to
+        ``start`` if nothing has delayed the plan; None without a plan
     """
 
     velocity: Velocity
@@ -54,12 +58,12 @@ class Tick:
 
 class VelocitySource(Protocol):
     """
-    Tells which velocity is due: a plan, or what somebody wants now.
+    A source of velocities for a run: a plan, or direct commands without a plan.
 
-    :ivar kind: what its velocities are sent for
-    :ivar skipped: how many velocities the newest call of ``due`` left out, for their time had
-        passed
-    :ivar plan_duration: where on its plan it ends [s of the plan]; None without a plan
+    :ivar kind: the purpose of the velocities
+    :ivar skipped: how many velocities the newest call of ``due`` left out, because they were too
+        late
+    :ivar plan_duration: the duration of the plan [s of the plan]; None without a plan
     """
 
     kind: VelocityKind
@@ -68,9 +72,9 @@ class VelocitySource(Protocol):
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
         """
-        Return the tick that is due; called at 0 first, then at each deadline, or earlier.
+        Return the tick that is due; call this first at 0, then at each deadline or earlier.
 
-        :param elapsed: time since t = 0 [s], never less than before
+        :param elapsed: time since t = 0 [s]; it must not decrease between calls
         :param factor: the speed factor from the start of the returned tick on, from 0 to 1
         :returns: the tick; None when the source has ended
         """
@@ -78,37 +82,37 @@ class VelocitySource(Protocol):
 
 class TickScheduler:
     """
-    Walks a plan once: told the time, it returns the velocity due.
+    Returns for a given time the velocity of a plan that is due.
 
-    Deadlines are absolute: they follow from the plan and the changes of the speed factor alone.
-    A late call returns what is due by then and moves no later deadline.
+    Deadlines are absolute: they depend only on the plan and on the changes of the speed factor.
+    A late call returns the tick that is due at that time, and does not delay later deadlines.
 
-    While the speed factor is 1 the velocities are those of the plan, bit for bit.  When it
-    changes, the trajectory under way is planned anew from the state at the tick, and each one
-    after it when it begins, until one can be driven as planned again.
+    While the speed factor is 1, the velocities are exactly the velocities of the plan.  After a
+    change of the factor, the current trajectory is planned again from its state at the tick.  Each
+    later trajectory is planned again at its start, until one can be driven as planned.
 
-    :param plan: the plan to walk
+    :param plan: the plan
     """
 
     kind = VelocityKind.PLAN
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        #: where the plan ends [s of the plan]
+        #: the duration of the plan [s of the plan]
         self.plan_duration: float | None = plan.duration
-        #: how many ticks the newest call of ``due`` left out, for their time had passed
+        #: how many ticks the newest call of ``due`` left out, because they were too late
         self.skipped = 0
         self._factor = 1.0
-        #: the trajectory under way while it is not driven as planned; None otherwise
+        #: the current trajectory if it is not driven as planned; None otherwise
         self._replanned: _ReplannedTrajectory | None = None
         self._ticks = self._as_planned(0, 0.0)
         self._tick = next(self._ticks, None)
 
     def due(self, elapsed: float, factor: float = 1.0) -> Tick | None:
         """
-        Return the tick that is due; call it at 0 first, then at each deadline.
+        Return the tick that is due; call this first at 0, then at each deadline.
 
-        :param elapsed: time since t = 0 [s], never less than before
+        :param elapsed: time since t = 0 [s]; it must not decrease between calls
         :param factor: the speed factor from the start of the returned tick on, from 0 to 1
         :returns: the tick; None when the plan is over
         """
@@ -127,7 +131,7 @@ class TickScheduler:
             self._begin(self._replanned.following(), tick.deadline)
 
     def _change_factor(self, tick: Tick, factor: float) -> None:
-        """Plan the trajectory under way anew, from the start of a tick."""
+        """Plan the current trajectory again for a new speed factor, from the start of a tick."""
         self._factor = factor
         assert tick.plan_time is not None
         if self._replanned is None:
@@ -142,10 +146,10 @@ class TickScheduler:
 
     def _begin(self, trajectory: _ReplannedTrajectory | None, now: float) -> None:
         """
-        Begin a trajectory, as planned if it can be driven so.
+        Begin a trajectory: as planned if this is possible, otherwise planned again.
 
-        :param trajectory: the trajectory; None after the last
-        :param now: when it begins [s after t = 0]
+        :param trajectory: the trajectory; None after the last trajectory
+        :param now: when the trajectory begins [s after t = 0]
         """
         self._replanned = trajectory
         while self._replanned is not None:
@@ -164,10 +168,10 @@ class TickScheduler:
 
     def _as_planned(self, first: int, delay: float) -> Iterator[Tick]:
         """
-        Yield the ticks of the plan.
+        Yield the ticks of the plan with a constant delay.
 
-        :param first: the index of the segment to begin with
-        :param delay: by how much all is later than planned [s]
+        :param first: the index of the first segment
+        :param delay: how much later than planned all ticks are [s]
         """
         period = self._plan.period
         for index in range(first, len(self._plan.segments)):
@@ -189,12 +193,12 @@ class _ReplannedTrajectory:
     A trajectory of a plan that is driven under a speed factor.
 
     :param plan: the plan
-    :param step: the index of its step
-    :param number: its index in the step
-    :param plan_start: when it begins by the plan [s of the plan]
-    :param reached: the velocity of the trajectory before at its end, in its own unit [u/s]; 0 at
-        rest
-    :param state: the state in which it is taken over; None before its begin
+    :param step: the index of the step that contains the trajectory
+    :param number: the index of the trajectory in the step
+    :param plan_start: when the trajectory begins according to the plan [s of the plan]
+    :param reached: the final velocity of the previous trajectory, in the unit of that trajectory
+        [u/s]; 0 at rest
+    :param state: the state from which the trajectory continues; None if it has not begun
     """
 
     def __init__(
@@ -202,7 +206,7 @@ class _ReplannedTrajectory:
             state: PathState | None = None) -> None:
         self._plan, self._step, self._number = plan, step, number
         self._reached = reached
-        #: whether a tick of it has passed
+        #: whether a tick of the trajectory has passed
         self.has_begun = state is not None
         self.plan_start = plan_start
         self.trajectory: Trajectory = plan.steps[step].trajectories[number]
@@ -210,16 +214,19 @@ class _ReplannedTrajectory:
         self._state = self._end = state or PathState(0.0)
 
     def begin(self, factor: float) -> bool:
-        """Begin at the start of the path; return whether it can be driven as planned."""
+        """Set the state to the start of the path; return whether it can be driven as planned."""
         self._state = self.trajectory.first_state(factor, self._reached)
         return factor == 1.0 and self._state == self.trajectory.first_state(1.0, 0.0)
 
     def ticks(self, factor: float, now: float) -> Iterator[Tick]:
         """
-        Yield the ticks from the newest state on; without end if it rests before its end.
+        Yield the ticks from the newest state on.
+
+        If the robot comes to rest before the end of the trajectory, yield ticks at rest without
+        end.
 
         :param factor: the speed factor
-        :param now: when the first begins [s after t = 0]
+        :param now: when the first tick begins [s after t = 0]
         """
         replanned = self.trajectory.replanned(self._state, factor)
         self._end = replanned.end
@@ -235,7 +242,7 @@ class _ReplannedTrajectory:
             now = following
 
     def following(self) -> _ReplannedTrajectory | None:
-        """Return the next trajectory that takes time, before its begin; None after the last."""
+        """Return the next trajectory with a duration above 0; None after the last one."""
         reached = 0.0 if self.trajectory.segment.is_rest else self._end.velocity
         number = self._number + 1
         for step in range(self._step, len(self._plan.steps)):
@@ -267,7 +274,7 @@ class _ReplannedTrajectory:
 
 
 def _at_plan_time(plan: Plan, time: float) -> _ReplannedTrajectory:
-    """Return the trajectory under way by the plan, in the state at that time [s of the plan]."""
+    """Return the trajectory that the plan drives at a time [s of the plan], with its state."""
     step = plan.step_index(time)
     start = plan.steps[step].start
     trajectories = plan.steps[step].trajectories
@@ -282,7 +289,7 @@ def _at_plan_time(plan: Plan, time: float) -> _ReplannedTrajectory:
 
 
 def _velocity_before(plan: Plan, step: int, number: int) -> float:
-    """Return the velocity by the plan at the end of the trajectory before [u/s]; 0 at rest."""
+    """Return the planned final velocity of the previous trajectory [u/s]; 0 at rest."""
     before = [*plan.steps[step].trajectories[:number]]
     while step and not any(trajectory.duration for trajectory in before):
         step -= 1

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The velocity gate: the one object through which velocities leave."""
+"""The velocity gate: the only object that publishes velocities."""
 
 from __future__ import annotations
 
@@ -38,47 +38,49 @@ from kachaka_simple_control.motion.limits import Limits
 
 
 class GateState(Enum):
-    """Whether velocities may leave."""
+    """The state of the gate: whether it may publish velocities."""
 
-    #: The robot has not been taken.  Not even a zero may leave: it takes a Kachaka off its dock.
+    #: The robot has not been taken.  Even a zero is blocked: it makes a Kachaka leave its dock.
     NOT_OPENED = 'not taken yet'
     #: This program has taken the robot.
     OPEN = 'open'
-    #: The robot was released.  Nothing may leave: a zero would take it again.
+    #: The robot was released.  Everything is blocked: a zero would take the robot again.
     CLOSED = 'released'
 
 
 class Run:
     """
-    One motion, from the call that asks for it; only the newest run may send.
+    One motion, from the call that requests it; only the newest run may send velocities.
 
-    :param max_gap: longest time between two messages, without the time that DDS takes [s]
-    :param command_timeout: longest time with it: how long the robot keeps a velocity [s]
+    :param max_gap: longest time between two messages, without the time spent in DDS [s]
+    :param command_timeout: longest time between two messages with the time spent in DDS: how long
+        the robot keeps a velocity [s]
     """
 
     def __init__(
             self, max_gap: float = math.inf, command_timeout: float = math.inf) -> None:
         self.max_gap = max_gap
         self.command_timeout = command_timeout
-        #: t = 0 [s on the steady clock]; nan before it begins
+        #: t = 0 of the run [s on the steady clock]; nan before the run begins
         self.began = math.nan
-        #: when DDS had taken the last one [s on the clock for gaps]; None before
+        #: when DDS had accepted the last message [s on the clock for gaps]; None before the first
         self.last_sent: float | None = None
-        #: time that the thread which drives had spent in ports by then [s]
+        #: total time that the thread that drives had spent in ports at that time [s]
         self.waited_before = 0.0
-        #: why the run was ended; None as long as it may send
+        #: why the run was ended; None while it may send
         self.ended_by: ControlError | None = None
 
 
 class PortTime:
     """
-    How long the thread that drives has spent in ports, such as DDS: for one robot or for many.
+    The total time that the driving thread has spent in ports such as DDS, for all its robots.
 
-    While the thread waits for one robot's port, it cannot send to another: no fault of that one.
+    While the thread waits for the port of one robot, it cannot send to another robot.  This time
+    does not count as a gap of any robot.
     """
 
     def __init__(self) -> None:
-        #: the sum so far [s]
+        #: the total time so far [s]
         self.total = 0.0
 
 
@@ -88,18 +90,19 @@ def _unchanged(velocity: Velocity) -> Velocity:
 
 class VelocityGate:
     """
-    The only publisher of velocities: calibration, latch, gap, limits, publish, telemetry.
+    The only publisher of velocities; it checks each velocity before it publishes it.
 
-    Checking and publishing happen under one lock.  Once a stop has sent its first zero, no
-    velocity of the run that it stopped can follow, from any thread.
+    It applies the calibration, checks the limits, the latch and the gap, publishes the velocity,
+    and reports it as an event.  Checks and publishing happen under one lock.  After a stop has
+    sent its first zero, no thread can send another velocity of the stopped run.
 
     :param transmit: publishes a velocity
-    :param limits: the robot's limits; no velocity beyond them leaves, whatever planned it
-    :param latch: once set, only zeros leave
-    :param sending: set while DDS takes a message or answers a question
+    :param limits: the robot's limits; a velocity beyond them is never published
+    :param latch: after it is set, only zeros are published
+    :param sending: set while a DDS call runs
     :param clock: the steady clock [s]
-    :param gap_clock: the clock for gaps [s]; it also counts while the machine sleeps
-    :param command: returns what to send for a velocity, by the robot's calibration
+    :param gap_clock: the clock for gaps [s]; it also counts while the machine is suspended
+    :param command: returns the command to send for a velocity, according to the calibration
     """
 
     def __init__(
@@ -125,36 +128,36 @@ class VelocityGate:
         self._run: Run | None = None
         #: puts an event into a queue, and returns at once
         self.publish: Callable[[Event], None] = lambda _: None
-        #: the time in ports of the thread that drives; one for all that it drives
+        #: time in ports of the thread that drives; all gates of that thread share one object
         self.port_time = PortTime()
-        #: makes the thread that drives look at once whether its run was ended
+        #: makes the thread that drives check at once whether its run was ended
         self.wake: Callable[[], None] = lambda: None
-        #: a run that was prepared and has not begun: it waits for the robot, for example
+        #: a run that was prepared and has not begun, for example because it waits for the robot
         self._pending: Run | None = None
 
     @property
     def state(self) -> GateState:
-        """Return whether velocities may leave."""
+        """Return the state of the gate: whether it may publish velocities."""
         return self._state
 
     @property
     def run(self) -> Run | None:
-        """Return the newest run that began, which may be over; None before the first."""
+        """Return the newest run that has begun, even if it is over; None before the first."""
         return self._run
 
     def open(self) -> None:  # noqa: A003
-        """Let velocities out: the robot is taken.  Without effect once the gate was closed."""
+        """Allow velocities, after the robot was taken; no effect if the gate is closed."""
         with self._lock:
             if self._state is GateState.NOT_OPENED:
                 self._state = GateState.OPEN
 
     def close(self) -> None:
-        """Let nothing out from now on; it cannot be undone."""
+        """Block all velocities, also zeros, from now on; this cannot be undone."""
         with self._lock:
             self._state = GateState.CLOSED
 
     def prepare(self) -> Run:
-        """Return a run that has not begun; ``cancel`` ends it from now on."""
+        """Return a new run that has not begun; from now on ``cancel`` can end it."""
         run = Run()
         with self._lock:
             self._pending = run
@@ -164,12 +167,12 @@ class VelocityGate:
             self, max_gap: float, run: Run | None = None,
             command_timeout: float = math.inf, began: float = math.nan) -> Run:
         """
-        Begin a run; the run before it may send no more.
+        Begin a run; the previous run can no longer send velocities.
 
-        :param max_gap: longest time between two messages, without the time that ports take [s]
-        :param run: what ``prepare`` returned; None for a new run
-        :param command_timeout: how long the robot keeps a velocity [s]: a longer gap ends the run
-            whatever caused it, for the robot has stopped by itself
+        :param max_gap: longest time between two messages, without the time spent in ports [s]
+        :param run: the run that ``prepare`` returned; None for a new run
+        :param command_timeout: how long the robot keeps a velocity [s]; a longer gap always ends
+            the run, because the robot has then stopped by itself
         :param began: t = 0 of the run [s on the clock]
         :returns: the run, for ``send``
         :raises ControlError: if the run was cancelled, the gate is not open or the latch is set
@@ -189,29 +192,31 @@ class VelocityGate:
         """
         Publish a velocity of a run.
 
-        :param velocity: what the robot is to do; what is sent follows by its calibration
-        :param kind: what it is sent for
-        :param due: when it is due [s after t = 0]
-        :param plan_time: where on the plan that is [s of the plan]; None without a plan
-        :param skipped: how many velocities before it were left out
-        :returns: when it was sent [s on the clock]
-        :raises ControlError: if the run was ended or the gap was too long, or the
-            velocity is beyond the limits; nothing was published
+        :param run: the run
+        :param velocity: the wanted velocity of the robot; the calibration converts it to the
+            command that is sent
+        :param kind: the purpose of the velocity
+        :param due: when the velocity is due [s after t = 0]
+        :param plan_time: the position on the plan at that time [s of the plan]; None without one
+        :param skipped: how many velocities just before it were left out
+        :returns: when the velocity was sent [s on the clock]
+        :raises ControlError: if the run was ended, the gap was too long, or the velocity is beyond
+            the limits; then nothing was published
         """
         command = self._command(velocity)
-        # A Ctrl+C between the message and its event would lose the event.
+        # Without ``deferred``, Ctrl+C between the message and its event would lose the event.
         with self._lock, signal_dispatcher.deferred():
             self._require_limits(command)
             self._check(run)
             self._require_no_gap(run)
-            # The time is read directly before: DDS stamps a message when it takes it.
+            # Read the time directly before: DDS stamps a message when it accepts the message.
             now, before = self._clock(), self._gap_clock()
             self._sending.set()
             try:
                 self._transmit(command)
             finally:
                 self._sending.clear()
-                # What DDS takes while a node joins the graph, 0.3 s at worst, does not mean that
+                # While a node joins the graph, DDS may take up to 0.3 s.  This does not mean that
                 # this program was held up.
                 after = self._gap_clock()
                 self.port_time.total += after - before
@@ -220,16 +225,16 @@ class VelocityGate:
                 now, command, kind, due, plan_time, skipped,
                 None if command is velocity else velocity))
             run.last_sent, run.waited_before = after, self.port_time.total
-            # A program that was frozen while DDS had the message has been stopped by now.  Without
-            # this check it would wait for the next tick before its own stop.
+            # If the program was frozen during the DDS call, the guardian has stopped the robot by
+            # now.  Without this check the program would start its own stop only at the next tick.
             self._check(run)
             return now
 
     def wait_for_dds(self, ask: Callable[[], None]) -> None:
         """
-        Call a function that may have to wait for DDS, and do not count that time as a gap.
+        Call a function that may have to wait for DDS, and do not count this time as a gap.
 
-        :param ask: the function; measured: 0.17 s to ask the graph while nodes join or leave
+        :param ask: the function; measured: a graph query takes 0.17 s while nodes join or leave
         """
         began = self._gap_clock()
         self._sending.set()
@@ -243,17 +248,17 @@ class VelocityGate:
         """
         Check that a run may still send.
 
-        :raises ControlError: if it may not
+        :raises ControlError: if the run may not send any longer
         """
         with self._lock:
             self._check(run)
 
     def cancel(self, reason: ControlError) -> Run | None:
         """
-        End the newest run and the pending one: neither sends from now on.
+        End the newest run and the prepared run: neither can send from now on.
 
-        :param reason: what ``begin``, ``send`` and ``check`` raise for them
-        :returns: the newest run that began; None before the first
+        :param reason: the error that ``begin``, ``send`` and ``check`` raise for these runs
+        :returns: the newest run that has begun; None before the first
         """
         with self._lock:
             for run in (self._run, self._pending):
@@ -267,9 +272,9 @@ class VelocityGate:
         """
         Publish a zero, unless the gate is not open or a newer run has begun.
 
-        :param after: the run that this zero follows; None before the first
-        :param kind: what it is sent for
-        :returns: whether it was published
+        :param after: the run that this zero follows; None before the first run
+        :param kind: the purpose of the zero
+        :returns: whether the zero was published
         """
         with self._lock, signal_dispatcher.deferred():
             if self._state is not GateState.OPEN or self._run is not after:
@@ -285,7 +290,7 @@ class VelocityGate:
             return True
 
     def _publish_guardian_stop(self, now: float) -> None:
-        """Publish the guardian's first zero as an event, in its order."""
+        """Publish one event for the guardian's first zero, if it was sent before ``now`` [s]."""
         stopped = self._latch.guardian_stop_time
         if stopped is not None and not self._has_logged_guardian and stopped < now:
             self._has_logged_guardian = True
@@ -306,7 +311,7 @@ class VelocityGate:
             raise MotionRefusedError(f'the robot cannot be driven: it is {self._state.value}')
 
     def _require_limits(self, velocity: Velocity) -> None:
-        # A velocity object never changes, and the same one is sent many times.
+        # A velocity object never changes, and the same object is often sent many times.
         if velocity is self._within_limits:
             return
         try:
@@ -319,8 +324,8 @@ class VelocityGate:
         if run.last_sent is None:
             return
         gap = self._gap_clock() - run.last_sent
-        # DDS may take no longer than the guardian allows, and the robot's command timeout bounds
-        # the sum.
+        # DDS may take no longer than the guardian allows.  The robot's command timeout limits the
+        # whole gap.
         waited = self.port_time.total - run.waited_before
         allowed = min(run.max_gap + min(waited, PUBLISH_TIMEOUT), run.command_timeout)
         if gap > allowed:

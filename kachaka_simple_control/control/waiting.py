@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Wait until a condition holds, with checks meanwhile."""
+"""Wait until a condition is true, and call a check during the wait."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ def wait_until(
         condition: Callable[[], bool], timeout: float,
         check: Callable[[], None] = lambda: None) -> bool:
     """
-    Wait until a condition holds, asked every POLL_PERIOD.
+    Wait until a condition is true; evaluate it every POLL_PERIOD.
 
+    :param condition: returns whether the condition is true
     :param timeout: how long to wait [s]
-    :param check: called while waiting; what it raises ends the wait
-    :returns: whether the condition held in time
+    :param check: called during the wait; an error that it raises ends the wait
+    :returns: whether the condition became true in time
     """
     end = time.monotonic() + timeout
     while not condition():

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""When the guardian has to stop the robot, and when it is frozen itself; told the time."""
+"""
+Decide when the guardian has to stop the robot, and detect a guardian that is frozen.
+
+The caller passes the time.
+"""
 
 from __future__ import annotations
 
@@ -26,55 +30,56 @@ from kachaka_simple_control.control.timing import (
     WATCHDOG_PERIOD,
 )
 
-#: Differences of times below this are rounding errors [s].
+#: Smaller time differences are rounding errors [s].
 ROUNDING_ERROR = 1e-6
 
 
 class GuardianMessage(bytes, Enum):
-    """The messages from a node to its guardian; one byte each."""
+    """The messages from a node to its guardian; each message is one byte."""
 
     #: publish one zero and report it, so that the robot's reader is matched before a run
     PRIME = b'p'
-    #: heartbeat: a run is on, and its thread is alive
+    #: heartbeat: a run is under way, and its thread works
     HEARTBEAT = b'b'
-    #: the run is over; a zero is about to leave, and more will follow
+    #: the run is over: a zero is sent next, and more zeros will follow
     STOPPING = b'r'
-    #: the stop was sent whole: no heartbeat is due until the next run
+    #: the complete stop was sent: no heartbeat is due until the next run
     STOPPED = b's'
 
 
 class Watchdog:
     """
-    Decides when the guardian stops the robot: once, and never after the node's own whole stop.
+    Decides when the guardian stops the robot: at most once per run, if the node falls silent.
 
-    From the first heartbeat of a run to the last zero of its stop, messages have to come.
+    From the first heartbeat of a run to the last zero of its stop, the node has to send messages.
+    After the node has sent its complete stop, the guardian does not stop the robot again.
 
-    Time without a message counts only while the guardian itself is awake: a machine that stands
-    still for a moment holds up both processes and must not end a healthy run.  The node checks its
-    gaps by itself.  Time that the node spends in DDS counts against PUBLISH_TIMEOUT instead:
-    publishing took a third of a second while a node joined the graph (measured).
+    Time without a message counts only while the guardian runs.  If the whole machine pauses for a
+    moment, both processes are held up, and this must not end a good run.  The node checks its own
+    gaps.  Time that the node spends in DDS counts against PUBLISH_TIMEOUT instead: one publish
+    call took a third of a second while a node joined the graph (measured).
 
     :param heartbeat_timeout: how long a run may go without a heartbeat [s]
     """
 
     def __init__(self, heartbeat_timeout: float = HEARTBEAT_TIMEOUT) -> None:
         self._heartbeat_timeout = heartbeat_timeout
-        #: how long the node may be silent, from its newest message on [s]
+        #: how long the node may be silent after its newest message [s]
         self.allowed = heartbeat_timeout
         self._silent = 0.0
         self._publishing = 0.0
-        #: when the time without a message was last added up [s]; None if no message is due
+        #: when the time without a message was last updated [s]; None if no message is due
         self._counted: float | None = None
         self._must_stop = False
-        #: whether the process may end
+        #: whether the guardian's process may end
         self.is_over = False
 
     def on_message(self, message: bytes, now: float) -> None:
         """
-        Process a message of the node.
+        Process a message from the node.
 
-        :param message: one byte
-        :param now: when it was read [s]
+        :param message: one byte, a GuardianMessage
+        :param now: when the message was read [s]
         """
         if message == GuardianMessage.HEARTBEAT or (
                 message == GuardianMessage.STOPPING and self._must_stop):
@@ -87,7 +92,7 @@ class Watchdog:
 
     def on_disconnect(self) -> bool:
         """
-        Handle the end of the node, or of the guardian.
+        Process the end of the connection: the node has ended, or the guardian has to end.
 
         :returns: whether the robot must be stopped now
         """
@@ -97,11 +102,11 @@ class Watchdog:
 
     def has_timed_out(self, now: float, is_publishing: bool = False) -> bool:
         """
-        Return whether messages have stayed away too long: True once; ask after each ``timeout()``.
+        Return whether the node has been silent for too long; call this after each ``timeout()``.
 
         :param now: the time [s]
-        :param is_publishing: whether the node is awake and in DDS
-        :returns: whether the robot must be stopped now
+        :param is_publishing: whether the node is running and waits in a DDS call
+        :returns: whether the robot must be stopped now; True only once per silence
         """
         if self._counted is None:
             return False
@@ -126,9 +131,9 @@ class Watchdog:
 
 class GuardianWatch:
     """
-    Detects for the node that its guardian is frozen: it has stopped serving heartbeats.
+    Detects for the node that its guardian is frozen: it no longer processes heartbeats.
 
-    Only time in which the node itself was awake counts: a machine that stood still held up both.
+    Only time in which the node runs counts: a pause of the whole machine holds up both processes.
     """
 
     def __init__(self) -> None:
@@ -136,15 +141,16 @@ class GuardianWatch:
         self._checked = self._silent = 0.0
 
     def reset(self) -> None:
-        """Expect nothing until the next check: no heartbeats are sent meanwhile."""
+        """Restart the measurement at the next check, because no heartbeats are sent until then."""
         self._count = None
 
     def is_frozen(self, now: float, count: int) -> bool:
         """
-        Return whether the guardian has served no heartbeat for GUARDIAN_TIMEOUT.
+        Return whether the guardian has processed no heartbeat for GUARDIAN_TIMEOUT.
 
         :param now: the time [s]
-        :param count: how many heartbeats it has served, in any numbers that change with each
+        :param count: the counter of the heartbeats that the guardian has processed; it may restart
+            at 0
         """
         if count == self._count:
             self._silent += min(now - self._checked, 2.0 * CHECK_PERIOD)

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The process that shows a drive, as the program that drives keeps it.
+Start, close and clean up the display process of a drive.
 
-The program that drives imports this module: it must load quickly, and without rich.
+The driving program imports this module, so it must load quickly, and without rich.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from kachaka_simple_control.display.terminal import is_terminal, RELEASE_ROWS
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 
 DISPLAY_MODULE = 'kachaka_simple_control.display.display_program'
-#: How long the display may take to clear the terminal at the end [s].
+#: The time that the display has to clear the terminal at the end [s].
 DISPLAY_EXIT_TIMEOUT = 1.0
 
 
 class DisplayProcess(SubscriberProcess):
     """
-    The process that shows a drive; this side restores the terminal.
+    The display process of a drive, as the driving program controls it.
 
-    A display that was killed cannot do that: it is done here, at once, so that what it drew last
-    is not taken for news.  One that hangs in the end is killed; but one that waits for a terminal
-    which takes nothing, after Ctrl+S, clears it when it does.
+    If the display is killed, this class restores the terminal at once, so that no outdated panel
+    remains.  If the display does not exit at the end, it is killed.  If the terminal is blocked
+    by Ctrl+S, the display keeps running, and clears the terminal after Ctrl+Q.
     """
 
     def __init__(self) -> None:
@@ -51,8 +51,8 @@ class DisplayProcess(SubscriberProcess):
         """
         Close the pipe and wait for the process to exit.
 
-        :param timeout: how long to wait at most [s]
-        :returns: its exit code; None if it waits for the terminal
+        :param timeout: the longest wait [s]
+        :returns: the exit code; None if the process still waits for the terminal
         """
         if super().close(min(timeout, DISPLAY_EXIT_TIMEOUT)) is None:
             if not has_room(STDERR):

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The program that shows a drive while it goes on; a process of its own.
+The program that shows a running drive, in its own process.
 
-Drawing never competes with the thread that moves the robot for Python's lock, and whatever
-happens to this program, the one that drives goes on.
+Drawing therefore never holds the GIL of the driving program, and an error in this program does
+not end the drive.
 """
 
 from __future__ import annotations
@@ -40,17 +40,18 @@ from kachaka_simple_control.display.keyboard import set_line_modes
 from kachaka_simple_control.display.renderers import Renderer, renderer_for
 from kachaka_simple_control.telemetry.subscriber_process import decode
 
-#: How long a process that was killed may take to be gone [s].
+#: The longest time between the kill of a process and its end [s].
 KILL_TIMEOUT = 0.5
-#: How long a frame waits for a velocity to be sent [s].
+#: The longest time that a frame waits for the next velocity [s].
 VELOCITY_TIMEOUT = 0.1
 
 
 class TerminalDisplay:
     """
-    Shows the events that standard input brings.
+    Shows the drive whose events arrive on standard input.
 
-    :param parent: the process that drives
+    :param renderer: the renderer of the status
+    :param parent: the process id of the driving program
     """
 
     def __init__(self, renderer: Renderer, parent: int) -> None:
@@ -65,17 +66,17 @@ class TerminalDisplay:
         threading.Thread(target=self._read_events, name='events', daemon=True).start()
         try:
             while not self._end.wait(self._renderer.period):
-                # Then the robot's thread sleeps for a period: two at once slow each other down.
+                # After a velocity the robot's thread sleeps, so drawing does not delay it.
                 self._velocity_sent.clear()
                 self._velocity_sent.wait(VELOCITY_TIMEOUT)
                 self._show()
         finally:
             self._renderer.close()
         if self._tracker.session_ended is None and self._is_orphan():
-            if self._tracker.has_keys:  # the program could not do it
+            if self._tracker.has_keys:  # the killed program could not restore the modes
                 with contextlib.suppress(OSError, termios.error):
                     set_line_modes(STDERR, is_on=True)
-            # The prompt of a shell may be there by now.
+            # The line break is for a shell prompt that may already be there.
             print(f'\n{describe_killed(self._tracker)}', file=sys.stderr, flush=True)
 
     def _read_events(self) -> None:
@@ -97,7 +98,7 @@ class TerminalDisplay:
 
     def _show(self) -> None:
         if is_stopped(self._parent):
-            # Ctrl+Z: the terminal belongs to another program now.
+            # After Ctrl+Z the terminal belongs to another program.
             self._renderer.close()
             return
         now = time.monotonic()
@@ -114,7 +115,7 @@ class TerminalDisplay:
 
 
 def describe_killed(tracker: DriveTracker) -> str:
-    """Return a line on a program that was killed, from what it sent before."""
+    """Return a line about a killed program: whether it was driving, and who stops the robot."""
     killed = 'kachaka_simple_control was killed'
     if not tracker.is_under_way:
         return killed
@@ -125,11 +126,11 @@ def describe_killed(tracker: DriveTracker) -> str:
 
 def stop_hint(pid: int, has_keys: bool, is_held: bool) -> str:
     """
-    Return in a few words how to stop a program that drives, and its other keys.
+    Return a short text that says how to stop a driving program, with its other keys.
 
-    :param pid: the program
-    :param has_keys: whether it reads keys
-    :param is_held: whether it is paused, or its next motion will be
+    :param pid: the process id of the program
+    :param has_keys: whether the program reads keys
+    :param is_held: whether the motion is paused, or the next motion will start paused
     """
     if is_in_background(pid):
         return f'`kill {pid}` stops the robot'
@@ -139,13 +140,13 @@ def stop_hint(pid: int, has_keys: bool, is_held: bool) -> str:
 
 
 def main() -> int:
-    """Show the drive; return the exit code: 0 only if the terminal is as it was."""
+    """Show the drive; return the exit code, which is 0 only if the terminal is restored."""
     parent = os.getppid()
-    make_blocking(STDERR)  # half a frame would spoil the terminal
-    set_idle_priority()  # a late frame does no harm, a late velocity does
+    make_blocking(STDERR)  # a partly written frame would corrupt the terminal
+    set_idle_priority()  # a frame may be late, a velocity may not
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         TerminalDisplay(renderer_for(STDERR), parent).run()
-    except OSError:  # the terminal is gone, or does not take more
+    except OSError:  # the terminal is closed or does not accept output
         return 1
     return 0

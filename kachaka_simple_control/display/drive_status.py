@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The status of a drive at a time, as the display shows it, from events."""
+"""Compute the status of a drive at a time from its events, for the display."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Displacement, Velocity
 from kachaka_simple_control.motion.plan import Plan, plan
 
-#: When the steps are due does not depend on the rate [Hz], and single velocities are not shown.
+#: The rate of the plan [Hz]; a low rate is enough, because step times do not depend on it.
 PLAN_RATE = 0.001
-#: The zeros of a stop follow each other more closely than this [s].
+#: The longest interval between the zeros of a stop [s].
 MAX_ZERO_PERIOD = 0.1
-#: Odometry older than this [s] does not show how far the robot is.
+#: The largest age of odometry that shows the progress of a step [s].
 DISPLAY_ODOMETRY_MAX_AGE = 0.5
-#: A program that drives sends something more often than this [s], or is held up.
+#: The time without a velocity after which a driving program counts as blocked [s].
 EVENT_TIMEOUT = 1.0
-#: What is counted: the steps of a motion, or motions, one for each call.
+#: What a number counts: steps of a motion, or movements (one for each call).
 STEP, MOVEMENT = 'step', 'movement'
 
 
 class DriveState(Enum):
-    """The state of a drive, in words that need no colour."""
+    """The state of a drive; the value is the word that the display shows."""
 
     READY = 'ready'
     WAITING = 'waiting'
@@ -65,11 +65,11 @@ class DriveState(Enum):
 @dataclass(frozen=True)
 class Remaining:
     """
-    How far it is to the end of a step.
+    The remaining distance and angle of a step.
 
-    :param distance: along the path [m], at least 0; None if the step has no length
-    :param angle: how far to turn [rad], at least 0; None if the step does not turn
-    :param by_odometry: whether this is from odometry; otherwise from the velocities sent
+    :param distance: the distance along the path [m], at least 0; None if the step has no length
+    :param angle: the angle to turn [rad], at least 0; None if the step does not turn
+    :param by_odometry: whether the values are from odometry; otherwise from the sent velocities
     """
 
     distance: float | None
@@ -80,14 +80,15 @@ class Remaining:
 @dataclass(frozen=True)
 class StepStatus:
     """
-    The step under way.
+    The current step.
 
-    :param number: its number, from 1 on
-    :param count: how many steps there are; None if that is unknown
-    :param noun: what is counted: ``step`` of a motion, or ``movement``, one for each call
-    :param description: what it does, in words
-    :param duration: how long it takes [s]
-    :param time_left: until its end, by the plan [s]
+    :param number: its number; the first step is 1
+    :param count: the number of all steps; None if unknown
+    :param noun: what is counted: ``step`` of a motion, or ``movement`` (one for each call)
+    :param description: a text that says what the step does
+    :param duration: its planned duration [s]
+    :param time_left: the time until its end according to the plan [s]
+    :param remaining: the remaining distance and angle
     """
 
     number: int
@@ -100,7 +101,7 @@ class StepStatus:
 
     @property
     def label(self) -> str:
-        """Return which step it is, such as ``step 2 of 9``."""
+        """Return the number of the step as text, for example ``step 2 of 9``."""
         total = '' if self.count is None else f' of {self.count}'
         return f'{self.noun} {self.number}{total}'
 
@@ -110,20 +111,21 @@ class DriveStatus:
     """
     The status of a drive at one time.
 
-    :param title: name of what is driven
-    :param robot: name of the robot; empty before it is known
-    :param reason: why the motion was cut short; None if it was not
-    :param topic: where a robot has to subscribe; empty before that is known
-    :param wait_left: how long a robot is waited for at most [s]; None if that is over or unknown
-    :param step: the step under way; None without one
-    :param duration: how long the motion takes [s]; None without one
-    :param time_left: until its end, by the plan [s]
-    :param commanded: the velocity sent last; None before
-    :param odometry: the robot's velocity by odometry; None without odometry
-    :param odometry_age: how old that is [s]
-    :param factors: the factors below 1, by who asks for less speed
-    :param silent_for: how long nothing has been sent although the program should drive [s]; None
-        while it sends
+    :param state: the state of the drive
+    :param title: the name of the motion
+    :param robot: the name of the robot; empty if not yet known
+    :param reason: the reason why the motion was cut short; None if it was not
+    :param topic: the topic that the robot must subscribe to; empty if not yet known
+    :param wait_left: the remaining timeout of the wait for a robot [s]; None if over or unknown
+    :param step: the current step; None if there is none
+    :param duration: the planned duration of the motion [s]; None without a plan
+    :param time_left: the time until its end according to the plan [s]
+    :param commanded: the last sent velocity; None if nothing was sent
+    :param odometry: the robot's velocity from odometry; None without odometry
+    :param odometry_age: the age of the last odometry [s]
+    :param factors: the speed factors below 1, by their source
+    :param silent_for: the time since the last velocity of a run that should send [s]; None while
+        it sends
     """
 
     state: DriveState
@@ -143,7 +145,7 @@ class DriveStatus:
 
     @property
     def is_held(self) -> bool:
-        """Return whether somebody holds the robot at rest, or the next motion at its start."""
+        """Return whether the motion, or the start of the next motion, is on hold."""
         return is_hold(self.speed)
 
     @property
@@ -152,12 +154,18 @@ class DriveStatus:
         return product(self.factors)
 
     def stretched(self, duration: float) -> float:
-        """Return how long a part of the plan takes at this speed [s]; as planned while held."""
+        """
+        Return the duration of a part of the plan at the current speed [s].
+
+        On hold, the planned duration is returned.
+
+        :param duration: the planned duration of the part [s]
+        """
         return duration if self.is_held else duration / self.speed
 
     @property
     def fraction(self) -> float:
-        """Return how much of the motion is over, from 0 to 1."""
+        """Return the completed part of the motion, from 0 to 1."""
         return 1.0 - self.time_left / self.duration if self.duration else 1.0
 
 
@@ -166,7 +174,9 @@ NO_DISPLACEMENT = Displacement(0.0, 0.0)
 
 class StepOdometer:
     """
-    The displacement since the step under way began, summed up from one source.
+    Sums up the displacement since the start of the current step.
+
+    The displacements are either commanded or from odometry.
 
     :param plan: the plan of the motion
     """
@@ -177,10 +187,11 @@ class StepOdometer:
 
     def update(self, duration: float, plan_time: float, displacement: Displacement) -> None:
         """
-        Add a displacement; of one over two steps only the share of the later one counts.
+        Add a displacement; if it spans two steps, add only its share in the later step.
 
-        :param duration: how long it took [s]
-        :param plan_time: where on the plan it ends [s of the plan]
+        :param duration: its duration [s]
+        :param plan_time: its end [s of the plan]
+        :param displacement: the displacement
         """
         step = self._plan.step_index(plan_time)
         share = 1.0
@@ -192,19 +203,19 @@ class StepOdometer:
                                  self._sum.angle + share * displacement.angle)
 
     def displacement(self, step: int) -> Displacement:
-        """Return the displacement since a step began; none if it is not the newest one."""
+        """Return the displacement since a step began; zero if the step is not the current one."""
         return self._sum if step == self._step else NO_DISPLACEMENT
 
 
 class DriveTracker:
-    """Follows the events of one program, in their order."""
+    """Tracks the status of one driving program from its events, in their order."""
 
     def __init__(self) -> None:
         self._session: SessionStarted | None = None
         self._planned: MotionPlanned | None = None
         self._plan: Plan | None = None
         self._started: float | None = None
-        #: the newest message of the run under way
+        #: the newest message of the current run
         self._own: VelocitySent | None = None
         self._factors: Mapping[str, float] = {}
         self._ended: MotionEnded | None = None
@@ -215,11 +226,11 @@ class DriveTracker:
         self._commanded_odometer: StepOdometer | None = None
         self._driven_odometer: StepOdometer | None = None
         self._standstill = StandstillDetector()
-        #: the last event of all; None before: the program goes on, or was killed
+        #: the last event; None if the program still runs or was killed
         self.session_ended: SessionEnded | None = None
 
     def on_event(self, event: Event) -> None:
-        """Take an event into account."""
+        """Update the status from an event."""
         match event:
             case VelocitySent():
                 self._on_velocity(event)
@@ -230,7 +241,7 @@ class DriveTracker:
             case MotionStarted():
                 self._on_start(event)
             case StopBegan():
-                # If a motion is ended early, MotionEnded comes after its whole stop, 0.4 s later.
+                # If a motion ends early, MotionEnded follows after the whole stop, 0.4 s later.
                 self._stop_time = event.time
             case SpeedFactorChanged():
                 self._factors = event.factors
@@ -268,17 +279,17 @@ class DriveTracker:
 
     @property
     def is_under_way(self) -> bool:
-        """Whether a motion was begun and not ended."""
+        """Whether a motion has begun and has not ended."""
         return self._started is not None and self._ended is None
 
     @property
     def has_keys(self) -> bool:
-        """Whether the program that drives reads keys."""
+        """Whether the driving program reads keys."""
         return self._session is not None and self._session.has_keys
 
     @property
     def is_guarded(self) -> bool:
-        """Whether a guardian stops the robot when the program cannot."""
+        """Whether a guardian stops the robot if the program is killed."""
         return self._session is not None and bool(self._session.settings.get('guardian'))
 
     def _on_plan(self, event: MotionPlanned) -> None:
@@ -311,7 +322,7 @@ class DriveTracker:
                 velocity.linear_x * held, velocity.angular_z * held))
 
     def _plan_time(self, now: float) -> float:
-        """Return where on the plan the motion is, to a period while it is delayed."""
+        """Return the position in the plan [s]; it is exact to one period during a delay."""
         own = self._own
         if own is None or own.plan_time is None:
             return 0.0
@@ -402,7 +413,7 @@ class DriveTracker:
 
 
 def _remaining_amount(total: float, done: float) -> float | None:
-    """Return what is left of a signed length or angle, at least 0; None if it is 0 in all."""
+    """Return the rest of a signed distance or angle, at least 0; None if the total is 0."""
     if total == 0.0:
         return None
     return max(0.0, total - done if total > 0.0 else done - total)

@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Single keys at the terminal of a drive.
+Read single keys from the terminal of a drive.
 
-The program that drives reads them, for only the foreground of a terminal may.  In the background
-nothing is read: who tries that is suspended, and a drive that is suspended has ended.
+The driving program reads the keys, because only a foreground process may read from a terminal.
+In the background it does not read: the read would suspend the program and end the drive.
 
-The program that drives imports this module: it must load quickly, and without rich.
+The driving program imports this module, so it must load quickly, and without rich.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ import threading
 import time
 
 STDIN = 0
-#: How often a program looks whether it is in the foreground [s].
+#: The period of the check whether the program is in the foreground [s].
 FOREGROUND_PERIOD = 0.2
-#: How many keys are read at once [bytes].
+#: The largest number of bytes of one read.
 KEY_COUNT = 64
-#: The place of the local modes among the attributes of a terminal.
+#: The index of the local modes in the attributes of a terminal.
 LOCAL_MODES = 3
-#: Without these a terminal passes on each key at once, and does not show it; Ctrl+C is a signal.
+#: The modes that are cleared to get each key at once and without echo; Ctrl+C stays a signal.
 LINE_MODES = termios.ICANON | termios.ECHO
 
 
 class Keyboard:
     """
-    Calls a function for each key, in a thread of its own; a context manager.
+    A context manager that calls a function for each pressed key, in its own thread.
 
-    Does nothing without keys, or where standard input is no terminal.
+    It does nothing if there are no functions or if standard input is not a terminal.
 
-    :param functions: what to call, by key; other keys are ignored
+    :param functions: the function to call for each key; other keys are ignored
     """
 
     def __init__(self, functions: Mapping[str, Callable[[], None]]) -> None:
@@ -58,34 +58,34 @@ class Keyboard:
         self._thread = threading.Thread(target=self._run, name='keyboard', daemon=True)
 
     def __enter__(self) -> Keyboard:
-        """Read keys from now on, as soon as the program is in the foreground."""
+        """Start to read keys; keys are read only while the program is in the foreground."""
         if self._functions and is_keyboard():
             self._thread.start()
             self._is_reading.wait(FOREGROUND_PERIOD)
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Read no more keys, and let the terminal collect lines again."""
+        """Stop reading keys, and set the terminal to line mode."""
         self._end.set()
         if self._thread.ident is not None:
             with self._setting_modes, contextlib.suppress(OSError, termios.error):
-                # Who leaves the foreground just now must not be suspended by this.
+                # The program must not be suspended if it leaves the foreground now.
                 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
                 if _is_foreground():
                     set_line_modes(STDIN, is_on=True)
 
     def _run(self) -> None:
-        # Blocked, these refuse a read in the background instead of suspending the program.
+        # With blocked signals, a read in the background fails instead of suspending the program.
         signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
-        # Keys typed before were not meant to start something.
+        # An Enter that was typed before must not start a motion.
         ignored = '\n'
-        with contextlib.suppress(OSError, termios.error):  # the terminal is gone
+        with contextlib.suppress(OSError, termios.error):  # the terminal was closed
             while not self._end.is_set():
                 if not _is_foreground():
                     self._end.wait(FOREGROUND_PERIOD)
                     continue
                 with self._setting_modes:
-                    # Each time: a shell sets its own modes while it has the foreground.
+                    # Repeated, because a shell sets its own modes while in the foreground.
                     if not self._end.is_set():
                         set_line_modes(STDIN, is_on=False)
                 timeout = 0.0 if ignored else FOREGROUND_PERIOD
@@ -95,10 +95,10 @@ class Keyboard:
                 self._is_reading.set()
 
     def _read(self, ignored: str) -> bool:
-        """Read keys, and serve those that are not ignored; return False at the end of input."""
+        """Read keys and call their functions; return False at the end of input."""
         try:
             keys = os.read(STDIN, KEY_COUNT)
-        except OSError:  # in the background since just now
+        except OSError:  # the program has just left the foreground
             time.sleep(FOREGROUND_PERIOD)
             return True
         for key in keys.decode(errors='replace'):
@@ -108,15 +108,16 @@ class Keyboard:
 
 
 def is_keyboard() -> bool:
-    """Return whether somebody can press keys: standard input is a terminal."""
+    """Return whether standard input is a terminal, where a user can press keys."""
     return os.isatty(STDIN)
 
 
 def set_line_modes(descriptor: int, is_on: bool) -> None:
     """
-    Let a terminal collect lines and show what is typed, or pass on each key.
+    Switch the line mode and the echo of a terminal on or off.
 
-    :param is_on: whether to collect lines
+    :param descriptor: the file descriptor of the terminal
+    :param is_on: True for whole lines with echo, False for single keys without echo
     """
     attributes = termios.tcgetattr(descriptor)
     modes = attributes[LOCAL_MODES]

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A drive as a panel of a few lines for a terminal; needs rich."""
+"""Render the status of a drive as a panel of a few terminal lines; needs rich."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from kachaka_simple_control.text import format_fixed, one_line
 from rich.console import Console
 from rich.text import Text
 
-#: How many lines a panel has.
+#: The number of lines of a panel.
 HEIGHT = 6
-#: The smallest terminal that a panel fits into [columns, rows].
+#: The smallest terminal that a panel needs [columns, rows].
 MIN_SIZE = 60, 12
-#: A wider bar shows nothing more.
+#: The largest width of a panel [columns].
 MAX_COLUMNS = 120
 MAX_NAME_WIDTH = 28
 LABEL_WIDTH = 11
-#: By number, for many terminals show a bold "black" as grey.
+#: RGB values, because many terminals show the named colour "black" in bold as grey.
 WHITE, BLACK = '#ffffff', '#000000'
-#: As in the plots of the report.
+#: The colours of the report's plots.
 BLUE, GREY, ORANGE = '#0072B2', '#666666', '#D55E00'
-#: Each state has a word; its colours can be told apart by the colour-blind as well.
+#: The style of each state; colour-blind people can distinguish the colours.
 _STYLES = {
     DriveState.DRIVING: f'bold {WHITE} on {BLUE}',
     DriveState.PAUSED: f'bold {BLACK} on {ORANGE}',
@@ -61,13 +61,14 @@ _TEXTS = {
 
 def render_panel(console: Console, columns: int, status: DriveStatus, hint: str) -> list[str]:
     """
-    Return the lines of a panel, ``HEIGHT`` of them, none wider than the terminal.
+    Return the ``HEIGHT`` lines of a panel, each narrower than the terminal.
 
-    :param console: knows which colours and characters there are
-    :param columns: how wide the terminal is
-    :param hint: how to stop
+    :param console: the console, which knows the available colours and characters
+    :param columns: the width of the terminal [columns]
+    :param status: the status of the drive
+    :param hint: the text that says how to stop
     """
-    # One column is left free: a terminal may break a line that fills it.
+    # One column stays free, because a terminal may wrap a line of full width.
     width = min(columns - 1, MAX_COLUMNS)
     console.width = columns
     done, rest = '\u2501\u2500' if console.encoding.startswith('utf') else '#-'
@@ -102,7 +103,7 @@ def _state(status: DriveStatus, width: int) -> list[Text]:
     if status.state is not DriveState.CUT_SHORT:
         return [Text.assemble((word, style), f'  {text}'),
                 _topic(status) if status.state is DriveState.WAITING else _step(status)]
-    # The reason may be long, and there is no step.
+    # The reason may be long, and the row of the step is free.
     parts = textwrap.wrap(text, width - len(word) - 2) or ['']
     return [Text.assemble((word, style), f'  {parts[0]}'),
             Text(' ' * (len(word) + 2) + ' '.join(parts[1:]))]
@@ -112,7 +113,7 @@ def _state_text(status: DriveStatus) -> str:
     if status.silent_for is not None:
         return f'no message for {status.silent_for:.0f} s: the program is held up'
     if status.state in (DriveState.DRIVING, DriveState.PAUSED) and status.step is not None:
-        # That it is paused, the word before says.
+        # The state word already shows a pause.
         slower = describe_factors(
             {name: factor for name, factor in status.factors.items() if name != PAUSE})
         return (f'{status.step.label}: {status.step.description}'
@@ -136,7 +137,7 @@ def _bar(status: DriveStatus, done_sign: str, rest_sign: str, width: int) -> Tex
         f'{", planned: " if status.factors else " of "}{format_fixed(status.duration, 1)} s')
     room = max(1, width - len(figures))
     done = min(room, max(0, round(status.fraction * room)))
-    # Two signs, for there may be no colours.
+    # Two different characters, because there may be no colours.
     return Text.assemble(
         (done_sign * done, f'bold {BLUE}'), (rest_sign * (room - done), GREY), figures)
 

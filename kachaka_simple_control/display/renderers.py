@@ -27,21 +27,21 @@ from kachaka_simple_control.display.drive_status import DriveState, DriveStatus,
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.text import one_line, pluralize
 
-#: Lines do not follow each other faster than this [s].
+#: The shortest time between two lines [s].
 MIN_LINE_PERIOD = 0.5
-#: A robot that listens sooner than this [s] is not worth a line.
+#: The time of waiting for a robot after which a line says so [s].
 WAIT_NOTICE_DELAY = 2.0
-#: The longest name there is room for [columns].
+#: The largest width of a name [columns].
 MAX_NAME_WIDTH = 36
 
-#: Writes a text at once.
+#: A function that writes a text in one call.
 Write = Callable[[str], None]
-#: How many columns and rows a terminal has, or must have.
+#: The columns and rows of a terminal.
 Size = tuple[int, int]
 
 
 class StepLogger:
-    """Decides what is worth a line: each step that begins, and a robot that is waited for."""
+    """Returns a log line for each step that begins, and one for a long wait for the robot."""
 
     def __init__(self) -> None:
         self._last_line = float('-inf')
@@ -52,15 +52,16 @@ class StepLogger:
 
     def update(self, status: DriveStatus, now: float) -> list[str]:
         """
-        Return the lines that are due, mostly none.
+        Return the lines that are due; usually there are none.
 
-        :param now: the time [s on the steady clock]; never earlier than before
+        :param status: the status of the drive
+        :param now: the time [s on the steady clock]; not earlier than in the last call
         """
         if status.state is not self._state:
             self._state, self._state_since = status.state, now
             begins = status.state in (DriveState.WAITING, DriveState.CONNECTING)
             if begins and (status.step is None or status.step.noun == STEP):
-                self._number = 0  # of a motion; movements are counted on
+                self._number = 0  # steps restart with each motion, movements continue
         if status.state is DriveState.DRIVING and status.step is not None:
             return self._step_line(status.step, now)
         if (status.state is DriveState.WAITING and not self._has_noted_wait
@@ -83,37 +84,40 @@ class StepLogger:
 
 
 class Renderer(Protocol):
-    """Where a drive is shown."""
+    """The interface of a class that shows the status of a drive."""
 
-    #: how often ``show`` is to be called [s]
+    #: the period at which ``show`` must be called [s]
     period: float
 
     def show(self, status: DriveStatus, now: float, hint: str) -> None:
         """
-        Show the present status.
+        Show the current status.
 
+        :param status: the status
         :param now: the time [s on the steady clock]
-        :param hint: how to stop
+        :param hint: the text that says how to stop
         """
 
     def on_event(self, status: DriveStatus, now: float) -> None:
         """
-        Show what happened, perhaps a while ago.
+        Show the status at an event, which may be in the past.
 
-        Called by another thread than the others.
+        Another thread calls this method than the other methods.
 
-        :param now: when [s on the steady clock]
+        :param status: the status at the event
+        :param now: the time of the event [s on the steady clock]
         """
 
     def close(self) -> None:
-        """Remove what is not to stay."""
+        """Remove temporary output from the terminal."""
 
 
 class LineRenderer:
     """
-    Shows plain lines.
+    Shows a drive as plain lines.
 
-    :param has_hint: whether somebody is at the terminal: then the first says how to stop
+    :param write: a function that writes a text
+    :param has_hint: whether the first line says how to stop, for a user at the terminal
     """
 
     period = 0.1
@@ -125,32 +129,33 @@ class LineRenderer:
         self._lock = threading.Lock()
 
     def show(self, status: DriveStatus, now: float, hint: str) -> None:
-        """Write the lines that are due; the hint once, when the robot is about to move."""
+        """Write the lines that are due; write the hint once, before the robot moves."""
         if self._has_hint and status.state in (DriveState.CONNECTING, DriveState.DRIVING):
             self._has_hint = False
             self._write(f'{hint}\n')
         self.on_event(status, now)
 
     def on_event(self, status: DriveStatus, now: float) -> None:
-        """Write the lines that were due then: none is left out because this program was late."""
+        """Write the lines that were due at an event, also if this program is late."""
         with self._lock:
             for line in self._logger.update(status, now):
                 self._write(f'{line}\n')
 
     def close(self) -> None:
-        """Leave the lines where they are."""
+        """Do nothing: the lines stay in the terminal."""
 
 
 class PanelRenderer:
     """
-    Shows a panel at the bottom of a terminal; plain lines as long as that is too small.
+    Shows a panel at the bottom of a terminal, or plain lines while the terminal is too small.
 
-    :param size: returns the size of the terminal
-    :param render: returns the lines of a panel for a width, a status and a hint
-    :param min_size: what a panel needs
+    :param write: a function that writes a text
+    :param size: a function that returns the size of the terminal
+    :param render: a function that returns the lines of a panel for a width, a status and a hint
+    :param min_size: the smallest terminal for a panel [columns, rows]
     """
 
-    #: 5 times a second is as often as anybody can read
+    #: a panel is drawn at most 5 times a second
     period = 0.2
 
     def __init__(
@@ -162,7 +167,7 @@ class PanelRenderer:
         self._is_small = self._is_too_small(size())
 
     def show(self, status: DriveStatus, now: float, hint: str) -> None:
-        """Draw the panel, if it has changed."""
+        """Draw the panel if it has changed."""
         size = self._size()
         if self._is_too_small(size):
             self.close()
@@ -181,7 +186,7 @@ class PanelRenderer:
         self._drawn = size, lines
 
     def on_event(self, status: DriveStatus, now: float) -> None:
-        """Write lines as long as there is no room for a panel, which shows the present only."""
+        """Write lines while the terminal is too small for a panel."""
         if self._is_small:
             self._lines.on_event(status, now)
 
@@ -198,12 +203,12 @@ class PanelRenderer:
 
 def renderer_for(descriptor: int) -> Renderer:
     """
-    Return how to show a drive: a panel on a terminal that can have one, or else plain lines.
+    Return a renderer: a panel if the terminal and rich support it, else plain lines.
 
-    :param descriptor: where to write
+    :param descriptor: the file descriptor for the output
     """
     def write(text: str) -> None:
-        # At once: nothing that others write may come in between.
+        # One write call, so that no output of other programs comes in between.
         os.write(descriptor, text.encode(sys.stderr.encoding, 'replace'))
 
     if not terminal.is_terminal(descriptor):

@@ -12,13 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The terminal of a drive: rows at its bottom that stay.
+Reserve fixed rows at the bottom of the terminal.
 
-The terminal is told to scroll all rows but the lowest ones.  What others write goes straight to
-the terminal as before, and scrolls above the rows that stay; no one has to wait.  Each of the
-texts here must be written at once, so that nothing of others comes in between.
+The scroll region of the terminal excludes the lowest rows.  Other programs write directly to the
+terminal, and their output scrolls above the fixed rows.  Each text from this module must be
+written in one call, so that no other output comes in between.
 
-The program that drives imports this module: it must load quickly, and without rich.
+The driving program imports this module, so it must load quickly, and without rich.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ _HIDE, _SHOW = '\x1b[?25l', '\x1b[?25h'
 _SCROLL_ALL = '\x1b[r'
 _CLEAR_BELOW, _CLEAR_LINE = '\x1b[J', '\x1b[2K'
 
-#: Removes the rows; the cursor stays after what others wrote.  Harmless where there are none.
+#: The text that removes the fixed rows and keeps the cursor; harmless without fixed rows.
 RELEASE_ROWS = f'{_SAVE}{_SCROLL_ALL}{_RESTORE}{_CLEAR_BELOW}{_SHOW}'
 
 
 def reserve_rows(rows: int, height: int) -> str:
     """
-    Return the text that makes room below the cursor, and clears what is there.
+    Return the text that reserves fixed rows at the bottom, and clears the rows below the cursor.
 
-    :param rows: how many rows the terminal has
-    :param height: how many of them are to stay
+    :param rows: the number of rows of the terminal
+    :param height: the number of fixed rows
     """
     room = '\n' * height + f'\x1b[{height}A'
     return f'{_CLEAR_BELOW}{room}{_SAVE}\x1b[1;{rows - height}r{_RESTORE}'
@@ -50,10 +50,10 @@ def reserve_rows(rows: int, height: int) -> str:
 
 def draw_rows(rows: int, lines: Sequence[str]) -> str:
     """
-    Return the text that draws the rows that stay; the cursor stays where it is.
+    Return the text that draws the fixed rows and keeps the cursor.
 
-    :param rows: how many rows the terminal has
-    :param lines: the lines, none wider than the terminal
+    :param rows: the number of rows of the terminal
+    :param lines: the lines of the fixed rows, none wider than the terminal
     """
     first = rows - len(lines) + 1
     drawn = ''.join(
@@ -62,7 +62,7 @@ def draw_rows(rows: int, lines: Sequence[str]) -> str:
 
 
 def is_terminal(descriptor: int) -> bool:
-    """Return whether a descriptor is a terminal that can keep rows."""
+    """Return whether a file descriptor is a terminal that supports fixed rows."""
     try:
         return os.isatty(descriptor) and os.environ.get('TERM', 'dumb') not in ('', 'dumb')
     except OSError:
@@ -71,8 +71,10 @@ def is_terminal(descriptor: int) -> bool:
 
 def should_display(is_lesson: bool) -> bool:
     """
-    Return whether a display has anything to show.
+    Return whether to start a display.
 
-    :param is_lesson: whether the node's own log lines describe each step
+    A lesson without a terminal needs none, because the node logs each of its movements.
+
+    :param is_lesson: whether the drive is the lesson
     """
     return not is_lesson or is_terminal(STDERR)

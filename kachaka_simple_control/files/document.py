@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The values of a file, which know their lines, and the problems found in it."""
+"""The values of a file with their line numbers, and the problems found in the file."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from kachaka_simple_control.errors import ControlError, InvalidMotionError
 from kachaka_simple_control.motion.units import Quantity, UnitError
 from kachaka_simple_control.text import quoted
 
-#: How many problems an error message shows.
+#: The largest number of problems that an error message shows.
 MAX_LINES = 20
 #: After this many problems the rest of a file is not checked.
 MAX_PROBLEMS = 10_000
-#: How much of the name of a file an error message shows [characters].
+#: The longest file name that an error message shows in full [characters].
 MAX_NAME = 300
-#: The message where a library is missing.
+#: The message for a missing library.
 INSTALL = (
     'to read files, PyYAML and jsonschema are needed: pip install PyYAML jsonschema, or '
     'sudo apt install python3-yaml python3-jsonschema')
@@ -45,11 +45,11 @@ _PART = re.compile(r'\[([0-9]+)\]|([^.\[\]]+)')
 @dataclass(frozen=True)
 class Problem:
     """
-    One thing that is wrong with a file.
+    One problem in a file.
 
-    :param text: what it is, in one line
-    :param line: its line, counted from 1; None for the file as a whole
-    :param path: its path in the file, as in ``steps[2].turn.speed``; empty if there is none
+    :param text: the description of the problem, in one line
+    :param line: the line number, counted from 1; None for the file as a whole
+    :param path: the path of the value, as in ``steps[2].turn.speed``; empty if there is none
     """
 
     text: str
@@ -57,7 +57,7 @@ class Problem:
     path: str = ''
 
     def __str__(self) -> str:
-        """Return the problem without its line; steps are counted from 1."""
+        """Return the problem as text without the line number; steps are counted from 1."""
         place = _STEP.sub(
             lambda found: f'{": " * (found[0][0] == ".")}step {int(found[1]) + 1}: ', self.path)
         return f'{place.removesuffix(": ")}: {self.text}' if place else self.text
@@ -65,9 +65,9 @@ class Problem:
 
 class UnreadableFileError(Exception):
     """
-    A file cannot be used; the readers of motions and robots raise their own errors for it.
+    A file cannot be read; the readers of motions and robots convert it to their own errors.
 
-    :ivar problems: at least one
+    :ivar problems: the problems of the file, at least one
     """
 
     def __init__(self, *problems: Problem) -> None:
@@ -77,10 +77,10 @@ class UnreadableFileError(Exception):
 
 class FileError(ControlError):
     """
-    A file could not be read; the message has a line for each problem.
+    A file could not be read; the message has one line for each problem.
 
-    :ivar source: the file
-    :ivar problems: what is wrong with it, in the order of its lines
+    :ivar source: the name of the file
+    :ivar problems: the problems of the file, sorted by line
     """
 
     def __init__(self, source: str, problems: Iterable[Problem]) -> None:
@@ -94,16 +94,16 @@ class MotionFileError(FileError, InvalidMotionError):
 
 
 def sort_problems(problems: Iterable[Problem]) -> tuple[Problem, ...]:
-    """Return problems in the order of their lines, each once."""
+    """Return the problems sorted by line, without duplicates."""
     return tuple(sorted(dict.fromkeys(problems), key=lambda problem: problem.line or 0))
 
 
 def format_problems(source: str, problems: Sequence[Problem]) -> str:
     """
-    Return an error message, with a line for each problem: ``square.yaml:7: step 3: turn: ...``.
+    Return an error message with a line for each problem: ``square.yaml:7: step 3: turn: ...``.
 
-    :param source: the file
-    :param problems: what is wrong with it, in order
+    :param source: the name of the file
+    :param problems: the problems of the file, in order
     """
     is_short = source and source.isprintable() and len(source) <= MAX_NAME
     name = source if is_short else quoted(source, MAX_NAME)
@@ -114,28 +114,28 @@ def format_problems(source: str, problems: Sequence[Problem]) -> str:
 
 
 def is_path(name_or_path: str) -> bool:
-    """Return whether a text is the path of a file: a name has no dot and no slash."""
+    """Return whether a text is a file path: a path has a dot or a slash, a name has neither."""
     return bool(set(name_or_path) & {'.', '/', os.sep})
 
 
 def location(source: str, line: int | None) -> str:
     """
-    Return file and line in the form of which terminals and editors make a link.
+    Return file and line in the form ``file:line``, which terminals and editors show as a link.
 
-    :param source: the file
-    :param line: the line, counted from 1; None for the file itself
+    :param source: the name of the file
+    :param line: the line number, counted from 1; None for the file itself
     """
     return source if line is None else f'{source}:{line}'
 
 
 def format_path(path: KeyPath) -> str:
-    """Return a path as text, as in ``steps[2].turn.speed``."""
+    """Return the path of a value as text, as in ``steps[2].turn.speed``."""
     parts = [f'[{part}]' if isinstance(part, int) else f'.{_key(part)}' for part in path]
     return ''.join(parts).removeprefix('.')
 
 
 def parse_path(path: str) -> KeyPath:
-    """Return the path that ``format_path()`` made a text of."""
+    """Return the path of a value from its text: the inverse of ``format_path()``."""
     return [key or int(index) for index, key in _PART.findall(path)]
 
 
@@ -146,13 +146,13 @@ def _key(key: str) -> str:
 @dataclass(eq=False)
 class Node:
     """
-    A value in a file.
+    A value in a file, with its line number and its nested values.
 
-    :param line: the line it begins in, or that of its key, counted from 1
-    :param data: the value, as JSON has it
-    :param children: the values in it, by key or index
-    :param is_bad: whether a problem of it was recorded while the YAML was read
-    :param has_problem: whether it, or something in it, has a problem
+    :param line: the line of its key, or the line where the value starts, counted from 1
+    :param data: the value, of a JSON type
+    :param children: the nested values, by key or index
+    :param is_bad: whether the YAML reader recorded a problem of this value
+    :param has_problem: whether the value or a nested value has a problem
     """
 
     line: int
@@ -163,9 +163,9 @@ class Node:
 
     def along(self, path: KeyPath) -> list[Node]:
         """
-        Return the values along a path, this one first, as far as there are any.
+        Return the values along a path, from this value to the last one that exists.
 
-        :param path: keys and indices, from here
+        :param path: keys and indices, relative to this value
         """
         found = [self]
         for part in path:
@@ -176,9 +176,9 @@ class Node:
 
     def at(self, path: KeyPath) -> Node:
         """
-        Return the value at the end of a path, or the last one along it that there is.
+        Return the value at the end of a path, or else the last value along the path.
 
-        :param path: keys and indices, from here
+        :param path: keys and indices, relative to this value
         """
         return self.along(path)[-1]
 
@@ -186,10 +186,10 @@ class Node:
 @dataclass(eq=False)
 class Document:
     """
-    The values of a file, and what is wrong with them.
+    The values of a file, and the problems found in them.
 
     :param root: the outermost value
-    :param problems: in the order in which they were found
+    :param problems: the problems, in the order in which they were found
     """
 
     root: Node
@@ -197,10 +197,10 @@ class Document:
 
     def add_problem(self, path: KeyPath, text: str) -> None:
         """
-        Record what is wrong with a value, unless something was recorded for it already.
+        Record a problem of a value, unless the YAML reader has recorded one already.
 
         :param path: the path of the value
-        :param text: what is wrong
+        :param text: the description of the problem
         :raises UnreadableFileError: if there are too many problems
         """
         nodes = self.root.along(path)
@@ -214,19 +214,19 @@ class Document:
 
     def add_error(self, path: KeyPath, error: InvalidMotionError) -> None:
         """
-        Record the error of a class that refused its fields.
+        Record the error of a class that refused the values of a mapping.
 
-        :param path: the path of the mapping that the object was to be made from
-        :param error: the error, which may name a field
+        :param path: the path of the mapping
+        :param error: the error; it may name a key of the mapping
         """
         self.add_problem(path if error.name is None else [*path, error.name], error.message)
 
     def read_quantity(self, path: KeyPath, quantity: Quantity) -> float | None:
         """
-        Return a value in its SI unit; None, and a problem is recorded, if it is not one.
+        Return a value in its SI unit; for an invalid value record a problem and return None.
 
         :param path: the path of the value
-        :param quantity: what it is to be
+        :param quantity: the expected quantity
         """
         value = self.root.at(path).data
         try:
@@ -238,10 +238,10 @@ class Document:
     def read_quantities(
             self, path: KeyPath, quantities: Mapping[str, Quantity]) -> dict[str, float]:
         """
-        Return the quantities of a mapping in SI units, without those that are missing or wrong.
+        Return the quantities of a mapping in SI units, without missing and invalid ones.
 
         :param path: the path of the mapping
-        :param quantities: what each of its keys is to be
+        :param quantities: the expected quantity for each key
         """
         node = self.root.at(path)
         numbers = {

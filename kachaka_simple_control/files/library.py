@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The motions that come with the package, found by their names; the lesson is one of them."""
+"""The motions that come with the package, found by name; the lesson is one of them."""
 
 from __future__ import annotations
 import __future__  # noqa: I100
@@ -43,10 +43,10 @@ def library() -> list[str]:
 
 def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
     """
-    Read a motion of the library by its name, or one of your own by its path.
+    Read a motion of the library by its name, or a motion file by its path.
 
-    :param name_or_path: a word without a dot and a slash is a name, all else is a path
-    :raises MotionFileError: if there is none, or it cannot be read
+    :param name_or_path: a text without a dot and a slash is a name, all else is a path
+    :raises MotionFileError: if there is no such motion, or the file cannot be read
     """
     if name_or_path == LESSON:
         return MotionFile(lesson_motion(), str(LESSON_FILE))
@@ -58,7 +58,7 @@ def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
 
 
 def names_in(folder: str) -> list[str]:
-    """Return the names of the YAML files in a folder of the package, without their suffix."""
+    """Return the names of the YAML files in a folder of the package, without the suffix."""
     found = (entry.name for entry in files(PACKAGE).joinpath(folder).iterdir())
     return sorted(name.removesuffix(SUFFIX) for name in found if name.endswith(SUFFIX))
 
@@ -66,13 +66,13 @@ def names_in(folder: str) -> list[str]:
 def look_up(
         name_or_path: str | os.PathLike[str], folder: str, known: list[str]) -> tuple[str, str]:
     """
-    Return a file of the package by its name, or any other by its path.
+    Return the text of a file of the package by its name, or of another file by its path.
 
-    :param name_or_path: a word without a dot and a slash is a name, all else is a path
+    :param name_or_path: a text without a dot and a slash is a name, all else is a path
     :param folder: the folder of the package
     :param known: the names that an error suggests
-    :returns: the file, as errors call it, and its text
-    :raises UnreadableFileError: if there is none, or it cannot be read
+    :returns: the name of the file for error messages, and the text of the file
+    :raises UnreadableFileError: if there is no such file, or it cannot be read
     """
     name = os.fspath(name_or_path)
     if not isinstance(name_or_path, str) or is_path(name):
@@ -90,23 +90,23 @@ def look_up(
 
 LESSON = 'lesson'
 LESSON_FUNCTION = 'play_lesson'
-#: How many movements of the lesson are counted.
+#: The largest number of movements in the lesson.
 MAX_MOVEMENTS = 10_000
 #: The node's file; it cannot be imported without ROS.
 LESSON_FILE = files('kachaka_simple_control').joinpath('kachaka_simple_control.py')
 
 
 class _MotionRecorder:
-    """Takes the place of the node, and keeps what it is asked to do."""
+    """Replaces the node and records the movements that the lesson calls."""
 
     def __init__(self) -> None:
         self.steps: list[Move] = []
 
     def move_robot(self, linear_x: float, angular_z: float, duration: float) -> None:
         """
-        Keep a movement as a step.
+        Record a movement as a step.
 
-        :raises InvalidMotionError: if there are too many, as of a loop without an end
+        :raises InvalidMotionError: if there are too many movements, as in an endless loop
         """
         if len(self.steps) == MAX_MOVEMENTS:
             raise InvalidMotionError(f'{LESSON_FUNCTION} has more than {MAX_MOVEMENTS} movements')
@@ -115,17 +115,18 @@ class _MotionRecorder:
 
 def lesson_motion() -> Motion:
     """
-    Return the motion that ``play_lesson`` drives; the first line of its docstring describes it.
+    Return the motion that ``play_lesson`` drives.
 
-    Only that function is compiled, and called with a recorder: nothing else of the node's file
-    runs, and ROS is not needed.
+    The description of the motion is the first line of the function's docstring.  Only this
+    function is compiled and called, with a recorder instead of the node.  No other code of the
+    node's file runs, and ROS is not needed.
 
-    :raises InvalidMotionError: if one of its movements is not valid
+    :raises InvalidMotionError: if a movement is invalid
     """
     function = next(
         node for node in ast.parse(LESSON_FILE.read_text('utf-8')).body
         if isinstance(node, ast.FunctionDef) and node.name == LESSON_FUNCTION)
-    # Annotations stay text: the class that they name is not there.
+    # Keep annotations as text, because the class that they name is not defined here.
     code = compile(
         ast.Module([function], []), str(LESSON_FILE), 'exec',
         flags=__future__.annotations.compiler_flag)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read and write motions as YAML."""
+"""Read and write motions as YAML files."""
 
 from __future__ import annotations
 
@@ -48,17 +48,17 @@ from kachaka_simple_control.motion.units import FREQUENCY, Quantity
 @dataclass(frozen=True)
 class MotionFile:
     """
-    A motion, and what else its file says.
+    A motion with the other contents of its file.
 
     :param motion: the motion
-    :param source: the file
-    :param robot: the robot it is made for, a name or the path of a profile; None for any
-    :param limits: limits to plan it with, in SI units, by the names of the fields of
+    :param source: the name of the file
+    :param robot: the robot for the motion, a name or the path of a profile; None for any robot
+    :param limits: the limits to plan with, in SI units, by the names of the fields of
         :class:`~kachaka_simple_control.motion.limits.Limits`
-    :param rate: how often to send a velocity [Hz]; None if the file does not say
-    :param closed_loop: whether to correct it by odometry; None if the file does not say
-    :param root: the values of the file, with their lines
-    :param text: the text of the file; None if the motion comes from none
+    :param rate: the rate at which to send velocities [Hz]; None if not given
+    :param closed_loop: whether to correct velocities from odometry; None if not given
+    :param root: the values of the file, with their line numbers
+    :param text: the text of the file; None if the motion was not read from a file
     """
 
     motion: Motion
@@ -74,7 +74,7 @@ class MotionFile:
         """
         Return file and line of a value, as in ``square.yaml:7``.
 
-        :param path: its path, as in ``steps[2].turn.speed``
+        :param path: the path of the value, as in ``steps[2].turn.speed``
         """
         return location(self.source, self._line(path))
 
@@ -83,14 +83,14 @@ class MotionFile:
         """
         Check that a robot can drive the motion.
 
-        :param limits: of the robot
-        :param robot: its name in errors
-        :param closed_loop: whether a part of the limits is kept for corrections
-        :returns: the limits of the motion: the file's own where it has some, else the robot's
-        :raises MotionFileError: if it cannot, with a line for each problem
+        :param limits: the limits of the robot
+        :param robot: the name of the robot in error messages
+        :param closed_loop: whether a share of the limits is reserved for corrections
+        :returns: the limits for the motion: each from the file if given there, else the robot's
+        :raises MotionFileError: if the robot cannot drive it, with a line for each problem
         """
         tightened = self._tighten(limits)
-        # The limit of a step may be one of the file.
+        # A step may exceed a limit of the file instead of a limit of the robot.
         whose = 'the' if self.limits else f"{robot}'s"
         planned = tightened
         if closed_loop:
@@ -104,27 +104,27 @@ class MotionFile:
 
     def error_at(self, path: str, message: str) -> MotionFileError:
         """
-        Return an error of one value, with its line.
+        Return an error about one value, with its line number.
 
-        :param path: its path, as in ``rate``
-        :param message: what is wrong
+        :param path: the path of the value, as in ``rate``
+        :param message: the description of the error
         """
         return MotionFileError(self.source, [self._problem(InvalidMotionError(message, path))])
 
     def _excesses(self, limits: Limits) -> Iterator[LimitError]:
-        """Return an error for each limit of the file that is above the robot's."""
+        """Yield an error for each limit of the file that is above the robot's limit."""
         for name, value in self.limits.items():
             bound, unit = _bound(limits, name), LIMIT_QUANTITIES[name].unit
             if value > bound:
                 yield LimitError(value, unit, bound, whose='the').at(f'limits.{name}')
 
     def _tighten(self, limits: Limits) -> Limits:
-        """Return the limits of a robot, lowered to those of the file."""
+        """Return the limits of a robot, reduced to the limits of the file."""
         own = {name: min(value, _bound(limits, name)) for name, value in self.limits.items()}
         tightened = replace(limits, **own)
         if limits.max_backward_velocity is None or 'max_backward_velocity' in own:
             return tightened
-        # A lower forward limit also holds backwards.
+        # A lower forward limit also limits the backward velocity.
         return replace(tightened, max_backward_velocity=min(
             limits.max_backward_velocity, own.get('max_linear_velocity', math.inf)))
 
@@ -137,16 +137,16 @@ class MotionFile:
 
 
 def _bound(limits: Limits, name: str) -> float:
-    # For a limit that may be None, the property without max_ has the value that applies.
+    # For a limit that may be None, the property without max_ returns the effective value.
     bound: float = getattr(limits, name.removeprefix('max_'), getattr(limits, name))
     return bound
 
 
 def read_steps(document: Document, path: KeyPath) -> tuple[Step, ...]:
     """
-    Return the steps of a list, without those that are wrong; what is wrong is added as a problem.
+    Return the valid steps of a list; record a problem for each invalid step.
 
-    :param document: a file that is checked against the schema
+    :param document: a file that has been checked against the schema
     :param path: the path of the list
     """
     nodes = document.root.along(path)
@@ -191,7 +191,7 @@ def _read_number(document: Document, path: KeyPath, kind: FieldKind) -> float | 
 
 
 def count(steps: Iterable[Step]) -> int:
-    """Return the number of steps to do, each repeat counted as one more, without doing any."""
+    """Return the number of steps with all repetitions; a repeat itself counts as one step."""
     blocks = (step.block() for step in steps)
     return sum(1 if block is None else 1 + block[0] * count(block[1]) for block in blocks)
 
@@ -200,8 +200,8 @@ def load(path: str | os.PathLike[str]) -> MotionFile:
     """
     Read a motion from a file.
 
-    :param path: of the file
-    :raises MotionFileError: if it cannot be read, with a line for each problem
+    :param path: the path of the file
+    :raises MotionFileError: if the file cannot be read, with a line for each problem
     """
     source = os.fspath(path)
     try:
@@ -216,8 +216,8 @@ def loads(text: str, name: str = 'motion') -> MotionFile:
     Read a motion from a text.
 
     :param text: the text of a file
-    :param name: the file in errors; its last part names a motion that has no name
-    :raises MotionFileError: if it is not a motion, with a line for each problem
+    :param name: the file name for error messages; also the default for the motion's name
+    :raises MotionFileError: if the text is not a motion, with a line for each problem
     """
     try:
         document = read_document(text, motion_schema())
@@ -246,15 +246,15 @@ def _read(document: Document, source: str) -> MotionFile:
 
 
 def _robot(name_or_path: str | None, source: str) -> str | None:
-    """Return the robot that a file names; the path of a profile is seen from the file."""
+    """Return the robot given in a file; a profile's path is relative to the file's folder."""
     if (name_or_path is None or not is_path(name_or_path)
             or PurePath(name_or_path).is_absolute()):
         return name_or_path
-    # Joined as text: PurePath would remove a leading ./, and a word without it is a name.
+    # Join as text: PurePath removes a leading ./, and without it the text is a name.
     return f'{PurePath(source).parent}/{PurePath(name_or_path)}'
 
 
-#: Words that need no quotes in any version of YAML, and mean nothing but text.
+#: Texts that need no quotes in any version of YAML and are always read as text.
 _PLAIN = re.compile('[A-Za-z][A-Za-z0-9_]*( [A-Za-z0-9_]+)*[.]?')
 _RESERVED = frozenset(
     ['y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false', 'null', 'nan', 'inf', 'infinity'])
@@ -263,10 +263,12 @@ _ESCAPED = re.compile('[^ !#-\\[\\]-~\xa1-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00
 
 def dump(motion: Motion) -> str:
     """
-    Return the text of a file from which the same motion is read: numbers have all their digits.
+    Return a motion as the text of a YAML file, with full precision.
+
+    Reading the text gives the same motion.
 
     :param motion: the motion
-    :raises MotionFileError: if no file can hold it; it has too many steps, for example
+    :raises MotionFileError: if the motion cannot be written, for example with too many steps
     """
     lines = [f'name: {_text(motion.name)}']
     if motion.description:
@@ -300,7 +302,7 @@ def _steps(steps: Iterable[Step], indent: str) -> Iterator[str]:
 
 
 def _number(value: float, kind: FieldKind) -> str:
-    # float: an int has no exponent, and numpy's own numbers print their type.
+    # float(): an int is printed without an exponent, and repr() of a numpy number has its type.
     return f'{float(value)!r} {kind.unit}' if isinstance(kind, Quantity) else str(value)
 
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Profiles of robots: names in ROS, limits and outline; that of Kachaka, and those in files."""
+"""Profiles of robots: ROS names, limits and outline; Kachaka's profile and profile files."""
 
 from __future__ import annotations
 
@@ -32,10 +32,9 @@ from kachaka_simple_control.files.document import (
     Problem,
     UnreadableFileError,
 )
-from kachaka_simple_control.motion.calibration import Calibration
+from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Velocity
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
-from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.units import (
     COMMAND_TIMEOUT,
     LENGTH,
@@ -52,24 +51,25 @@ _Part = TypeVar('_Part')
 @dataclass(frozen=True)
 class RobotProfile:
     """
-    The interface and the limits of a robot; names are relative to its ROS namespace.
+    The ROS interface and the limits of a robot; names are relative to its ROS namespace.
 
-    :param name: its name, as shown
-    :param namespace: its ROS namespace by default, absolute
-    :param velocity_topic: the topic on which it takes velocities
-    :param odometry_topic: the topic of its odometry; None if it has none
-    :param manual_control_service: the service that lets it take velocities (std_srvs/SetBool);
-        None if it always takes them
-    :param manual_control_timeout: how long one enabling lasts [s]; infinite if it needs none
-    :param command_timeout: how long it keeps a velocity without a new one [s]
-    :param limits: its largest velocities, accelerations and jerks
-    :param message_type: the type of its velocities: Twist or TwistStamped, of geometry_msgs
+    :param name: the name to show
+    :param namespace: the default ROS namespace, absolute
+    :param velocity_topic: the topic for velocity commands
+    :param odometry_topic: the topic of the robot's odometry; None if it has no odometry
+    :param manual_control_service: the service that enables velocity commands
+        (std_srvs/SetBool); None if they are always enabled
+    :param manual_control_timeout: how long one call of the service enables them [s]; infinite
+        without a service
+    :param command_timeout: how long the robot keeps a velocity without a new one [s]
+    :param limits: the largest velocities, accelerations and jerks
+    :param message_type: the type of velocity messages: Twist or TwistStamped of geometry_msgs
     :param frame: the frame in the header of a TwistStamped
-    :param footprint: its outline, for pictures; None if it is not known
-    :param calibration: how its velocities, by its odometry, differ from those that it is sent;
-        None: they do not
-    :param odometry_calibration: how its motion on the floor differs from what its odometry
-        reports; None: it does not
+    :param footprint: the outline of the robot, for plots; None if unknown
+    :param calibration: the difference between sent velocities and velocities in odometry;
+        None: no difference
+    :param odometry_calibration: the difference between odometry and the motion on the floor;
+        None: no difference
     """
 
     name: str
@@ -88,17 +88,17 @@ class RobotProfile:
 
     @property
     def is_kachaka(self) -> bool:
-        """Return whether it has a Kachaka's names in ROS, as the bridges here have."""
+        """Return whether the velocity topic has the name of Kachaka's velocity topic."""
         return self.velocity_topic == KACHAKA.velocity_topic
 
     @property
     def is_calibrated(self) -> bool:
-        """Whether commands are corrected by a calibration."""
+        """Return whether commands are corrected by a calibration."""
         return self.calibration is not None or self.odometry_calibration is not None
 
     @property
     def planning_limits(self) -> Limits:
-        """Return the limits to plan with: what is sent for it, too, is within the robot's."""
+        """Return the limits for plans, so that corrected commands keep the robot's limits."""
         limits = self.limits
         for calibration in (self.calibration, self.odometry_calibration):
             if calibration is not None:
@@ -107,9 +107,9 @@ class RobotProfile:
 
     def feedback_delay(self) -> float:
         """
-        Return how late the robot follows [s], which a closed loop must know.
+        Return the delay between a command and the robot's motion [s], for a closed loop.
 
-        :raises UsageError: if that was not measured, or the robot has no odometry
+        :raises UsageError: if the delay was not measured, or the robot has no odometry
         """
         if self.odometry_topic is None:
             raise UsageError(f'a closed loop needs odometry, and {self.name} has none')
@@ -120,21 +120,21 @@ class RobotProfile:
         return self.calibration.delay
 
     def command(self, velocity: Velocity) -> Velocity:
-        """Return what to send for a velocity on the floor."""
+        """Return the command to send for a wanted velocity on the floor."""
         if self.odometry_calibration is not None:
             velocity = self.odometry_calibration.to_odometry(velocity)
         return velocity if self.calibration is None else self.calibration.command(velocity)
 
     def expected(self, command: Velocity) -> Velocity:
-        """Return what becomes of a velocity that is sent, on the floor."""
+        """Return the velocity on the floor that a command causes."""
         velocity = command if self.calibration is None else self.calibration.response(command)
         return velocity if self.odometry_calibration is None else (
             self.odometry_calibration.to_floor(velocity))
 
 
-#: Kachaka of Preferred Robotics, under the names of its maker's ROS 2 bridge; no file need be read
-#: for it.  A figure is the maker's, from the file named beside it in the public repository
-#: pf-robotics/kachaka-api, or it says that it is chosen.
+#: Kachaka of Preferred Robotics, with the names of the manufacturer's ROS 2 bridge; no file is
+#: needed.  Each value is from the manufacturer, from the file named beside the value in the public
+#: repository pf-robotics/kachaka-api, unless it is marked as chosen.
 KACHAKA = RobotProfile(
     name='kachaka',
     namespace='/kachaka',  # grpc_ros2_bridge.launch.xml
@@ -145,13 +145,13 @@ KACHAKA = RobotProfile(
     command_timeout=0.3,  # docs/kachaka_api_client.ipynb, cell 81
     limits=Limits(
         max_linear_velocity=0.3, max_angular_velocity=1.57,  # python/kachaka_api/base.py
-        # The maker publishes no accelerations.  Chosen: a gentle start, at full speed after
-        # 0.85 s, and after 0.88 s when turning.  Decelerations are left out, and so the same.
+        # The manufacturer publishes no accelerations.  Chosen: a gentle start, with full speed
+        # after 0.85 s, or 0.88 s in a turn.  Decelerations are not given, so they are the same.
         max_linear_acceleration=0.5, max_angular_acceleration=2.5,
         max_linear_jerk=2.0, max_angular_jerk=10.0),
     # kachaka_description; the axle is at the origin
     footprint=Box(length=0.387, width=0.240, ahead=0.0435))
-#: The distance of its wheels [m]: kachaka_description.
+#: The track of Kachaka, the distance between its wheels [m]: kachaka_description.
 KACHAKA_TRACK = 0.2
 
 
@@ -160,14 +160,14 @@ SCHEMA = 'robots/robot.schema.json'
 #: A robot must keep a velocity longer than this [s]: MAX_LATENESS in control/timing.py.
 MIN_COMMAND_TIMEOUT = 0.1
 REQUIRED = ('velocity_topic', 'command_timeout', 'limits')
-#: The keys whose text is a field of the profile.
+#: The keys with a text value that is a field of the profile.
 TEXTS = ('name', 'namespace', 'velocity_topic', 'odometry_topic', 'message_type', 'frame')
 #: The parts of a file that are objects: key, quantities, class.
 PARTS: tuple[tuple[str, Mapping[str, Quantity], type], ...] = (
     ('limits', LIMIT_QUANTITIES, Limits),
     ('calibration', {'veer': VEER, 'delay': TIME}, Calibration),
     ('odometry_calibration', {'track': SIZE}, OdometryCalibration))
-#: A robot of which nothing is known but what its file says.
+#: The default values for a robot file that extends no other robot.
 PLAIN = RobotProfile(
     name='', namespace='/', velocity_topic='', odometry_topic=None, manual_control_service=None,
     manual_control_timeout=math.inf, command_timeout=math.inf,
@@ -175,25 +175,25 @@ PLAIN = RobotProfile(
 
 
 class RobotFileError(FileError, UsageError):
-    """A robot's profile could not be read from a file."""
+    """A profile of a robot could not be read from a file."""
 
 
 def robots() -> list[str]:
-    """Return the names of the robots that the package knows, in alphabetical order."""
+    """Return the names of the robots in the package, in alphabetical order."""
     from kachaka_simple_control.files.library import names_in
     return sorted([KACHAKA.name, *names_in('robots')])
 
 
 def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
     """
-    Return a robot that the package knows by its name, or read one of your own by its path.
+    Return a robot of the package by its name, or read a robot profile by its path.
 
-    :param name_or_path: a word without a dot and a slash is a name, all else is a path
-    :raises RobotFileError: if there is none, or it cannot be read
+    :param name_or_path: a text without a dot and a slash is a name, all else is a path
+    :raises RobotFileError: if there is no such robot, or the file cannot be read
     """
     if name_or_path == KACHAKA.name:
         return KACHAKA
-    # Reading files takes long to import, which the lesson need not wait for.
+    # Import here: these modules load slowly, and the lesson does not need them.
     from kachaka_simple_control.files.library import look_up
     from kachaka_simple_control.files.schema import read_document, read_schema
     source = os.fspath(name_or_path)
@@ -206,11 +206,11 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
 
 def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) -> str:
     """
-    Return the text of a file for a robot with a calibration; all else of it stays.
+    Return the text of a robot file with a calibration added; the other keys do not change.
 
-    :param robot: a name that the package knows, or the path of a profile
-    :param calibration: of either kind; replaces one of its kind
-    :raises RobotFileError: if the profile cannot be read, or the file that is made of it
+    :param robot: the name of a robot in the package, or the path of a profile
+    :param calibration: the calibration to add; it replaces an earlier one of the same kind
+    :raises RobotFileError: if the profile or the new text cannot be read
     """
     key = 'calibration' if isinstance(calibration, Calibration) else 'odometry_calibration'
     if is_path(robot):
@@ -225,7 +225,7 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
     for name, value in asdict(calibration).items():
         unit = {'veer': ' rad/m', 'delay': ' s', 'track': ' m'}.get(name, '')
         if value not in (None, ''):
-            # A text in quotes as JSON has them is one of YAML, too.
+            # A quoted JSON text is also a valid YAML text.
             text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value
             lines.append(f'  {name}: {text}{unit}')
     text = '\n'.join(lines) + '\n'
@@ -240,15 +240,15 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
 
 
 def _without(key: str, lines: list[str]) -> list[str]:
-    """Return the lines of a file without one of its keys and the lines below that."""
+    """Return the lines of a file without a key and the lines nested below the key."""
     start = next((number for number, line in enumerate(lines)
                   if re.match(f'["\']?{key}["\']?\\s*:', line)), None)
     if start is None:
         return lines
-    # The next key begins a line; so may comments, and the end of what is in braces.
+    # The next key starts at the line start; a comment or a closing brace may be there too.
     end = next((number for number in range(start + 1, len(lines))
                 if re.match('[^\\s#}]', lines[number])), len(lines))
-    # Comments before the next key are about that.
+    # Comments directly before the next key belong to the next key.
     while re.match('#|$', lines[end - 1]) and end > start + 1:
         end -= 1
     return lines[:start] + lines[end:]
@@ -276,7 +276,7 @@ def _read(document: Document, source: str) -> RobotProfile:
         values['manual_control_timeout'] = timeout.get('timeout', math.inf)
     profile = replace(base, **{'name': PurePath(source).stem, **values})
     for key in ('calibration', 'odometry_calibration'):
-        # One after the other, to tell which of them leaves no limits to plan with.
+        # Check one after the other, to find which calibration leaves no limits for plans.
         least = replace(profile, odometry_calibration=None) if key == 'calibration' else profile
         try:
             least.planning_limits  # noqa: B018
@@ -287,11 +287,11 @@ def _read(document: Document, source: str) -> RobotProfile:
 
 
 def _base(document: Document, data: dict[str, Any]) -> RobotProfile | None:
-    """Return the profile whose values hold where a file has none of its own."""
+    """Return the profile with the default values for a file: the extended robot, or PLAIN."""
     from kachaka_simple_control.files.schema import did_you_mean, missing, read_schema
     name = data.get('extends')
     if name is None:
-        # The schema cannot say that another key stands in for these.
+        # The schema cannot express that another key replaces these.
         for key in REQUIRED:
             if key not in data:
                 document.add_problem([], missing(key, read_schema(SCHEMA)))
@@ -309,10 +309,12 @@ def _part(
         document: Document, key: str, quantities: Mapping[str, Quantity],
         make: Callable[..., _Part]) -> _Part | None:
     """
-    Return what a key of the file holds; None if that is wrong.
+    Return the object built from a mapping in the file; None if the mapping is invalid.
 
-    :param quantities: those of its values that have a unit, by name
-    :param make: makes it of its values, by name
+    :param document: the file
+    :param key: the key of the mapping
+    :param quantities: the quantity of each value with a unit, by name
+    :param make: the class of the object; called with the values by name
     """
     node = document.root.at([key])
     numbers = document.read_quantities([key], quantities)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Check a file against a JSON Schema; that of motions follows from the classes of steps."""
+"""Check a file against a JSON Schema; build the motion schema from the step classes."""
 
 from __future__ import annotations
 
@@ -35,12 +35,13 @@ PACKAGE = 'kachaka_simple_control'
 
 def read_document(text: str, schema: Mapping[str, Any]) -> Document:
     """
-    Read YAML, and check it against a schema.
+    Read a YAML text, and check its values against a schema.
 
     :param text: the text of a file
     :param schema: a JSON Schema, Draft 7
-    :returns: the values of the file, and what is wrong with them
-    :raises UnreadableFileError: if it cannot be read, a library is missing, or too much is wrong
+    :returns: the values of the file, and the problems found in them
+    :raises UnreadableFileError: if the text is not YAML, a library is missing, or there are too
+        many problems
     """
     document = parse_yaml(require_text(text))
     try:
@@ -59,9 +60,9 @@ def read_schema(path: str) -> dict[str, Any]:
     """
     Return a schema of the package.
 
-    The notation of quantities is not read from the file: it follows from ``QUANTITIES``.
+    The text format of quantities is not in the schema file; it is added from ``QUANTITIES``.
 
-    :param path: its path in the package, as in ``motions/motion.schema.json``
+    :param path: the path in the package, as in ``motions/motion.schema.json``
     """
     schema: dict[str, Any] = json.loads(
         files(PACKAGE).joinpath(path).read_text('utf-8'), object_hook=_with_quantity)
@@ -75,10 +76,10 @@ def _with_quantity(schema: dict[str, Any]) -> dict[str, Any]:
 
 def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
     """
-    Return the known word that is most like another; None if none is near.
+    Return the known word that is most similar to a given word; None if none is similar.
 
-    :param word: what was written
-    :param known: what could have been
+    :param word: the given word
+    :param known: the known words
     """
     close = difflib.get_close_matches(word.lower(), list(known), n=1)
     return close[0] if close else None
@@ -86,10 +87,10 @@ def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
 
 def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
     """
-    Return the advice for a word that is not known: the nearest one, or else all of them.
+    Return the advice for an unknown word: the most similar known word, or else all known words.
 
-    :param word: what was written
-    :param known: what could have been; of a schema, with their synonyms
+    :param word: the unknown word
+    :param known: the known words, or schemas with synonyms by known word
     """
     parts = known if isinstance(known, Mapping) else {}
     near = next((name for name, part in parts.items()
@@ -97,7 +98,7 @@ def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
     return f'did you mean {near!r}?' if near else f'known are {", ".join(known)}'
 
 
-#: The key in the value that a message is about, if any, and the message.
+#: The key that a message is about, or None, and the message.
 _Messages = Iterator[tuple[str | None, str]]
 
 
@@ -143,9 +144,10 @@ def _missing(error: Any) -> _Messages:
 
 def missing(key: str, schema: Mapping[str, Any]) -> str:
     """
-    Return the message for a key that a mapping lacks.
+    Return the message for a key that is missing in a mapping.
 
-    :param schema: of the mapping
+    :param key: the missing key
+    :param schema: the schema of the mapping
     """
     return f'{key!r} is missing: {_expected(schema["properties"][key])}'
 
@@ -169,7 +171,7 @@ def _bound(words: str) -> Callable[[Any], _Messages]:
     return message
 
 
-#: The messages by the keyword of the schema that is broken.
+#: The functions that make messages, by the schema keyword that is violated.
 _MESSAGES: dict[str, Callable[[Any], _Messages]] = {
     'additionalProperties': _unknown,
     'enum': _enum,
@@ -202,13 +204,13 @@ def _shown(value: Any) -> str:
         value, str) else repr(value)
 
 
-#: Where the package has it, for editors; ``tools/write_schemas.py`` writes it.
+#: The path of the motion schema in the package, for editors; ``tools/write_schemas.py`` writes it.
 PATH = 'motions/motion.schema.json'
 Schema = dict[str, Any]
 
 
 def motion_schema() -> Schema:
-    """Return the schema of a motion, with all kinds of steps that there are."""
+    """Return the JSON Schema of a motion, with all kinds of steps."""
     schema = read_schema(PATH)
     definitions = schema['definitions']
     steps = {word: _step_schema(kind) for word, kind in KINDS.items()}
@@ -225,7 +227,7 @@ def _step_schema(kind: type[Step]) -> Schema:
                      if item.default is not None],
         'additionalProperties': False,
         'properties': {name: _field_schema(part) for name, part in parts.items()}}
-    # Without Python's docstrings (-OO), editors have no description to show.
+    # Under python -OO there are no docstrings, so the schema has no descriptions.
     head: Schema = {'description': (inspect.getdoc(kind) or '').partition('\n')[0]}
     if kind.synonyms:
         head['synonyms'] = list(kind.synonyms)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read YAML of bounded size into values that know their lines."""
+"""Read YAML of limited size into values with line numbers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from kachaka_simple_control.text import quoted
 
 #: The largest file that is read [bytes].
 MAX_BYTES = 1_000_000
-#: All but what YAML allows, without the line breaks that editors do not count as such.
+#: The characters that YAML forbids, and the line breaks that editors do not count as lines.
 _UNPRINTABLE = re.compile(
     '[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -47,7 +47,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     """
     Return the text of a file.
 
-    :param path: of the file
+    :param path: the path of the file
     :raises UnreadableFileError: if there is no such file, or it is not text of at most 1 MB
     """
     try:
@@ -67,10 +67,10 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 def decode(data: bytes) -> str:
     """
-    Return bytes as text.
+    Return the text of bytes in UTF-8.
 
     :param data: the bytes of a file
-    :raises UnreadableFileError: if they are not text in UTF-8, or too many
+    :raises UnreadableFileError: if the bytes are not UTF-8, or if there are too many
     """
     if len(data) > MAX_BYTES:
         raise UnreadableFileError(_too_large())
@@ -86,12 +86,12 @@ def decode(data: bytes) -> str:
 
 def require_text(text: str) -> str:
     """
-    Return a text unchanged, if it is printable and not too long.
+    Return a text unchanged, or raise an error if it is too long or not printable.
 
-    :param text: the text of a file; a byte order mark, which some editors write, is allowed
-    :raises UnreadableFileError: if it is too long, or has control characters
+    :param text: the text of a file; a byte order mark is allowed, because some editors write it
+    :raises UnreadableFileError: if the text is too long, or has control characters
     """
-    # The number of characters is checked first: nothing very long is encoded.
+    # Check the number of characters first, so that a very long text is not encoded.
     if len(text) > MAX_BYTES or len(text.encode(errors='surrogatepass')) > MAX_BYTES:
         raise UnreadableFileError(_too_large())
     found = _UNPRINTABLE.search(text)
@@ -103,7 +103,7 @@ def require_text(text: str) -> str:
 
 
 def _read(path: str | os.PathLike[str]) -> bytes:
-    # A pipe would wait for its other end, and a device may have no end.
+    # Open without blocking: a pipe waits for its other end, and a device may never end.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         mode = os.fstat(descriptor).st_mode
@@ -125,7 +125,7 @@ def _too_large() -> Problem:
     return Problem(f'this is more than {MAX_BYTES} bytes, the most that is read')
 
 
-#: The most characters of a number; the longest float has 24.
+#: The largest number of characters of a number; the longest float has 24.
 MAX_NUMBER = 100
 _NOTHING = ('', '~', 'null', 'Null', 'NULL')
 _BOOLEANS = {
@@ -137,17 +137,18 @@ _NOT_FINITE = re.compile(r'[-+]?[.]?(inf(inity)?|nan)', re.IGNORECASE)
 
 
 class ScalarError(ValueError):
-    """A word is not allowed in a file; the message says why."""
+    """A YAML scalar is not allowed in a file; the message says why."""
 
 
 def resolve(word: str) -> bool | int | float | str | None:
     """
-    Return the value of a word without quotes: None, a truth value, a finite number or text.
+    Return the value of an unquoted YAML scalar: None, a bool, a finite number or text.
 
-    As in YAML 1.2: ``1e3`` is a number, ``yes``, ``on`` and ``1:30`` are text.
+    The rules are from YAML 1.2: ``1e3`` is a number; ``yes``, ``on`` and ``1:30`` are text.
 
-    :param word: the word
-    :raises ScalarError: if it is a number that is not finite, too long, or octal for some readers
+    :param word: the scalar
+    :raises ScalarError: if the scalar is a number that is not finite, too long, or has a leading
+        zero, which some readers take as octal
     """
     if word in _NOTHING:
         return None
@@ -175,25 +176,25 @@ def _number(word: str) -> int | float:
     return number
 
 
-#: How many values and keys a file may have.
+#: The largest number of values and keys in a file.
 MAX_VALUES = 100_000
-#: How deep they may be nested; a motion's innermost step in 20 repeats is 64 deep.
+#: The largest nesting depth of values; a step within 20 nested repeats has depth 64.
 MAX_DEPTH = 70
 
 
 def parse_yaml(text: str) -> Document:
     """
-    Read one YAML document of mappings, lists and words.
+    Read one YAML document of mappings, lists and scalars.
 
     :param text: the text
-    :returns: its values, and what is wrong with single ones
-    :raises UnreadableFileError: if it is not YAML, empty or too large
+    :returns: the values of the document, and the problems of single values
+    :raises UnreadableFileError: if the text is not YAML, is empty or has too many values
     """
     try:
         import yaml
     except ImportError:
         raise UnreadableFileError(Problem(INSTALL)) from None
-    # The loader in C is fifteen times as fast; some builds of PyYAML lack it.
+    # The loader in C is 15 times faster; some builds of PyYAML do not have it.
     loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
     builder = _YamlBuilder()
     try:
@@ -204,7 +205,7 @@ def parse_yaml(text: str) -> Document:
     return builder.document()
 
 
-#: Advice for common errors of YAML, by the message of PyYAML or its library.
+#: Advice for common YAML errors, by the message of PyYAML or of its C library.
 _YAML_ADVICE = {
     "expected key|expected '-'|expected <block end>|indentation":
         'this line does not belong to those above; indent it as they are, and close all quotes',
@@ -230,7 +231,7 @@ def _not_yaml(error: Any, text: str) -> Problem:
 
 
 def _resolve(event: Any) -> tuple[Any, str | None]:
-    """Return the value of a word, or else what is wrong with it."""
+    """Return the value of a scalar and None; for an invalid scalar None and the problem."""
     try:
         event.value.encode()
         return (event.value if event.style else resolve(event.value)), None
@@ -241,7 +242,7 @@ def _resolve(event: Any) -> tuple[Any, str | None]:
 
 
 def _decoration(event: Any) -> str | None:
-    """Return what is wrong with the alias, anchor or tag of a value; None if it has none."""
+    """Return the error message for an alias, anchor or tag; None if the value has none."""
     anchor: str | None = getattr(event, 'anchor', None)
     tag: str | None = getattr(event, 'tag', None)
     if type(event).__name__ == 'AliasEvent':
@@ -253,12 +254,12 @@ def _decoration(event: Any) -> str | None:
 
 @dataclass(eq=False)
 class _OpenNode:
-    """A mapping or list that has not ended, and the key whose value comes next."""
+    """A mapping or list that is not yet complete, and the key of the next value."""
 
     node: Node
     key: str | None = None
     key_line: int = 0
-    #: whether what comes next is not taken into the mapping
+    #: whether the next value is ignored
     is_dropped: bool = False
 
     @property
@@ -267,19 +268,19 @@ class _OpenNode:
 
     @property
     def part(self) -> str | int:
-        # Of a list, it is the last one so far.
+        # In a list, this is the index of the last value so far.
         return len(self.node.data) - 1 if self.key is None else self.key
 
 
 class _YamlBuilder:
-    """Builds the values of a document from the events of PyYAML, one by one."""
+    """Builds the values of a document from the parser events of PyYAML."""
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
         self._root: Node | None = None
         self._open: list[_OpenNode] = []
         self._count = 0
-        #: the last value of a key: the mapping, the key, and the event it was read from
+        #: the last value that has a key: its mapping, its key and its event
         self._last: tuple[Node, str, Any] | None = None
 
     def document(self) -> Document:
@@ -304,9 +305,9 @@ class _YamlBuilder:
 
     def _takes_decimals(self, event: Any, line: int) -> bool:
         """
-        Take a word that a decimal comma has parted from its number: ``{forward: 0,5 m}``.
+        Record a problem if the scalar is the part after a decimal comma: ``{forward: 0,5 m}``.
 
-        :returns: whether it is one
+        :returns: whether the scalar is such a part
         """
         if self._last is None or event.style:
             return False

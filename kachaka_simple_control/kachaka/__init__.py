@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The Kachaka robot: its bridge to ROS 2, the real robot over gRPC, and the simulated one."""
+"""The Kachaka robot: the bridge to ROS 2, the real robot over gRPC, and a simulated robot."""

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command ``kachaka_bridge``: shows a robot to ROS 2 under the official bridge's names."""
+"""The command ``kachaka_bridge``: connects a robot to ROS 2 with the official bridge's names."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ from kachaka_simple_control.ros.dds_transport import (
 from kachaka_simple_control.ros.names import MAX_NAMESPACE_LENGTH, require_namespace
 
 if TYPE_CHECKING:
-    from kachaka_simple_control.kachaka.bridge_executors import ExecutorLoop
     from kachaka_simple_control.kachaka.bridge_node import BridgeNode
+    from kachaka_simple_control.ros.executors import ExecutorLoop
 
 PROGRAM = 'kachaka_bridge'
 
 
 class _Fault:
-    """The first reason to end the bridge with exit code 1; empty if there is none."""
+    """Ends the bridge at a fault and keeps the first reason; the text is empty without a fault."""
 
     def __init__(self, shutdown: ShutdownEvent) -> None:
         self._shutdown = shutdown
@@ -75,9 +75,9 @@ class _Fault:
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the bridge until a signal comes.
+    Run the bridge until a signal is received.
 
-    :param args: the arguments without the program's name; those of the command line by default
+    :param args: the arguments without the program's name; default: the command line
     :returns: the exit code
     """
     make_log_nonblocking()
@@ -119,7 +119,7 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
 
 
 def _advice(options: argparse.Namespace) -> str:
-    """Return what to do if another bridge shows a robot."""
+    """Return the advice to the user if another bridge uses the same names."""
     if not options.with_parent:
         return 'stop it, or choose another --namespace'
     mine = '--address' if options.address else '--sim (in a script, sim=True)'
@@ -129,7 +129,7 @@ def _advice(options: argparse.Namespace) -> str:
 def _simulated_bridge(
         options: argparse.Namespace, parameters: SimulationParameters, namespace: str,
         fault: _Fault) -> Callable[[], BridgeNode]:
-    """Return the factory of the node of a simulated robot."""
+    """Return a function that creates the bridge node of a simulated robot."""
     from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
     robot = SimulatedKachaka(time.monotonic(), parameters, bool(options.docked), options.seed or 0)
     return partial(SimulatedBridge, robot, namespace, options.frame_prefix, fault.on_conflict)
@@ -137,7 +137,7 @@ def _simulated_bridge(
 
 def _grpc_bridge(
         options: argparse.Namespace, namespace: str, fault: _Fault) -> Callable[[], BridgeNode]:
-    """Connect to the real robot, and return the factory of its node."""
+    """Connect to the real robot, and return a function that creates its bridge node."""
     try:
         from kachaka_simple_control.kachaka.grpc_client.client import connect
     except (ImportError, RuntimeError) as error:  # RuntimeError: the SDK needs a newer gRPC
@@ -181,8 +181,8 @@ def _serve(node: BridgeNode, shutdown: ShutdownEvent, with_parent: bool) -> None
     if with_parent:
         from kachaka_simple_control.ros.endpoints import own_participant
         print(f'{PARTICIPANT}{own_participant(node).hex()}', file=sys.stderr, flush=True)
-    # The executors run in threads of their own: the main thread sleeps until a signal comes, so
-    # it takes no time from them.
+    # Each executor runs in its own thread.  The main thread sleeps until a signal is received, so
+    # it does not slow them down.
     with contextlib.ExitStack() as stack:
         for executor in node.executors():
             stack.enter_context(_spinning(executor, shutdown))
@@ -192,7 +192,7 @@ def _serve(node: BridgeNode, shutdown: ShutdownEvent, with_parent: bool) -> None
 
 @contextlib.contextmanager
 def _spinning(executor: ExecutorLoop, shutdown: ShutdownEvent) -> Iterator[None]:
-    """Run an executor in a thread for the length of a ``with`` block; raise its exception."""
+    """Run an executor in a thread during a ``with`` block; raise its exception at the end."""
     with ThreadPoolExecutor(max_workers=1) as threads:
         spinning = threads.submit(executor.run)
         spinning.add_done_callback(lambda _: shutdown.end())

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The nodes that show a robot to ROS 2 under the names of the official bridge."""
+"""The nodes that connect a robot to ROS 2 with the names of the official bridge."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ import time
 
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.bridge_executors import ExecutorLoop, NodeExecutor
 from kachaka_simple_control.kachaka.error_codes import ERROR_NO_MANUAL_CONTROL, SUCCESS
 from kachaka_simple_control.kachaka.simulator.drive_model import (
     ODOMETRY_FRAME,
@@ -31,6 +30,7 @@ from kachaka_simple_control.kachaka.simulator.drive_model import (
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions
+from kachaka_simple_control.ros.executors import ExecutorLoop, NodeExecutor
 from kachaka_simple_control.ros.names import DIAGNOSTICS, RobotNames
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.startup import check_node_names, one_line_errors
@@ -43,21 +43,21 @@ from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import SetBool
 
 NODE = 'kachaka_bridge'
-#: Both of the official bridge, from two sources; the simulated robot has only one odometry.
+#: The two odometry topics of the official bridge; the simulated robot publishes the same on both.
 ODOMETRY_TOPICS = ('odometry/odometry', 'wheel_odometry/wheel_odometry')
-#: How often a velocity above the limits is warned of at most [s].
+#: The shortest time between two warnings of a velocity above the limits [s].
 LIMIT_WARN_PERIOD = 5.0
 
 
 class BridgeNode(Node):
     """
-    The topics, the service and the quality of service of the official bridge.
+    A bridge node with the topics, the service and the QoS of the official bridge.
 
-    :param namespace: the namespace of its topics and its service
-    :param on_conflict: called with another bridge that shows a robot under the same names, if it
-        is discovered later
-    :raises RobotTakenError: if another bridge already does
-    :raises UsageError: if a name is invalid, or taken by something else of the node
+    :param namespace: the namespace of the topics and the service
+    :param on_conflict: called if another bridge with the same names is discovered later; gets a
+        description of this other bridge
+    :raises RobotTakenError: if another bridge already uses the same names
+    :raises UsageError: if a name is invalid, or already used by the node for something else
     """
 
     def __init__(
@@ -83,14 +83,14 @@ class BridgeNode(Node):
 
     @property
     def summary(self) -> str:
-        """Return what the bridge serves, in one line."""
+        """Return the topics and the service of the bridge as text, in one line."""
         return (
             f'velocities on {self._subscription.topic_name}, '
             f'manual control at {self.resolve_service_name(self._service.srv_name)}, '
             f'odometry on {self._odometry[0].topic_name}')
 
     def executors(self) -> list[ExecutorLoop]:
-        """Return the executors to run, each in a thread of its own."""
+        """Return the executors of the node, each to run in its own thread."""
         return [NodeExecutor(self)]
 
     def on_velocity(self, twist: Twist) -> None:
@@ -107,19 +107,19 @@ class BridgeNode(Node):
         self.drive(velocity, time.monotonic())
 
     def close(self) -> None:
-        """Disconnect from the robot; called before ``destroy_node``."""
+        """Disconnect from the robot; call before ``destroy_node()``."""
 
     def drive(self, velocity: Velocity, now: float) -> None:
         """
         Send a velocity to the robot.
 
-        :param velocity: the velocity, which may not be finite
-        :param now: when it was received [s, steady clock]
+        :param velocity: the velocity; it may be infinite or NaN
+        :param now: the time at which it was received [s, steady clock]
         """
         raise NotImplementedError
 
     def set_manual_control(self, enabled: bool) -> str:
-        """Switch manual control; return why the robot refuses, empty if it does not."""
+        """Switch manual control on or off; return the reason for a refusal, or empty text."""
         raise NotImplementedError
 
     def _take_claim(self) -> None:
@@ -142,18 +142,18 @@ class BridgeNode(Node):
 
 class SimulatedBridge(BridgeNode):
     """
-    Shows a simulated robot as the official bridge does.
+    The bridge node of a simulated robot; it behaves like the official bridge.
 
-    When manual control or the bridge ends, it logs where the robot is.
-
-    In particular: a velocity while manual control is off switches it on and is itself lost, zero
-    or not; the bridge limits nothing; the only watchdog is the robot's command timeout.
+    A velocity received while manual control is off switches manual control on; the velocity
+    itself is lost, also a zero.  The bridge does not limit velocities.  The only watchdog is the
+    robot's command timeout.  The bridge logs the robot's pose when manual control or the bridge
+    ends.
 
     :param robot: the robot
-    :param namespace: the namespace of its topics and its service
-    :param frame_prefix: put before the names of the frames, without a separator
-    :param on_conflict: called when another bridge shows a robot under the same names
-    :raises RobotTakenError: if another bridge already does
+    :param namespace: the namespace of the topics and the service
+    :param frame_prefix: a prefix for the frame names, without a separator
+    :param on_conflict: called if another bridge with the same names is discovered
+    :raises RobotTakenError: if another bridge already uses the same names
     """
 
     def __init__(
@@ -161,11 +161,11 @@ class SimulatedBridge(BridgeNode):
             on_conflict: Callable[[str], None] = lambda _: None) -> None:
         super().__init__(namespace, on_conflict)
         self._robot = robot
-        #: whether the place of the robot was logged since manual control was enabled
+        #: whether the pose of the robot was logged since manual control was enabled
         self._is_place_logged = True
         self._frame_id = frame_prefix + ODOMETRY_FRAME
         self._child_frame_id = frame_prefix + ROBOT_FRAME
-        # On a steady clock: /clock may stand still while the robot drives.
+        # Use a steady clock: /clock may stop while the robot drives.
         self._timer = self.create_timer(
             ODOMETRY_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -173,8 +173,8 @@ class SimulatedBridge(BridgeNode):
         """
         Send a velocity to the robot.
 
-        :param velocity: the velocity, which may not be finite
-        :param now: when it was received [s, steady clock]
+        :param velocity: the velocity; it may be infinite or NaN
+        :param now: the time at which it was received [s, steady clock]
         """
         limits = KACHAKA.limits
         code = self._robot.set_robot_velocity(
@@ -187,14 +187,14 @@ class SimulatedBridge(BridgeNode):
             self.get_logger().warning(f'the robot refused {velocity}', throttle_duration_sec=1.0)
 
     def close(self) -> None:
-        """Log where the robot is, if that is not done; called before ``destroy_node``."""
+        """Log the robot's pose if it is not logged yet; call before ``destroy_node()``."""
         if not self._is_place_logged:
             self._log_place(time.monotonic())
 
     def set_manual_control(self, enabled: bool) -> str:
-        """Switch manual control; return why the robot refuses, empty if it does not."""
+        """Switch manual control on or off; return the reason for a refusal, or empty text."""
         now = time.monotonic()
-        # A client may repeat its request, and renews it: only a change is logged.
+        # Log changes only: clients repeat their request to renew it.
         is_change = self._robot.manual_control(now) != enabled
         code = self._robot.set_manual_control(enabled, now)
         if is_change and code == SUCCESS:
@@ -208,7 +208,7 @@ class SimulatedBridge(BridgeNode):
     def _log_place(self, now: float) -> None:
         self._is_place_logged = True
         pose, _ = self._robot.state(now)
-        # 0.0 is added because -0 is 0 to people.
+        # Add 0.0 to print -0 as 0.
         which = 'true pose' if self._robot.has_wrong_odometry else 'pose'
         self.get_logger().info(
             f'{which}: {round(pose.x, 4) + 0.0:.4f} m, {round(pose.y, 4) + 0.0:.4f} m, '
@@ -216,8 +216,8 @@ class SimulatedBridge(BridgeNode):
             'from where it was started)')
 
     def _on_timer(self) -> None:
-        # Also without a subscriber: a robot with a lag integrates its path step by step, and must
-        # not have to catch up on minutes when a velocity comes.
+        # Update also without a subscriber: a robot with a lag integrates its path in small steps.
+        # Otherwise the next velocity would have to wait for the integration of minutes.
         now, stamp = time.monotonic(), self.get_clock().now().to_msg()
         pose, velocity = self._robot.odometry(now)
         publishers = [

@@ -11,29 +11,45 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A bridge to a robot in a process of its own, for the length of a ``with`` block."""
+"""
+Run a bridge to a robot in its own process.
+
+Also starts the simulated robot of ``KachakaSimpleControl(sim=True)``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 import contextlib
+import gc
 import subprocess
 import sys
 import threading
 import time
+from typing import ClassVar
 
+from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control import processes
-from kachaka_simple_control.errors import ControlError, RobotNotFoundError
+from kachaka_simple_control.errors import ControlError, RobotNotFoundError, UsageError
 from kachaka_simple_control.exit_codes import NO_ROBOT
-from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
+from kachaka_simple_control.report.table_layout import terminal_columns
+from kachaka_simple_control.report.text_tables import drive_table
+from kachaka_simple_control.ros.dds_transport import (
+    can_still_be_localhost_only,
+    is_range_chosen,
+    use_localhost_only,
+)
 from kachaka_simple_control.text import escaped
+import rclpy
+from rclpy.node import Node
 
-#: How long the process may take to end after SIGTERM [s].
+#: The longest time for the process to end after SIGTERM [s].
 EXIT_TIMEOUT = 2.0
-#: How long it may take to start and to connect to a robot, or to print why it cannot [s].
+#: The longest time for the process to start and connect to a robot, or to print an error [s].
 START_TIMEOUT = 20.0
-#: Its output: printed once it serves; the prefix of its error line; the prefix of the line with
-#: its DDS participant.
+#: The output of the process: the text when it is ready, the prefix of the error line, and the
+#: prefix of the line with its DDS participant.
 READY = 'ready: '
 ERROR_PREFIX = 'kachaka_bridge: '
 PARTICIPANT = 'participant: '
@@ -44,15 +60,15 @@ def simulated_bridge(
         namespace: str = KACHAKA.namespace,
         options: Sequence[str] = ()) -> Iterator[BridgeProcess]:
     """
-    Run a simulated robot on ROS 2, and end it whatever happens.
+    Run a simulated robot on ROS 2 during a ``with`` block, and always end it after the block.
 
-    Returns at once: code that waits for a robot waits for this one, too.
+    The call returns before the robot is ready, because the code in the block waits for the robot.
 
-    :param namespace: the namespace of its topics and its service
+    :param namespace: the namespace of the topics and the service
     :param options: more options of ``kachaka_bridge``
-    :returns: a context manager for its process
-    :raises ControlError: if the process ended before the block; instead of the errors that the
-        block raised because of it
+    :returns: a context manager for the process
+    :raises ControlError: if the process ends before the block; it replaces an error raised in the
+        block
     """
     with _running(BridgeProcess(
             ['--sim', '--namespace', namespace, *options], 'the simulated robot')) as process:
@@ -63,17 +79,17 @@ def simulated_bridge(
 def real_bridge(
         address: str, namespace: str = KACHAKA.namespace) -> Iterator[BridgeProcess]:
     """
-    Run a bridge to a real robot, and end it whatever happens.
+    Run a bridge to a real robot during a ``with`` block, and always end it after the block.
 
-    Returns when the robot has responded.  When the robot refuses to move, or the connection is
-    lost during a motion, the bridge ends, and with it the run that uses it.
+    The call returns when the robot has responded.  If the robot refuses to move, or the connection
+    is lost during a motion, the bridge ends, and the run that uses the bridge ends too.
 
     :param address: the address of the robot, HOST or HOST:PORT
-    :param namespace: the namespace of its topics and its service
-    :returns: a context manager for its process
+    :param namespace: the namespace of the topics and the service
+    :returns: a context manager for the process
     :raises RobotNotFoundError: if no robot responds
-    :raises ControlError: if the process ended before the block; instead of the errors that the
-        block raised because of it
+    :raises ControlError: if the process ends before the block; it replaces an error raised in the
+        block
     """
     with _running(BridgeProcess(
             ['--address', address, '--give-up', '--namespace', namespace],
@@ -99,23 +115,23 @@ class BridgeProcess:
     """
     The bridge as a child process.
 
-    It is in a session of its own: Ctrl+C in the terminal must not end it before the robot is
-    stopped.  Its standard input is a pipe that only this process holds, so it ends with this
-    process even if that is killed.
+    The child has its own session, so that Ctrl+C in the terminal does not end it before the robot
+    is stopped.  Its standard input is a pipe held only by the parent process, so the child also
+    ends if the parent is killed.
 
     :param options: options of ``kachaka_bridge``
-    :param name: its name in messages
+    :param name: the name of the child in messages
     """
 
     def __init__(
             self, options: Sequence[str], name: str = 'the simulated robot') -> None:
         self._name = name
         self._last_line = 'it printed nothing'
-        #: its DDS participant; None until it has printed it
+        #: the DDS participant of the child; None until the child has printed it
         self.participant: bytes | None = None
         self._ready = threading.Event()
         self._failure: ControlError | None = None
-        # errors='replace': text that is not UTF-8 must not end the thread that reads it.
+        # errors='replace': text that is not UTF-8 must not end the reader thread.
         self._process = subprocess.Popen(
             [*processes.python_command('kachaka_simple_control.kachaka.bridge_command'),
              '--with-parent', *options],
@@ -126,19 +142,19 @@ class BridgeProcess:
 
     @property
     def pid(self) -> int:
-        """Return the process id."""
+        """Return the process id of the child."""
         return self._process.pid
 
     @property
     def is_over(self) -> bool:
-        """Whether the process has ended."""
+        """Return whether the process has ended."""
         return self._process.poll() is not None
 
     @property
     def failure(self) -> ControlError:
-        """Return the error to raise once the process has ended; the same object each time."""
+        """Return the error to raise after the end of the process, always the same object."""
         if self._failure is None:
-            # Its last line may not have been read yet.
+            # The last line of the process may not be read yet.
             self._reader.join(EXIT_TIMEOUT)
             code = self._process.returncode
             self._failure = (
@@ -158,7 +174,7 @@ class BridgeProcess:
 
     def require_participant(self) -> bytes | None:
         """
-        Return its DDS participant; None until it has printed it.
+        Return the DDS participant of the process; None until the process has printed it.
 
         :raises ControlError: if the process has ended
         """
@@ -167,9 +183,9 @@ class BridgeProcess:
 
     def wait_until_ready(self) -> None:
         """
-        Return when it serves.
+        Wait until the bridge is ready.
 
-        :raises ControlError: if it ends, or takes longer than its time limit
+        :raises ControlError: if the process ends, or is not ready within its time limit
         """
         end = time.monotonic() + START_TIMEOUT
         while not self._ready.wait(0.02):
@@ -178,14 +194,14 @@ class BridgeProcess:
                 raise ControlError(f'{self._name} is not ready after {START_TIMEOUT:g} s')
 
     def end(self) -> None:
-        """End the process: SIGTERM, and SIGKILL after 2 s; harmless if it has ended."""
+        """End the process: SIGTERM, then SIGKILL after 2 s; no effect if it has ended."""
         try:
             self._process.terminate()
             self._process.wait(EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:
             pass
         finally:
-            # Also if a signal interrupts the wait.
+            # This runs also if a signal interrupts the wait.
             self._process.kill()
             self._process.wait()
             self._reader.join(EXIT_TIMEOUT)
@@ -206,3 +222,73 @@ class BridgeProcess:
                 with contextlib.suppress(OSError):  # a full disk
                     sys.stderr.write(line)
                     sys.stderr.flush()
+
+
+def start_on_this_machine(own: Node) -> None:
+    """
+    Restrict ROS to this machine, and initialise ROS if needed.
+
+    A simulated robot has the same names as a real robot.  If other machines could see it, their
+    drives of a real robot would end.
+
+    :param own: the node that is being created
+    :raises UsageError: if it is too late to restrict ROS to this machine
+    """
+    if rclpy.ok() and not is_range_chosen():
+        # rclpy has already read its environment variables.  Only the DDS profile is read later,
+        # when the first node is created.
+        others = (found for found in gc.get_objects()
+                  if issubclass(type(found), Node) and found is not own)
+        if not can_still_be_localhost_only() or next(others, None) is not None:
+            raise UsageError(
+                'sim=True comes too late to keep the simulated robot on this machine: make this '
+                'node first, before rclpy.init(), which it then calls itself; or set '
+                'ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST (on Humble ROS_LOCALHOST_ONLY=1)')
+    use_localhost_only()
+    if not rclpy.ok():
+        rclpy.init()
+
+
+class OwnSimulation:
+    """
+    A simulated robot in a child process, and the table of results printed at its end.
+
+    :param profile: the robot that the node drives
+    :param namespace: the ROS namespace of the robot
+    :raises UsageError: if the node does not drive a Kachaka, or if an earlier node of this program
+        still has a simulated robot in the namespace
+    """
+
+    #: the namespaces of the running robots
+    _running: ClassVar[set[str]] = set()
+
+    def __init__(self, profile: RobotProfile, namespace: str) -> None:
+        if not profile.is_kachaka:
+            raise UsageError(f'sim=True starts a simulated kachaka, not a {profile.name}')
+        if namespace in self._running:
+            raise UsageError(
+                f'an earlier node of this program has the simulated robot {namespace}: call its '
+                'destroy_node() first, or choose another robot_namespace')
+        self._running.add(namespace)
+        self._namespace = namespace
+        self._bridge: BridgeProcess | None = BridgeProcess(['--sim', '--namespace', namespace])
+        #: returns the robot's DDS participant, for ``Session.require_robot()``
+        self.require_participant = self._bridge.require_participant
+
+    def end(self, drive_log: DriveLog, stop_confirmed_after: float | None) -> None:
+        """
+        End the robot, and print a table of the requested, sent and driven motions.
+
+        A second call has no effect.
+
+        :param drive_log: the log of the drive
+        :param stop_confirmed_after: the time from the stop to the standstill in odometry [s]; None
+            if odometry did not show a standstill
+        """
+        bridge, self._bridge = self._bridge, None
+        if bridge is None:
+            return
+        bridge.end()
+        self._running.discard(self._namespace)
+        if drive_log.steps:
+            print(drive_table(drive_log, stop_confirmed_after, terminal_columns()), flush=True)

@@ -24,12 +24,12 @@ from kachaka_simple_control.telemetry.diagnosis import Level
 from kachaka_simple_control.text import escaped
 
 SUCCESS = 0
-#: The robot's own codes, in pf-robotics/kachaka-api: error_code.hpp of the bridge for the first,
-#: docs/api/ERROR_HANDLING.md for the others.
+#: Codes of the real robot, from pf-robotics/kachaka-api: the first from error_code.hpp of the
+#: bridge, the others from docs/api/ERROR_HANDLING.md.
 ERROR_NO_MANUAL_CONTROL = 13151
 ERROR_NO_FURNITURE = 14606
 ERROR_PAUSED = 21051
-#: Chosen for the simulated robot: the full list is not published, but it has none below 0.
+#: Chosen for the simulated robot: the full list is not published, but has no codes below 0.
 ERROR_NOT_A_VELOCITY = -1
 ERROR_CANCELLED = -2
 ERROR_STUCK = -3
@@ -37,7 +37,7 @@ ERROR_UNKNOWN_NAME = -4
 ERROR_OUT_OF_RANGE = -5
 ERROR_NOTHING_TO_DO = -6
 
-#: The simulated robot's list: code, type (as the robot names them), text in our words.
+#: The list of the simulated robot: code, type (with the robot's type names), our own text.
 TEXTS = (
     (ERROR_NO_MANUAL_CONTROL, 'Error', 'A velocity came while manual control is off'),
     (ERROR_NO_FURNITURE, 'Error', 'The robot carries no furniture'),
@@ -50,7 +50,7 @@ TEXTS = (
     (ERROR_NOTHING_TO_DO, 'Ignore', 'There is nothing to cancel or to go on with'),
 )
 
-#: The level of each type that is less than an error; all other types are errors.
+#: The level of each error type below an error; all other types are errors.
 LEVELS = {'Ignore': Level.OK, 'Warn': Level.WARN}
 
 
@@ -59,9 +59,9 @@ class ErrorText:
     """
     The text of an error code; empty if the code is unknown.
 
-    :param title: its name
+    :param title: the name of the error
     :param description: details
-    :param level: its level
+    :param level: the severity level
     """
 
     title: str
@@ -71,17 +71,17 @@ class ErrorText:
 
 class ErrorTexts:
     """
-    The robot's list of errors.
+    The error texts of the robot, by error code.
 
-    :param text: the JSON of GetRobotErrorCodeJson, a list of objects.  Anything else counts as an
-        empty list: a robot without error texts can still drive
+    :param text: the JSON of GetRobotErrorCodeJson, a list of objects; other text counts as an
+        empty list, because a robot without error texts can still drive
     """
 
     def __init__(self, text: str = '') -> None:
         self._texts = dict(_entries(text))
 
     def find(self, code: int) -> ErrorText:
-        """Return the text of an error code, which may be empty."""
+        """Return the text of an error code; empty if the code is unknown."""
         return self._texts.get(code, ErrorText(''))
 
     def describe(self, code: int) -> str:
@@ -104,6 +104,6 @@ def _entries(text: str) -> Iterator[tuple[int, ErrorText]]:
 
 
 def _one_line(entry: dict[str, Any], key: str) -> str:
-    """Return a text in English if there is one, else in the robot's language, in one line."""
+    """Return the English text if there is one, else the robot's language; in one line."""
     value = entry.get(f'{key}_en') or entry.get(key) or ''
     return escaped(' '.join(str(value).split()).rstrip('.'))

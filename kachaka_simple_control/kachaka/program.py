@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What ``kachaka_bridge`` and ``kachaka_sim`` share: options, and how they end."""
+"""Common code of ``kachaka_bridge`` and ``kachaka_sim``: options and program end."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from kachaka_simple_control.exit_codes import DONE
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.text import escaped
 
-#: With --no-deps: the pins of the maker's package would downgrade other packages.
+#: With --no-deps, because the version pins of the manufacturer's package downgrade other packages.
 SDK_MISSING = (
     'the SDK of the robot is missing here ({error}); install it with: '
     "pip install 'kachaka_simple_control[kachaka]' && pip install --no-deps kachaka-api")
@@ -54,10 +54,10 @@ SIMULATION_NAMES = ('docked', 'seed', *(name for name, _, _ in PARAMETER_OPTIONS
 
 def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> None:
     """
-    Add the options of a simulated robot; those that are not given are None.
+    Add the options of a simulated robot; an option that is not given has the value None.
 
     :param parser: the parser, or a group of its options
-    :param robot: what the help calls the robot
+    :param robot: the name of the robot in the help text
     """
     add = parser.add_argument
     add('--docked', action='store_true', default=None,
@@ -69,16 +69,16 @@ def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> No
 
 
 def add_parent_option(parser: argparse.ArgumentParser) -> None:
-    """Add ``--with-parent``."""
+    """Add the option ``--with-parent``: end the program when standard input closes."""
     parser.add_argument(
         '--with-parent', action='store_true', help='end when standard input does')
 
 
 def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
     """
-    Return the options of a simulated robot that were given, as they are written.
+    Return the given options of a simulated robot as command line arguments.
 
-    :param options: the values of the parsed options by name
+    :param options: the values of the parsed options, by name
     """
     return tuple(
         f"--{name.replace('_', '-')}" + ('' if options[name] is True else f'={options[name]}')
@@ -88,7 +88,7 @@ def simulation_words(options: Mapping[str, object]) -> tuple[str, ...]:
 def simulation_parameters(
         parser: argparse.ArgumentParser, options: argparse.Namespace) -> SimulationParameters:
     """
-    Return the parameters that the options set; end the program if one of them is invalid.
+    Return the simulation parameters from the options; end the program if one is invalid.
 
     :param parser: the parser
     :param options: the parsed options
@@ -103,7 +103,7 @@ def simulation_parameters(
 
 class ExitError(Exception):
     """
-    Ends the program.
+    An exception that ends the program with an exit code and a message.
 
     :param code: the exit code
     :param text: the reason, for the user
@@ -119,7 +119,7 @@ def run_until_shutdown(program: str, body: Callable[[ShutdownEvent], None]) -> i
     Run the body of a program; print the text of an ``ExitError`` in one line.
 
     :param program: the name of the program
-    :param body: called with the event that a signal sets
+    :param body: the body, called with an event that a signal sets
     :returns: the exit code
     """
     with ShutdownEvent() as shutdown:

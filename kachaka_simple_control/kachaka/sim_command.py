@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command ``kachaka_sim``: the simulated robot over gRPC."""
+"""The command ``kachaka_sim``: a simulated robot with a gRPC server."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.text import escaped, quoted
 
 PROGRAM = 'kachaka_sim'
-#: Presses the power button: ``kill -USR1`` and the process id.
+#: The signal that presses the power button: ``kill -USR1`` and the process id.
 POWER_BUTTON_SIGNAL = signal.SIGUSR1
 
 
 @contextlib.contextmanager
 def power_button(press: Callable[[], None]) -> Iterator[None]:
     """
-    Call a function at each power button signal for the length of a ``with`` block.
+    Call a function at each power button signal during a ``with`` block.
 
     The signal must be blocked in all threads.
 
-    :param press: what to call, in a thread of its own
+    :param press: the function, called in a separate thread
     """
     is_over = threading.Event()
 
@@ -63,20 +63,20 @@ def power_button(press: Callable[[], None]) -> Iterator[None]:
         yield
     finally:
         is_over.set()
-        # To the process: sigwait receives it in whichever thread waits.
+        # Send the signal to the process: sigwait() receives it in the waiting thread.
         os.kill(os.getpid(), POWER_BUTTON_SIGNAL)
         thread.join()
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the robot until a signal comes.
+    Run the simulated robot until a signal is received.
 
-    :param args: the arguments without the program's name; those of the command line by default
+    :param args: the arguments without the program's name; default: the command line
     :returns: the exit code
     """
-    # Blocked before the first thread starts, and not handled: ``ShutdownEvent`` takes any handled
-    # signal for the end.
+    # Block the signal before the first thread starts, and do not handle it: ShutdownEvent ends the
+    # program at each handled signal.
     signal.pthread_sigmask(signal.SIG_BLOCK, {POWER_BUTTON_SIGNAL})
     return run_until_shutdown(
         PROGRAM, lambda shutdown: _run(sys.argv[1:] if args is None else args, shutdown))

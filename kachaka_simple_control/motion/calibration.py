@@ -11,43 +11,49 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The calibration of a robot: how it drives a velocity, and what to send for a planned one."""
+"""
+The calibration of a robot: the velocity that a command causes, and the command to send.
+
+The calibration of odometry converts between velocities on the floor and velocities by odometry.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 import math
+from typing import NamedTuple
 
 from kachaka_simple_control.errors import InvalidMotionError
-from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.geometry import compose, Pose, relative_to, sinc, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.units import format_number, require_between
 
-#: The range of a gain: what is beyond is no calibration but a wrong unit or a broken robot.
+#: The range of a gain: a value outside it means a wrong unit or a broken robot.
 MIN_GAIN, MAX_GAIN = 0.5, 2.0
 #: The largest veer [rad/m].
 MAX_VEER = 1.0
-#: The longest delay [s]: beyond it neither a plan nor a closed loop is of use.
+#: The longest delay [s]: with a longer one neither a plan nor a closed loop works.
 MAX_DELAY = 3.0
-#: The part that rounding may add to a velocity that was planned at its limit.
+#: The relative error that rounding may add to a velocity planned at its limit.
 MARGIN = 1e-9
 
 
 @dataclass(frozen=True)
 class Calibration:
     """
-    How a robot's velocities differ from those that it is sent; formula (18) of docs/theory.md.
+    How a robot's true velocities differ from the sent ones; formula (18) of docs/theory.md.
 
-    With a gain g of the direction and the veer k: v = g_v v_sent, w = g_w w_sent + k v.
+    With the gain g for the direction and the veer k: v = g_v v_sent, w = g_w w_sent + k v.
 
-    :param forward_gain: true over sent linear velocity
-    :param backward_gain: the same backwards
-    :param left_gain: true over sent angular velocity, to the left
-    :param right_gain: the same to the right
-    :param veer: how much it turns to the left on each metre forwards [rad/m]
-    :param delay: how late it follows, dead time and lag together [s]; a closed loop needs it
-    :param date: when that was measured, as shown
-    :param floor: on which floor that was measured, as shown
+    :param forward_gain: true velocity divided by sent velocity, forwards
+    :param backward_gain: true velocity divided by sent velocity, backwards
+    :param left_gain: true angular velocity divided by the sent one, to the left
+    :param right_gain: true angular velocity divided by the sent one, to the right
+    :param veer: the unwanted turn to the left for each metre forwards [rad/m]
+    :param delay: how late the robot follows a command, dead time plus lag [s]; a closed loop
+        needs it
+    :param date: the date of the measurement, as text to show
+    :param floor: the floor of the measurement, as text to show
     """
 
     forward_gain: float = 1.0
@@ -61,7 +67,7 @@ class Calibration:
 
     def __post_init__(self) -> None:
         """
-        Check the figures.
+        Check the values.
 
         :raises InvalidMotionError: if a gain, the veer or the delay is out of range
         """
@@ -74,23 +80,23 @@ class Calibration:
         require_between('veer', self.veer, -MAX_VEER, MAX_VEER, 'rad/m')
 
     def command(self, velocity: Velocity) -> Velocity:
-        """Return what to send for a velocity; a zero is a zero."""
+        """Return the command to send for a wanted velocity; zero for zero."""
         linear, angular = velocity.linear_x, velocity.angular_z
         angular -= self.veer * linear
         return Velocity(linear / self._linear_gain(linear), angular / self._angular_gain(angular))
 
     def response(self, command: Velocity) -> Velocity:
-        """Return what becomes of a velocity that is sent; the inverse of ``command``."""
+        """Return the true velocity that a command causes; the inverse of ``command()``."""
         linear = command.linear_x * self._linear_gain(command.linear_x)
         angular = command.angular_z * self._angular_gain(command.angular_z)
         return Velocity(linear, angular + self.veer * linear)
 
     def reduce(self, limits: Limits) -> Limits:
         """
-        Return the limits to plan with, so that neither plan nor commands exceed a robot's limits.
+        Return the limits for a plan, so that plan and commands keep the robot's limits.
 
-        :param limits: of the robot
-        :raises InvalidMotionError: if nothing is left to turn with beside the veer
+        :param limits: the limits of the robot
+        :raises InvalidMotionError: if the correction of the veer needs a whole angular limit
         """
         forward, backward = (min(1.0, gain) - MARGIN for gain in (
             self.forward_gain, self.backward_gain))
@@ -105,8 +111,8 @@ class Calibration:
             max_linear_jerk=limits.max_linear_jerk * linear)
 
         def remaining(name: str, bound: float, drive: float) -> float:
-            # An unlimited drive steps, so the turn that it causes steps too; no limit can prevent
-            # that.
+            # An unlimited linear axis steps, so the turn from the veer steps too.  No limit can
+            # prevent this.
             veer = abs(self.veer) * drive if math.isfinite(drive) else 0.0
             if bound * angular <= veer:
                 raise InvalidMotionError(
@@ -128,7 +134,7 @@ class Calibration:
                 'max_angular_jerk', limits.max_angular_jerk, reduced.max_linear_jerk))
 
     def describe(self) -> str:
-        """Return it in words, for reports."""
+        """Return the calibration as text, for reports."""
         gains = ', '.join(
             f"{item.name.removesuffix('_gain')} {format_number(getattr(self, item.name))}"
             for item in fields(self) if item.name.endswith('gain'))
@@ -141,3 +147,175 @@ class Calibration:
 
     def _angular_gain(self, angular: float) -> float:
         return self.left_gain if angular >= 0.0 else self.right_gain
+
+
+#: The range of the ratio of the diameters of two wheels of the same type.
+MIN_WHEEL_RATIO, MAX_WHEEL_RATIO = 0.9, 1.1
+#: The range of a track, the distance between the two wheels [m].
+MIN_TRACK, MAX_TRACK = 0.01, 10.0
+
+
+class _Matrix(NamedTuple):
+    """A 2 x 2 matrix: maps (v, w) to (linear v + across w, turn v + spin w)."""
+
+    linear: float
+    across: float
+    turn: float
+    spin: float
+
+    def apply(self, velocity: Velocity) -> Velocity:
+        linear, angular = velocity.linear_x, velocity.angular_z
+        return Velocity(self.linear * linear + self.across * angular,
+                        self.turn * linear + self.spin * angular)
+
+
+@dataclass(frozen=True)
+class OdometryCalibration:
+    """
+    How motion on the floor differs from reported odometry; formula (19) of docs/theory.md.
+
+    A robot with two driven wheels computes its odometry from two wheel radii and the track.
+    The parameters here are the errors of these three values, measured with a tape measure.
+
+    :param scale: true distance divided by reported distance on a straight line; it corrects the
+        mean wheel radius
+    :param wheel_ratio: true diameter of the right wheel divided by the one of the left wheel
+    :param track_ratio: true track divided by the track that odometry uses
+    :param track: the track that odometry uses [m]; needed unless ``wheel_ratio`` is 1
+    :param date: the date of the measurement, as text to show
+    :param floor: the floor of the measurement, as text to show
+    """
+
+    scale: float = 1.0
+    wheel_ratio: float = 1.0
+    track_ratio: float = 1.0
+    track: float | None = None
+    date: str = ''
+    floor: str = ''
+
+    def __post_init__(self) -> None:
+        """
+        Check the values.
+
+        :raises InvalidMotionError: if a value is out of range, or the track is missing
+        """
+        require_between('scale', self.scale, MIN_GAIN, MAX_GAIN)
+        require_between('wheel_ratio', self.wheel_ratio, MIN_WHEEL_RATIO, MAX_WHEEL_RATIO)
+        require_between('track_ratio', self.track_ratio, MIN_GAIN, MAX_GAIN)
+        if self.track is not None:
+            require_between('track', self.track, MIN_TRACK, MAX_TRACK, 'm')
+        elif self.wheel_ratio != 1.0:
+            raise InvalidMotionError(
+                f'{self.wheel_ratio}, which needs track, the one that odometry uses, such as '
+                '0.2 m', name='wheel_ratio')
+
+    def to_floor(self, velocity: Velocity) -> Velocity:
+        """
+        Return the velocity on the floor for a velocity reported by odometry.
+
+        The conversion is linear, so it also converts an increment: a distance [m] and an angle
+        [rad].
+        """
+        return self._floor_matrix().apply(velocity)
+
+    def advance_on_floor(self, pose: Pose, before: Pose, after: Pose) -> Pose:
+        """
+        Return the pose on the floor after an increment of odometry.
+
+        The lateral part of the increment is noise and is multiplied by the scale.
+
+        :param pose: the pose on the floor before the increment
+        :param before: the odometry pose before the increment
+        :param after: the odometry pose after the increment, less than half a turn further
+        """
+        change = relative_to(before, after)
+        angle = math.remainder(change.theta, math.tau)
+        # Relative to the heading at the middle of the arc, the chord has no lateral part.
+        reported = relative_to(Pose(theta=angle / 2.0), change)
+        moved = self.to_floor(Velocity(reported.x / sinc(angle / 2.0), angle))
+        half = moved.angular_z / 2.0
+        end = compose(Pose(theta=half), Pose(
+            moved.linear_x * sinc(half), self.scale * reported.y, half))
+        return compose(pose, end)
+
+    def to_odometry(self, velocity: Velocity) -> Velocity:
+        """Return the odometry velocity for a velocity on the floor: inverse of ``to_floor()``."""
+        return self._odometry_matrix().apply(velocity)
+
+    def reduce(self, limits: Limits) -> Limits:
+        """
+        Return reduced limits for the floor: floor and odometry velocities keep the given limits.
+
+        :param limits: the limits of the velocities that odometry reports
+        :raises InvalidMotionError: if the correction of unequal wheels needs a whole limit
+        """
+        inverse = self._odometry_matrix()
+        own, spin = max(1.0, inverse.linear), max(1.0, inverse.spin)
+
+        def remaining(name: str, bound: float, other: float, cross: float, own: float) -> float:
+            # An unlimited axis steps, so the coupled axis steps too.  No limit can prevent this.
+            lost = abs(cross) * other if math.isfinite(other) else 0.0
+            if bound <= lost:
+                raise InvalidMotionError(
+                    f'{self.wheel_ratio}, which needs all of {name}, {bound:g}',
+                    name='wheel_ratio')
+            return (bound - lost) / own * (1.0 - MARGIN)
+
+        def linear(name: str, bound: float, *angular: float) -> float:
+            return remaining(name, bound, max(angular) / spin, inverse.across, own)
+
+        def angular(name: str, bound: float, *linear: float) -> float:
+            return remaining(name, bound, max(linear), inverse.turn, spin)
+
+        changes = limits.max_angular_acceleration, limits.angular_deceleration
+        reduced = replace(
+            limits,
+            max_linear_velocity=linear(
+                'max_linear_velocity', limits.max_linear_velocity, limits.max_angular_velocity),
+            max_backward_velocity=linear(
+                'max_backward_velocity', limits.backward_velocity, limits.max_angular_velocity),
+            max_linear_acceleration=linear(
+                'max_linear_acceleration', limits.max_linear_acceleration, *changes),
+            max_linear_deceleration=linear(
+                'max_linear_deceleration', limits.linear_deceleration, *changes),
+            max_linear_jerk=linear(
+                'max_linear_jerk', limits.max_linear_jerk, limits.max_angular_jerk))
+        changes = reduced.max_linear_acceleration, reduced.linear_deceleration
+        return replace(
+            reduced,
+            max_angular_velocity=angular(
+                'max_angular_velocity', limits.max_angular_velocity,
+                reduced.max_linear_velocity, reduced.backward_velocity),
+            max_angular_acceleration=angular(
+                'max_angular_acceleration', limits.max_angular_acceleration, *changes),
+            max_angular_deceleration=angular(
+                'max_angular_deceleration', limits.angular_deceleration, *changes),
+            max_angular_jerk=angular(
+                'max_angular_jerk', limits.max_angular_jerk, reduced.max_linear_jerk))
+
+    def describe(self) -> str:
+        """Return the odometry calibration as text, for reports."""
+        figures = ', '.join(
+            f'{name} {value:.6g}' for name, value in (
+                ('scale', self.scale), ('wheel ratio', self.wheel_ratio),
+                ('track ratio', self.track_ratio)))
+        track = '' if self.track is None else f'track {format_number(self.track)} m'
+        return ', '.join([figures, *filter(None, (track, self.date, self.floor))])
+
+    @property
+    def _offset(self) -> float:
+        """Return half the difference of the true wheel radii, divided by the nominal radius."""
+        return self.scale * (self.wheel_ratio - 1.0) / (self.wheel_ratio + 1.0)
+
+    def _floor_matrix(self) -> _Matrix:
+        # Without a track the wheels are equal, and the offset that multiplies the track is 0.
+        nominal = self.track or 1.0
+        return _Matrix(
+            self.scale, self._offset * nominal / 2.0,
+            2.0 * self._offset / (self.track_ratio * nominal), self.scale / self.track_ratio)
+
+    def _odometry_matrix(self) -> _Matrix:
+        matrix = self._floor_matrix()
+        determinant = matrix.linear * matrix.spin - matrix.across * matrix.turn
+        return _Matrix(matrix.spin / determinant, -matrix.across / determinant,
+                       -matrix.turn / determinant, matrix.linear / determinant)

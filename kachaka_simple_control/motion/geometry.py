@@ -22,7 +22,7 @@ import math
 @dataclass(frozen=True, slots=True)
 class Velocity:
     """
-    A planar velocity: REP-103 axes, x forward, counter-clockwise positive.
+    A planar velocity in the axes of REP-103: x forward, counter-clockwise positive.
 
     :param linear_x: forward velocity [m/s], negative backwards
     :param angular_z: turning velocity [rad/s], positive to the left
@@ -44,7 +44,7 @@ class Pose:
 
     :param x: position along x [m]
     :param y: position along y [m]
-    :param theta: heading [rad], counter-clockwise positive, not wrapped: two turns are 4 pi
+    :param theta: heading [rad], counter-clockwise positive, not wrapped: two turns give 4 pi
     """
 
     x: float = 0.0
@@ -55,7 +55,7 @@ class Pose:
 @dataclass(frozen=True)
 class Displacement:
     """
-    How far a robot goes along its path.
+    The length and the heading change of a robot's path.
 
     :param distance: signed length of the path [m], negative backwards
     :param angle: heading change [rad], counter-clockwise positive
@@ -71,7 +71,7 @@ ORIGIN = Pose()
 
 def sinc(angle: float) -> float:
     """
-    Return sin(angle) / angle, which is 1 at zero.
+    Return sin(angle) / angle, or 1 at angle zero.
 
     :param angle: an angle [rad]
     """
@@ -83,14 +83,14 @@ def advance(pose: Pose, distance: float, angle: float) -> Pose:
     """
     Return the pose after an arc of constant curvature.
 
-    The chord of an arc of length s that turns by a is s sin(a/2) / (a/2), and it points along the
-    heading half-way, (14) in docs/theory.md.  The same form covers straight lines, arcs and turns
-    in place.
+    An arc of length s with heading change a has a chord of length s sin(a/2) / (a/2).  The chord
+    points along the heading at the middle of the arc, (14) in docs/theory.md.  The formula holds
+    for straight lines, arcs and turns in place.
 
     :param pose: the pose to start from
     :param distance: signed length of the arc [m]
     :param angle: heading change along the arc [rad]
-    :returns: the pose at its end
+    :returns: the pose at the end of the arc
     """
     chord = distance * sinc(angle / 2.0)
     heading = pose.theta + angle / 2.0
@@ -102,11 +102,11 @@ def advance(pose: Pose, distance: float, angle: float) -> Pose:
 
 def integrate(pose: Pose, velocity: Velocity, duration: float) -> Pose:
     """
-    Return the pose after a constant velocity, exact for a unicycle.
+    Return the pose after a constant velocity, exact for a unicycle model.
 
     :param pose: the pose to start from
     :param velocity: the velocity
-    :param duration: how long it is held [s]
+    :param duration: how long the velocity is held [s]
     """
     return advance(pose, velocity.linear_x * duration, velocity.angular_z * duration)
 
@@ -127,7 +127,7 @@ def compose(frame: Pose, pose: Pose) -> Pose:
 
 def relative_to(frame: Pose, pose: Pose) -> Pose:
     """
-    Return a pose relative to a frame: the inverse of the frame * pose, as transforms in SE(2).
+    Return a pose relative to a frame: inverse(frame) * pose, as transforms in SE(2).
 
     :param frame: the pose of a frame in its parent frame
     :param pose: a pose in the same parent frame
@@ -139,11 +139,11 @@ def relative_to(frame: Pose, pose: Pose) -> Pose:
 
 def distance_between(one: Pose, two: Pose) -> tuple[float, float]:
     """
-    Return the distance of two poses [m] and the difference of their headings [rad].
+    Return the distance between two poses [m] and the difference of their headings [rad].
 
-    :param one: a pose
-    :param two: another one
-    :returns: the distance; the heading of the second less that of the first, from -pi to pi
+    :param one: the first pose
+    :param two: the second pose
+    :returns: the distance; the second heading minus the first heading, from -pi to pi
     """
     return (math.hypot(two.x - one.x, two.y - one.y),
             math.remainder(two.theta - one.theta, math.tau))
@@ -151,7 +151,7 @@ def distance_between(one: Pose, two: Pose) -> tuple[float, float]:
 
 Point = tuple[float, float]
 
-#: How many corners a circle is drawn with.
+#: The number of corners of the polygon that is drawn for a circle.
 CORNERS = 48
 
 
@@ -162,7 +162,8 @@ class Box:
 
     :param length: from back to front [m]
     :param width: from side to side [m]
-    :param ahead: how far its middle is ahead of the axle, about which the robot turns [m]
+    :param ahead: distance from the axle forwards to the middle of the robot [m]; the robot turns
+        about the axle
     """
 
     length: float
@@ -171,11 +172,11 @@ class Box:
 
     @property
     def front(self) -> float:
-        """Return how far its front is ahead of the axle [m]."""
+        """Return the distance from the axle to the front of the robot [m]."""
         return self.ahead + self.length / 2.0
 
     def corners(self) -> list[Point]:
-        """Return its corners, counter-clockwise from the right of the front [m]."""
+        """Return the four corners [m], counter-clockwise, from the front right corner."""
         front, back, side = self.front, self.ahead - self.length / 2.0, self.width / 2.0
         return [(front, -side), (front, side), (back, side), (back, -side)]
 
@@ -183,20 +184,20 @@ class Box:
 @dataclass(frozen=True)
 class Disc:
     """
-    The outline of a round robot from above, with the axle in its middle.
+    The outline of a round robot from above, with the axle in the middle.
 
-    :param radius: its radius [m]
+    :param radius: the radius [m]
     """
 
     radius: float
 
     @property
     def front(self) -> float:
-        """Return how far its front is ahead of the axle [m]."""
+        """Return the distance from the axle to the front of the robot [m]."""
         return self.radius
 
     def corners(self) -> list[Point]:
-        """Return points on its edge, counter-clockwise from the front [m]."""
+        """Return points on the circle [m], counter-clockwise, from the front."""
         angles = (math.tau * corner / CORNERS for corner in range(CORNERS))
         return [(self.radius * math.cos(angle), self.radius * math.sin(angle))
                 for angle in angles]
@@ -210,27 +211,27 @@ def outline(footprint: Footprint, pose: Pose) -> list[Point]:
     Return the corners of a robot at a pose [m], counter-clockwise.
 
     :param footprint: the outline of the robot
-    :param pose: of its axle
+    :param pose: the pose of the axle
     """
     return [transform_point(corner, pose) for corner in footprint.corners()]
 
 
 def front_point(footprint: Footprint, pose: Pose) -> Point:
     """
-    Return the foremost point straight ahead of the axle [m].
+    Return the point of the robot's front that is straight ahead of the axle [m].
 
     :param footprint: the outline of the robot
-    :param pose: of its axle
+    :param pose: the pose of the axle
     """
     return transform_point((footprint.front, 0.0), pose)
 
 
 def transform_point(point: Point, pose: Pose) -> Point:
     """
-    Return a point in the frame that a pose is in [m].
+    Return a point given relative to a pose in the parent frame [m].
 
-    :param point: the point in the frame of the pose: ahead and to the left [m]
-    :param pose: the pose
+    :param point: the point relative to the pose: distance ahead and distance to the left [m]
+    :param pose: the pose in the parent frame
     """
     transformed = compose(pose, Pose(*point))
     return transformed.x, transformed.y

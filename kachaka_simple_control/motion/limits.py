@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The limits of a robot."""
+"""The limits of a robot: its largest velocities, accelerations and jerks."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from kachaka_simple_control.motion.units import (
     require_positive,
 )
 
-#: The part of the limits that a plan for a closed loop uses; the rest is for corrections.
+#: The share of the limits that a plan for a closed loop uses; the rest is for corrections.
 CLOSED_LOOP_SHARE = 0.9
 
 
@@ -39,8 +39,8 @@ class Limits:
     """
     The largest velocities, accelerations and jerks of a robot; each is positive or infinite.
 
-    They hold in both directions, except ``max_backward_velocity``.  A deceleration changes a
-    velocity of either sign towards zero.
+    The limits hold in both directions, except ``max_backward_velocity``.  A deceleration changes
+    a velocity of either sign towards zero.
 
     :param max_linear_velocity: largest forward velocity [m/s]
     :param max_angular_velocity: largest turning velocity [rad/s]
@@ -48,9 +48,9 @@ class Limits:
     :param max_angular_acceleration: largest change of the angular velocity [rad/s^2]
     :param max_linear_jerk: largest change of the linear acceleration [m/s^3]
     :param max_angular_jerk: largest change of the angular acceleration [rad/s^3]
-    :param max_linear_deceleration: [m/s^2]; None: as the acceleration
-    :param max_angular_deceleration: [rad/s^2]; None: as the acceleration
-    :param max_backward_velocity: [m/s]; None: as the forward one
+    :param max_linear_deceleration: [m/s^2]; None: the same as the linear acceleration
+    :param max_angular_deceleration: [rad/s^2]; None: the same as the angular acceleration
+    :param max_backward_velocity: [m/s], positive; None: the same as the forward velocity
     """
 
     max_linear_velocity: float
@@ -65,7 +65,7 @@ class Limits:
 
     def __post_init__(self) -> None:
         """
-        Refuse limits that are not positive.
+        Raise an error for limits that are not positive.
 
         :raises InvalidMotionError: if a limit is not a number above zero
         """
@@ -98,7 +98,7 @@ class Limits:
             name: value * factor for name, value in asdict(self).items() if value is not None})
 
     def tightened(self, other: Limits) -> Limits:
-        """Return the lower of these limits and others, each."""
+        """Return limits that are the lower of these limits and the other limits, one by one."""
         return Limits(
             min(self.max_linear_velocity, other.max_linear_velocity),
             min(self.max_angular_velocity, other.max_angular_velocity),
@@ -111,14 +111,14 @@ class Limits:
             min(self.backward_velocity, other.backward_velocity))
 
     def exceeds(self, other: Limits) -> bool:
-        """Return whether these limits allow a velocity that others do not."""
+        """Return whether these limits allow a velocity that the other limits forbid."""
         return (self.max_linear_velocity > other.max_linear_velocity
                 or self.backward_velocity > other.backward_velocity
                 or self.max_angular_velocity > other.max_angular_velocity)
 
     def check(self, velocity: Velocity) -> None:
         """
-        Refuse a velocity that must never be sent.
+        Raise an error for a velocity beyond the limits.
 
         :raises InvalidMotionError: if a component is not finite or beyond its limit
         """
@@ -127,17 +127,17 @@ class Limits:
 
     def check_linear(self, linear_x: float) -> None:
         """
-        Refuse a linear velocity [m/s] that must never be sent.
+        Raise an error for a linear velocity [m/s] beyond the limits.
 
-        :raises InvalidMotionError: if it is not finite or beyond its limit
+        :raises InvalidMotionError: if the velocity is not finite or beyond its limit
         """
         _check('linear_x', linear_x, self.backward_velocity, self.max_linear_velocity, 'm/s')
 
     def check_angular(self, angular_z: float) -> None:
         """
-        Refuse an angular velocity [rad/s] that must never be sent.
+        Raise an error for an angular velocity [rad/s] beyond the limits.
 
-        :raises InvalidMotionError: if it is not finite or beyond its limit
+        :raises InvalidMotionError: if the velocity is not finite or beyond its limit
         """
         limit = self.max_angular_velocity
         _check('angular_z', angular_z, limit, limit, 'rad/s')
@@ -155,11 +155,11 @@ LIMIT_QUANTITIES = {
     'max_angular_deceleration': ANGULAR_ACCELERATION,
     'max_backward_velocity': POSITIVE_LINEAR_VELOCITY,
 }
-#: The limits that may be None, and then are as large as another one.
+#: The limits that may be None; then another limit is used instead.
 OPTIONAL = ('max_linear_deceleration', 'max_angular_deceleration', 'max_backward_velocity')
 
 
 def _check(name: str, value: float, backward: float, forward: float, unit: str) -> None:
-    # NaN is within no limits, and infinity is not within infinite ones.
+    # NaN and infinity are refused, even if the limits are infinite.
     if not (math.isfinite(value) and -backward <= value <= forward):
         raise LimitError(value, unit, forward, -backward, whose="the robot's", name=name)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A motion as timed velocities: nothing in a plan can fail later."""
+"""The plan of a motion: timed velocities, fully checked before the drive."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from typing import NamedTuple
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import advance, integrate, ORIGIN, Pose, Velocity
-from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
 from kachaka_simple_control.motion.planner import MotionValidator, PlannedItem
 from kachaka_simple_control.motion.steps import Motion, Step
 from kachaka_simple_control.motion.trajectory import Trajectory
 from kachaka_simple_control.motion.units import require_finite, require_positive
 
-#: How many segments a plan may have: goals for a day at 50 Hz, in less than a gigabyte.
+#: The largest number of segments of a plan: a day at 50 Hz, in less than a gigabyte.
 MAX_SEGMENTS = 5_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
     """
-    A time interval with one velocity, which is repeated at the plan's rate.
+    A time interval with one velocity, sent repeatedly at the plan's rate.
 
-    :param start: its begin [s after t = 0]
-    :param end: its end [s after t = 0]
+    :param start: the start time [s after t = 0]
+    :param end: the end time [s after t = 0]
     :param velocity: the velocity that is sent
     """
 
@@ -51,17 +51,17 @@ class Segment:
 @dataclass(frozen=True, slots=True)
 class PlannedStep:
     """
-    One step as it is planned, each time that it is driven.
+    One step of a plan; a repeated step has one entry for each repetition.
 
-    :param path: its path in the motion, as in ``steps[3].repeat.steps[0]``
-    :param step: the step, which is no block of others
-    :param start: its begin [s after t = 0]
-    :param end: its end [s after t = 0]
-    :param pose: where it ends, for a robot that began at the origin and drives as planned
-    :param length: of its path, forwards and backwards [m]
+    :param path: the place of the step in the motion, as in ``steps[3].repeat.steps[0]``
+    :param step: the step, not a block of steps
+    :param start: the start time [s after t = 0]
+    :param end: the end time [s after t = 0]
+    :param pose: the planned pose at the end of the step; the plan starts at the origin
+    :param length: the length of the path, forwards plus backwards [m]
     :param max_linear_velocity: the largest linear velocity sent, in either direction [m/s]
     :param max_angular_velocity: the largest angular velocity sent, in either direction [rad/s]
-    :param trajectories: how it is driven, in order
+    :param trajectories: the trajectories that drive the step, in order
     """
 
     path: str
@@ -76,7 +76,7 @@ class PlannedStep:
 
     @property
     def duration(self) -> float:
-        """Return how long it takes [s]."""
+        """Return the duration of the step [s]."""
         return self.end - self.start
 
 
@@ -85,9 +85,9 @@ class Plan:
     """
     The timed velocities of a motion; after the last segment the velocity is zero.
 
-    :param segments: the velocities to send, in order, without gaps, beginning at 0 s
-    :param period: how often a velocity is repeated within its segment [s]
-    :param steps: the same by step, in order, repeats written out
+    :param segments: the velocities to send, in order, without gaps, from 0 s
+    :param period: the time after which a velocity is sent again within its segment [s]
+    :param steps: the planned steps, in order, with each repetition as its own entry
     """
 
     segments: tuple[Segment, ...]
@@ -96,17 +96,17 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """Return how long the plan takes [s]."""
+        """Return the duration of the plan [s]."""
         return self.segments[-1].end if self.segments else 0.0
 
     @property
     def pose(self) -> Pose:
-        """Return where it ends, for a robot that began at the origin and drives as planned."""
+        """Return the planned pose at the end of the plan; the plan starts at the origin."""
         return self.steps[-1].pose if self.steps else ORIGIN
 
     @property
     def length(self) -> float:
-        """Return the length of its path, forwards and backwards [m]."""
+        """Return the length of the path, forwards plus backwards [m]."""
         return sum(step.length for step in self.steps)
 
     @property
@@ -121,10 +121,10 @@ class Plan:
 
     def path(self, start: Pose = ORIGIN) -> list[Pose]:
         """
-        Return the poses that this plan predicts, for a robot that drives as planned.
+        Return the poses of a robot that drives exactly as planned.
 
-        :param start: of the robot at t = 0
-        :returns: the start and the pose at the end of each segment
+        :param start: the pose of the robot at t = 0
+        :returns: the start pose, then the pose at the end of each segment
         """
         poses = [start]
         for segment in self.segments:
@@ -133,24 +133,24 @@ class Plan:
 
     def step_index(self, elapsed: float) -> int:
         """
-        Return which step is under way at a time.
+        Return the index of the step that is driven at a time.
 
         :param elapsed: the time since t = 0 [s]
-        :returns: its index in ``steps``: the first before t = 0, the last after the end; of
-            several that begin at once the last
+        :returns: the index in ``steps``: the first step before t = 0, the last step after the
+            end; if several steps start at the same time, the last of them
         """
         return max(0, bisect_right(self.steps, elapsed, key=attrgetter('start')) - 1)
 
 
 def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
     """
-    Return the velocities that drive a motion.
+    Return the plan of a motion: the timed velocities that drive it.
 
     :param motion: the motion
-    :param limits: of the robot
-    :param rate: how often a velocity is sent [Hz]
-    :raises InvalidMotionError: if a step is beyond a limit, the motion too long, or the rate not
-        a positive number; ``find_errors`` returns all that is wrong with a motion
+    :param limits: the limits of the robot
+    :param rate: the rate at which velocities are sent [Hz]
+    :raises InvalidMotionError: if a step is beyond a limit, the motion is too long, or the rate
+        is not a positive number; ``find_errors()`` returns all errors of a motion
     """
     require_finite('rate', rate, 'Hz')
     require_positive('rate', rate, 'Hz')
@@ -170,7 +170,7 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
 
 
 class _Sent(NamedTuple):
-    """The velocities of each trajectory of an item, and the largest of all in either direction."""
+    """The velocities of each trajectory of an item, and the largest in either direction."""
 
     velocities: list[list[Velocity]]
     max_linear: float
@@ -178,7 +178,7 @@ class _Sent(NamedTuple):
 
 
 class _PlanBuilder:
-    """Puts the velocities of planned items one after the other."""
+    """Builds a plan: appends the velocities of planned items in order."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
@@ -186,7 +186,7 @@ class _PlanBuilder:
         self._pose = ORIGIN
         self._segments: list[Segment] = []
         self._steps: list[PlannedStep] = []
-        #: computed once for each item, however often it is repeated
+        #: computed once for each item, also if it is repeated
         self._sent: dict[PlannedItem, _Sent] = {}
 
     def plan(self) -> Plan:
@@ -224,5 +224,59 @@ def _segments(velocities: list[Velocity], start: float, end: float) -> list[Segm
     segments = list(map(Segment, marks, marks[1:], velocities))
     if tick > 1e-9 * end:
         return segments
-    # A segment too short for the resolution of the time since t = 0 is left out.
+    # Leave out a segment that is shorter than the resolution of the time since t = 0.
     return [segment for segment in segments if segment.end > segment.start]
+
+
+@dataclass(frozen=True)
+class DriveOrder:
+    """
+    A motion with the limits and the rate of its plan, made once for a drive or a preview.
+
+    :param motion: the motion; in a closed loop, with a settle step at its end
+    :param limits: the limits to plan with
+    :param rate: the rate at which velocities are sent [Hz]
+    :param allowed: the limits that no velocity of the plan may exceed
+    :param corrected: the limits of velocities corrected from odometry, higher than ``limits``;
+        None: the velocities are sent as planned
+    """
+
+    motion: Motion
+    limits: Limits
+    rate: float
+    allowed: Limits
+    corrected: Limits | None = None
+
+    @classmethod
+    def of(cls, motion: Motion, robot: Limits, rate: float, limits: Limits | None = None,
+           is_closed_loop: bool = False) -> DriveOrder:
+        """
+        Return the order to drive a motion.
+
+        :param motion: the motion
+        :param robot: the limits of the robot, for a plan
+        :param rate: the rate at which velocities are sent [Hz]
+        :param limits: the limits of the motion; None for the limits of the robot
+        :param is_closed_loop: whether velocities are corrected from odometry
+        """
+        limits = limits or robot
+        if not is_closed_loop:
+            return cls(motion, limits, rate, robot)
+        return cls(motion.settled(), limits.scaled(CLOSED_LOOP_SHARE), rate,
+                   robot.scaled(CLOSED_LOOP_SHARE), limits.tightened(robot))
+
+    def plan(self) -> Plan:
+        """
+        Return the plan of the motion.
+
+        :raises InvalidMotionError: if the motion is invalid, or the robot cannot drive it
+        """
+        try:
+            planned = plan(self.motion, self.limits, self.rate)
+        except InvalidMotionError as error:
+            raise error if self.corrected is None else error.by("the closed loop's") from None
+        if self.limits.exceeds(self.allowed):
+            # Otherwise the gate refuses such a velocity during the motion.
+            for velocity in {segment.velocity for segment in planned.segments}:
+                self.allowed.check(velocity)
+        return planned

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Check the steps of a motion against limits, and make trajectories of them."""
+"""Check the steps of a motion against limits, and make their trajectories."""
 
 from __future__ import annotations
 
@@ -25,31 +25,31 @@ from kachaka_simple_control.motion.step_base import MAX_DURATION, Step
 from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.motion.trajectory import Trajectory
 
-#: How many steps a motion may have, all repeats counted.
+#: The largest number of steps of a motion, each repetition counted.
 MAX_STEPS = 1_000_000
 
 
 class Part(ABC):
-    """A part of a motion under limits: a step, or some that are repeated."""
+    """A part of a motion with its limits applied: a step or a block of repeated parts."""
 
     @abstractmethod
     def total(self, measure: Callable[[PlannedItem], float]) -> float:
-        """Return the sum of a measure over all items, repeats counted, without repeating any."""
+        """Return the sum of a measure over all items; a repeated item counts each time."""
 
     @abstractmethod
     def expand(self) -> list[PlannedItem]:
-        """Return the items one after the other, each as often as it is driven."""
+        """Return the items in driving order; a repeated item occurs each time."""
 
 
-# Compared by identity: whatever is repeated is one object.
+# Compared by identity: a repeated item is one object.
 @dataclass(frozen=True, eq=False)
 class PlannedItem(Part):
     """
-    A step at its place in a motion, under limits.
+    A step at its place in a motion, with its trajectories.
 
-    :param path: its place, as in ``steps[3].repeat.steps[0]``
-    :param step: the step, which is no block of others
-    :param trajectories: how it is driven, in order
+    :param path: the place of the step, as in ``steps[3].repeat.steps[0]``
+    :param step: the step, not a block of steps
+    :param trajectories: the trajectories that drive the step, in order
     """
 
     path: str
@@ -58,7 +58,7 @@ class PlannedItem(Part):
 
     @property
     def duration(self) -> float:
-        """Return how long it takes [s]."""
+        """Return the duration of the step, driven once [s]."""
         return sum(trajectory.duration for trajectory in self.trajectories)
 
     def total(self, measure: Callable[[PlannedItem], float]) -> float:
@@ -75,38 +75,40 @@ class RepeatBlock(Part):
     """
     Parts that are driven several times.
 
-    :param times: how often
-    :param parts: what is driven each time
+    :param times: the number of repetitions
+    :param parts: the parts that are driven each time
     """
 
     times: int
     parts: Sequence[Part]
 
     def total(self, measure: Callable[[PlannedItem], float]) -> float:
-        """Return the sum of a measure over all items, repeats counted, without repeating any."""
+        """Return the sum of a measure over all items; a repeated item counts each time."""
         return self.times * sum(part.total(measure) for part in self.parts)
 
     def expand(self) -> list[PlannedItem]:
-        """Return the items one after the other, each as often as it is driven."""
+        """Return the items in driving order; a repeated item occurs each time."""
         return [item for part in self.parts for item in part.expand()] * self.times
 
 
 def find_errors(motion: Motion, limits: Limits) -> list[InvalidMotionError]:
     """
-    Return all that is wrong with a motion for a robot.
+    Return all errors of a motion for the limits of a robot.
 
-    :returns: the errors, in the order of the motion; none if it can be planned, at any rate that
-        leaves it fewer than ``MAX_SEGMENTS`` velocities
+    :param motion: the motion
+    :param limits: the limits of the robot
+    :returns: the errors, in the order of the motion; empty if the motion can be planned at each
+        rate that gives at most ``MAX_SEGMENTS`` velocities
     """
     return MotionValidator(motion, limits).errors
 
 
 class MotionValidator:
     """
-    Checks a motion against limits: each step once, however often it is repeated.
+    Checks a motion against limits; a repeated step is checked once.
 
-    :ivar whole: the whole motion; what is refused has no trajectories
-    :ivar errors: all that is wrong, in the order of the motion
+    :ivar whole: the whole motion; a refused step has no trajectories
+    :ivar errors: all errors, in the order of the motion
     """
 
     def __init__(self, motion: Motion, limits: Limits) -> None:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Re-plan how a path is driven from a state in motion: slow down, stop, speed up again."""
+"""Re-plan the remaining path from a state in motion: slow down, stop, or speed up again."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-#: A stop this near to the end of a path is its end, as a part of the path's length: rounding.
+#: A stop counts as a stop at the path's end within this share of its length (rounding).
 ROUNDING = 1e-12
-#: A cruise shorter than this part of the path's length is rounding.
+#: A cruise shorter than this share of the path's length is left out (rounding).
 CRUISE_ROUNDING = 1e-14
-#: How often the largest velocity is bisected: to the last bit, or to as good as zero.
+#: The number of bisections for the largest velocity: to the last bit, or almost to zero.
 BISECTIONS = 120
 
 
 class PathState(NamedTuple):
     """
-    Where on a path something is, and how it moves along it.
+    Position, velocity and acceleration along a path, in the path's unit u.
 
     :param position: the distance from the start of the path [u]
-    :param velocity: along the path [u/s], not negative
-    :param acceleration: along the path [u/s^2]
+    :param velocity: the velocity along the path [u/s], not negative
+    :param acceleration: the acceleration along the path [u/s^2]
     """
 
     position: float
@@ -60,11 +60,11 @@ class PathLimits(NamedTuple):
 
 class Phase(NamedTuple):
     """
-    A time of constant jerk.
+    A time interval with a constant jerk.
 
-    :param start: the state at its begin
-    :param jerk: the change of the acceleration [u/s^3]
-    :param duration: how long it takes [s]
+    :param start: the state at the start of the phase
+    :param jerk: the rate of change of the acceleration [u/s^3]
+    :param duration: the duration of the phase [s]
     """
 
     start: PathState
@@ -72,7 +72,7 @@ class Phase(NamedTuple):
     duration: float
 
     def state_at(self, time: float) -> PathState:
-        """Return the state at a time since its begin [s]."""
+        """Return the state at a time since the start of the phase [s]."""
         position, velocity, acceleration = self.start
         return PathState(
             position + time * (velocity + time * (acceleration / 2.0 + time * self.jerk / 6.0)),
@@ -81,17 +81,17 @@ class Phase(NamedTuple):
 
     @property
     def end(self) -> PathState:
-        """Return the state at its end."""
+        """Return the state at the end of the phase."""
         return self.state_at(self.duration)
 
 
 @dataclass(frozen=True)
 class Replanned:
     """
-    How the rest of a path is driven, or the path to a rest on it.
+    A re-planned movement along the remaining path, to its end or to a stop before the end.
 
-    :param phases: times of constant jerk, in order; between two of them the velocity may jump
-    :param end: the state at its end
+    :param phases: the phases of constant jerk, in order; the velocity may jump between phases
+    :param end: the state at the end of the movement
     """
 
     phases: tuple[Phase, ...]
@@ -99,14 +99,15 @@ class Replanned:
 
     @property
     def duration(self) -> float:
-        """Return how long it takes [s]."""
+        """Return the duration of the movement [s]."""
         return math.fsum(phase.duration for phase in self.phases)
 
     def state_at(self, time: float) -> PathState:
         """
         Return the state at a time.
 
-        :param time: since the begin [s], not negative; after the end it is the state at the end
+        :param time: the time since the start [s], not negative; after the end the state is
+            ``end``
         """
         for phase in self.phases:
             if time < phase.duration:
@@ -118,15 +119,15 @@ class Replanned:
 def replan_to_rest(
         state: PathState, distance: float, velocity: float, limits: PathLimits) -> Replanned:
     """
-    Return how to drive the rest of a path to rest at its end, or to rest as soon as possible.
+    Re-plan the remaining path: stop at the end of the path, or stop as soon as possible.
 
-    The path is never driven backwards.  (15) and (16) in docs/theory.md.
+    The path is never driven backwards; (15) and (16) in docs/theory.md.
 
-    :param state: the state now; from it a stop before the end of the path is possible
+    :param state: the current state; a stop before the end of the path must be possible from it
     :param distance: the length of the path [u]
-    :param velocity: the largest velocity wanted [u/s]; one that is larger now falls to it as soon
-        as possible, unless the path is too short for that.  0: to rest as soon as possible
-    :param limits: of acceleration, deceleration and jerk; the velocity is not looked at
+    :param velocity: the largest velocity wanted [u/s]; a larger current velocity is reduced as
+        soon as possible, unless the path is too short for this; 0: stop as soon as possible
+    :param limits: the limits of acceleration, deceleration and jerk; its velocity is not used
     """
     if not velocity:
         return _to_standstill(state, distance, limits)
@@ -149,13 +150,15 @@ def replan_to_rest(
 def _largest_velocity(
         state: PathState, left: float, velocity: float, limits: PathLimits) -> float:
     """
-    Return the largest velocity after which the rest of the path suffices to stop (16).
+    Return the largest velocity from which a stop on the remaining path is possible (16).
 
-    :param left: the rest of the path [u]
+    :param state: the current state
+    :param left: the length of the remaining path [u]
     :param velocity: a velocity that is too large [u/s]
+    :param limits: the limits of acceleration, deceleration and jerk
     """
     low, high = 0.0, velocity
-    # Without a change of the sign of the acceleration the rest of the path suffices best.
+    # The distance to stop is shortest if the acceleration does not change its sign.
     level = _velocity_at_zero_acceleration(state, limits)
     if 0.0 < level < velocity:
         if _distance_to_rest(state, level, limits) <= left:
@@ -174,13 +177,13 @@ def _largest_velocity(
 def replan_through(
         state: PathState, distance: float, velocity: float, limits: PathLimits) -> Replanned:
     """
-    Return how to drive the rest of a path at a velocity, and to pass its end in motion.
+    Re-plan the remaining path at a velocity, without a stop at the end of the path.
 
-    :param state: the state now
+    :param state: the current state
     :param distance: the length of the path [u]
-    :param velocity: the velocity to reach as soon as possible, and to hold [u/s]; 0: the rest of
-        the path is not driven if it is long enough to stop on it
-    :param limits: of acceleration, deceleration and jerk; the velocity is not looked at
+    :param velocity: the velocity to reach as soon as possible and then hold [u/s]; 0: stop as
+        soon as possible, or pass the end if the remaining path is too short to stop
+    :param limits: the limits of acceleration, deceleration and jerk; its velocity is not used
     """
     phases: list[Phase] = []
     for phase in _change_velocity(state, velocity, limits):
@@ -203,7 +206,7 @@ def _to_standstill(state: PathState, distance: float, limits: PathLimits) -> Rep
 
 
 def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> float:
-    """Return the distance of a change to a velocity and from there to rest [u]."""
+    """Return the distance needed to change to a velocity and then to stop [u]."""
     start = PathState(0.0, *state[1:])
     for phase in _change_velocity(start, velocity, limits):
         start = phase.end
@@ -214,7 +217,7 @@ def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> 
 
 
 def _velocity_at_zero_acceleration(state: PathState, limits: PathLimits) -> float:
-    """Return the velocity once the acceleration has gone to zero at the largest jerk (15)."""
+    """Return the velocity reached when the acceleration goes to zero at the largest jerk (15)."""
     if limits.jerk == math.inf:
         return state.velocity
     return state.velocity + state.acceleration * abs(state.acceleration) / (2.0 * limits.jerk)
@@ -223,9 +226,10 @@ def _velocity_at_zero_acceleration(state: PathState, limits: PathLimits) -> floa
 def _change_velocity(
         state: PathState, velocity: float, limits: PathLimits) -> Iterator[Phase]:
     """
-    Yield the quickest change to a velocity, with no acceleration at its end (15).
+    Yield the phases of the fastest change to a velocity, with zero acceleration at the end (15).
 
-    Without limits the velocity jumps; without a limit of the jerk the acceleration does.
+    With unlimited jerk and acceleration, the velocity jumps.  With unlimited jerk alone, the
+    acceleration jumps.
     """
     rises = velocity >= _velocity_at_zero_acceleration(state, limits)
     sign, bound = (1.0, limits.acceleration) if rises else (-1.0, limits.deceleration)
@@ -247,7 +251,7 @@ def _change_velocity(
 
 
 def _time_to(phase: Phase, position: float) -> float:
-    """Return when a phase reaches a position [s]; it never goes back."""
+    """Return the time at which a phase, always moving forwards, reaches a position [s]."""
     low, high = 0.0, phase.duration
     while low < (middle := (low + high) / 2.0) < high:
         if phase.state_at(middle).position < position:

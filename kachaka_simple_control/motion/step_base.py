@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The base class of all kinds of steps."""
+"""The base class of all kinds of steps of a motion."""
 
 from __future__ import annotations
 
@@ -35,29 +35,31 @@ from kachaka_simple_control.motion.trajectory import (
 from kachaka_simple_control.motion.units import Quantity
 from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 
-#: How long a motion may take [s]: a day.
+#: The longest duration of a motion [s]: a day.
 MAX_DURATION = 86_400.0
-#: A speed may be this part above a limit: what rounding makes of the same number.
+#: A speed may exceed a limit by this share, because of rounding.
 ROUNDING = 1e-9
-#: Called with the name of a field and what is wrong with it.
+#: A function called with the name of an invalid field and the error.
 Refuse = Callable[[str, InvalidMotionError], None]
 
 
 @dataclass(frozen=True)
 class Count:
     """
-    What a field of a step may be: a whole number from 0 on.
+    The type of a step's field that holds a whole number from 0 to a largest value.
 
-    :param largest: the largest allowed
+    :param largest: the largest value allowed
     """
 
     largest: int
 
     def require(self, name: str, value: object) -> None:
         """
-        Refuse a value that is not such a number.
+        Raise an error for a value that is not a whole number from 0 to the largest.
 
-        :raises InvalidMotionError: if it is refused
+        :param name: the name of the field, for the message
+        :param value: the value to check
+        :raises InvalidMotionError: if the value is invalid
         """
         if isinstance(value, bool) or not isinstance(value, int):
             raise InvalidMotionError(f'{value!r}; it must be a whole number', name=name)
@@ -67,20 +69,20 @@ class Count:
 
 @dataclass(frozen=True)
 class StepList:
-    """The type of a field of a step that holds a list of steps."""
+    """The type of a step's field that holds a list of steps."""
 
 
-#: The types of fields of a step.
+#: The types of a step's fields.
 FieldKind = Quantity | Count | StepList
 
 
 class FileField(NamedTuple):
     """
-    What a field of a step is in a file.
+    How a step's field is written in a motion file.
 
-    :param kind: what may be its value
-    :param description: what it means, for the JSON Schema: shown by editors
-    :param examples: values as they are written in a file
+    :param kind: the type of the value
+    :param description: the meaning of the field, for the JSON Schema; editors show it
+    :param examples: example values as written in a file
     """
 
     kind: FieldKind
@@ -89,7 +91,7 @@ class FileField(NamedTuple):
 
 
 def in_file(kind: FieldKind, description: str, *examples: Any) -> dict[str, FileField]:
-    """Return the metadata of a dataclass field that is written in files."""
+    """Return the dataclass metadata for a step's field that is written in motion files."""
     return {'file': FileField(kind, description, examples)}
 
 
@@ -123,16 +125,16 @@ class Step(ABC):
     speed: float | None = None
 
     def __init_subclass__(cls) -> None:
-        """Register a kind of step."""
+        """Register the subclass as a kind of step under its keyword."""
         super().__init_subclass__()
         cls.keyword = cls.__name__.lower()
         KINDS[cls.keyword] = cls
 
     def __post_init__(self) -> None:
         """
-        Refuse a step that cannot be driven.
+        Raise an error for a step that cannot be driven.
 
-        :raises InvalidMotionError: if a value is not a finite number of the sign allowed
+        :raises InvalidMotionError: if a value is not finite or has the wrong sign
         """
         for item in fields(self):  # type: ignore[arg-type]
             value, kind = getattr(self, item.name), item.metadata['file'].kind
@@ -141,44 +143,44 @@ class Step(ABC):
 
     @abstractmethod
     def path(self) -> tuple[PathSegment, ...]:
-        """Return the segments of the path, in order; each begins where the one before ends."""
+        """Return the segments of the path, in order; each starts at the end of the previous."""
 
     @abstractmethod
     def describe(self) -> str:
-        """Return the step in a few words with units, for tables that have its time elsewhere."""
+        """Return a short text for the step with units, for tables with a separate time column."""
 
     def describe_fully(self) -> str:
-        """Return the step in a few words with units and, where it is given, its time."""
+        """Return a short text for the step with units, and with its time if the step has one."""
         return self.describe()
 
     def block(self) -> tuple[int, tuple[Step, ...]] | None:
-        """Return how often which steps are driven for this one; None if it is driven itself."""
+        """Return the repeat count and the repeated steps; None for a step that is no block."""
         return None
 
     @property
     def displacement(self) -> Displacement:
-        """Return the signed length of the path and the change of heading."""
+        """Return the signed length of the path and the heading change."""
         path = self.path()
         return Displacement(math.fsum(segment.length for segment in path),
                             math.fsum(segment.angle for segment in path))
 
     @property
     def is_rest(self) -> bool:
-        """Return whether the robot stands still throughout."""
+        """Return whether the robot stands still during the whole step."""
         return all(segment.is_rest for segment in self.path())
 
     @classmethod
     def file_fields(cls) -> dict[str, FileField]:
-        """Return what each field is in a file, in the order of the class."""
+        """Return how each field is written in a file, by field name, in the class's order."""
         return {item.name: item.metadata['file'] for item in fields(cls)}  # type: ignore[arg-type]
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
         """
-        Return how each segment of the path is driven: as fast as limits and speed allow.
+        Return the trajectory of each path segment: as fast as the limits and the speed allow.
 
-        :param limits: of the robot
-        :param refuse: called for each field that is beyond what the robot can do
-        :returns: the trajectories, in order; none if nothing can be driven
+        :param limits: the limits of the robot
+        :param refuse: called with each field that the robot cannot drive, and the error
+        :returns: the trajectories, in order; empty if the step cannot be driven
         """
         path = [(segment, limits_along(segment, limits)) for segment in self.path()]
         if self.speed is not None:
@@ -191,7 +193,7 @@ class Step(ABC):
             refuse('speed', InvalidMotionError(
                 'it is not given, and the robot has no limit either; give one'))
             return []
-        # A lower bound, checked first: no profile is computed from extreme numbers.
+        # Check a lower bound first, so that no profile is computed from extreme numbers.
         duration = sum(segment.distance / bounds.velocity for segment, bounds in path)
         if duration <= MAX_DURATION:
             driven: list[Trajectory] = [
@@ -207,7 +209,7 @@ class Step(ABC):
         return []
 
     def limit_note(self) -> str:
-        """Return what tightens the limit of the speed, for the error of a speed above it."""
+        """Return the reason for a lower speed limit, for the error about a speed above it."""
         return ''
 
     def _check_speed(self, speed: float, limit: float, refuse: Refuse) -> None:
@@ -224,7 +226,7 @@ class Step(ABC):
         return kind.unit if isinstance(kind, Quantity) else ''
 
     def _held(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
-        """Return the trajectories of a path in seconds: each segment is one velocity."""
+        """Return the trajectories of a path in seconds: one constant velocity per segment."""
         held: list[Trajectory] = [
             ConstantVelocity(segment, limits_along(segment, limits)) for segment in self.path()]
         duration = sum(trajectory.duration for trajectory in held)
@@ -240,7 +242,7 @@ def step_tuple(steps: object) -> tuple[Step, ...]:
     Return steps as a tuple.
 
     :param steps: any iterable of steps
-    :raises InvalidMotionError: if it is something else
+    :raises InvalidMotionError: if the value is not an iterable of steps
     """
     if isinstance(steps, (str, bytes)) or not isinstance(steps, Iterable):
         raise InvalidMotionError(f'{steps!r}; it must be a sequence of steps', name='steps')

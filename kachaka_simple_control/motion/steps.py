@@ -50,14 +50,14 @@ __all__ = [
     'Turn', 'Wait',
 ]
 
-#: How many repeats may stand within each other.
+#: The largest nesting depth of repeats.
 MAX_NESTING = 20
-#: How often something may be repeated.
+#: The largest number of repetitions of a block.
 MAX_TIMES = 1_000_000
 TIMES = Count(MAX_TIMES)
-#: How long a closed loop corrects the heading at the end of a motion [s].
+#: The time for which a closed loop corrects the heading at the end of a motion [s].
 SETTLE_TIME = 1.5
-#: The least radius of an arc [m], far below what a robot could drive.
+#: The smallest radius of an arc [m], far below a radius that a robot can drive.
 MIN_RADIUS = 1e-6
 
 
@@ -84,23 +84,23 @@ class Move(Step):
 
     @property
     def velocity(self) -> Velocity:
-        """Return the velocity this step holds."""
+        """Return the velocity that this step holds."""
         return Velocity(float(self.linear_x), float(self.angular_z))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one segment, in seconds."""
+        """Return one path segment, in seconds."""
         return (PathSegment(float(self.duration), float(self.linear_x), float(self.angular_z)),)
 
     def describe(self) -> str:
-        """Return the two velocities."""
+        """Return the two velocities as text."""
         return f'move {format_number(self.linear_x)} m/s, {format_number(self.angular_z)} rad/s'
 
     def describe_fully(self) -> str:
-        """Return the two velocities and the time."""
+        """Return the two velocities and the time as text."""
         return f'{self.describe().removeprefix("move ")} for {self.duration:g} s'
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
-        """Return one velocity; refuse each component that is beyond its limit."""
+        """Return one constant velocity; refuse each component beyond its limit."""
         _try(limits.check_linear, self.velocity.linear_x, partial(refuse, 'linear_x'))
         _try(limits.check_angular, self.velocity.angular_z, partial(refuse, 'angular_z'))
         return self._held(limits, refuse)
@@ -115,7 +115,7 @@ class Forward(Step):
     :param speed: drive no faster than this [m/s], positive; None: as fast as the robot may
     """
 
-    # Not 'back': its advice would drive the other way.
+    # Not 'back': the advice to write 'forward' instead would reverse the direction.
     synonyms = ('drive', 'go', 'straight')
     distance: float = field(metadata=in_file(
         LENGTH, 'How far, in m, cm or mm.  Negative is backwards.',
@@ -126,16 +126,16 @@ class Forward(Step):
         '0.1 m/s'))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one straight segment."""
+        """Return one straight path segment, in metres."""
         distance = float(self.distance)
         return (PathSegment(abs(distance), math.copysign(1.0, distance), 0.0),)
 
     def describe(self) -> str:
-        """Return the distance."""
+        """Return the distance as text."""
         return f'forward {format_number(self.distance)} m'
 
     def limit_note(self) -> str:
-        """Return that it goes backwards, if it does."""
+        """Return ' backwards' for a negative distance, for the error about the speed limit."""
         return ' backwards' if self.distance < 0.0 else ''
 
 
@@ -157,12 +157,12 @@ class Turn(Step):
         'Turn no faster than this.  Left out: as fast as the limits allow.', '45 deg/s'))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one segment, in radians."""
+        """Return one path segment, in radians."""
         angle = float(self.angle)
         return (PathSegment(abs(angle), 0.0, math.copysign(1.0, angle)),)
 
     def describe(self) -> str:
-        """Return the angle."""
+        """Return the angle as text."""
         return f'turn {format_number(math.degrees(self.angle))} deg'
 
 
@@ -197,10 +197,10 @@ class Arc(Step):
 
     def __post_init__(self) -> None:
         """
-        Refuse a step that cannot be driven.
+        Raise an error for an arc that cannot be driven.
 
-        :raises InvalidMotionError: if a value is not a finite number of the sign allowed, or the
-            radius zero or almost
+        :raises InvalidMotionError: if a value is not finite or has the wrong sign, or if the
+            radius is too small
         """
         if abs(require_finite('radius', self.radius, 'm')) < MIN_RADIUS:
             raise InvalidMotionError(
@@ -209,17 +209,17 @@ class Arc(Step):
         super().__post_init__()
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one curved segment."""
+        """Return one path segment along the arc, in metres."""
         radius, angle = float(self.radius), float(self.angle)
         sign = math.copysign(1.0, angle)
         return (PathSegment(abs(radius * angle), sign, sign / radius),)
 
     def describe(self) -> str:
-        """Return radius and angle."""
+        """Return radius and angle as text."""
         return f'arc {format_number(self.radius)} m, {format_number(math.degrees(self.angle))} deg'
 
     def limit_note(self) -> str:
-        """Return the radius."""
+        """Return the radius as text, for the error about the speed limit."""
         return f' along a radius of {self.radius} m'
 
 
@@ -236,15 +236,15 @@ class Wait(Step):
         TIME, 'How long, in s, ms or min; a bare number is in seconds.', '2 s'))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one segment, in seconds, that goes nowhere."""
+        """Return one path segment at rest, in seconds."""
         return (PathSegment(float(self.duration), 0.0, 0.0),)
 
     def describe(self) -> str:
-        """Return the time."""
+        """Return the time as text."""
         return f'wait {format_number(self.duration)} s'
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
-        """Return the velocity zero."""
+        """Return one trajectory with a velocity of zero."""
         return self._held(limits, refuse)
 
 
@@ -260,7 +260,7 @@ class Settle(Wait):
     settles = True
 
     def describe(self) -> str:
-        """Return the time."""
+        """Return the time as text."""
         return f'settle {format_number(self.duration)} s'
 
 
@@ -281,10 +281,10 @@ class Repeat(Step):
 
     def __post_init__(self) -> None:
         """
-        Refuse what cannot be repeated.
+        Raise an error for an invalid repeat.
 
-        :raises InvalidMotionError: if the number is not whole or negative, a step is none, or the
-            repeats are nested too deep
+        :raises InvalidMotionError: if ``times`` is negative, too large or not whole, if a step is
+            not a Step, or if the repeats are nested too deeply
         """
         TIMES.require('times', self.times)
         object.__setattr__(self, 'steps', step_tuple(self.steps))
@@ -293,15 +293,15 @@ class Repeat(Step):
                 f'steps has repeats {_nesting(self)} deep; at most {MAX_NESTING} may be nested')
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return the segments of all steps, as often as they are driven."""
+        """Return the path segments of all steps, repeated as often as they are driven."""
         return tuple(segment for step in self.steps for segment in step.path()) * self.times
 
     def describe(self) -> str:
-        """Return how often."""
+        """Return the number of repetitions as text."""
         return f'repeat {self.times} times'
 
     def block(self) -> tuple[int, tuple[Step, ...]]:
-        """Return how often which steps are driven."""
+        """Return the number of repetitions and the repeated steps."""
         return self.times, self.steps
 
 
@@ -310,9 +310,9 @@ class Motion:
     """
     A named sequence of steps: plain data.
 
-    :param name: its name, as shown
-    :param steps: what to do, in order; a list is kept as a tuple
-    :param description: what it is for, as shown
+    :param name: the name to show
+    :param steps: the steps, in order; a list is converted to a tuple
+    :param description: the purpose of the motion, as text to show
     """
 
     name: str
@@ -321,9 +321,9 @@ class Motion:
 
     def __post_init__(self) -> None:
         """
-        Refuse what is not a motion.
+        Raise an error for an invalid motion.
 
-        :raises InvalidMotionError: if name or description is not text, or a step is not one
+        :raises InvalidMotionError: if name or description is not text, or a step is not a Step
         """
         for what, text in (('name', self.name), ('description', self.description)):
             if not isinstance(text, str):
@@ -331,7 +331,7 @@ class Motion:
         object.__setattr__(self, 'steps', step_tuple(self.steps))
 
     def settled(self) -> Motion:
-        """Return it as a closed loop drives it: at its end the heading is corrected."""
+        """Return the motion for a closed loop: with a settle step at its end."""
         if self.steps and self.steps[-1].settles:
             return self
         return replace(self, steps=(*self.steps, Settle(SETTLE_TIME)))

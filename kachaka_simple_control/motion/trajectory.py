@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Path segments of constant curvature, and the trajectories by which they are driven."""
+"""Path segments of constant curvature, and the trajectories that drive them over time."""
 
 from __future__ import annotations
 
@@ -31,20 +31,21 @@ from kachaka_simple_control.motion.replanning import (
 )
 from kachaka_simple_control.motion.velocity_profile import VelocityProfile
 
-#: A last tick shorter than this part of a period is rounding, not a tick.
+#: A last tick shorter than this share of a period is left out (rounding).
 TIME_TOLERANCE = 1e-9
-#: How often the time that belongs to a position is bisected: to a microsecond within a day.
+#: The number of bisections to find the time for a position: to a microsecond in a day.
 TIME_BISECTIONS = 40
 
 
 class PathSegment(NamedTuple):
     """
-    A path with a constant curvature, in its own unit u.
+    A path with a constant curvature; its length has the unit u.
 
-    The unit is the metre, the radian for a turn in place, and the second where the velocity is
-    given: the rates are then velocities.
+    The unit u is the metre for straight lines and arcs, the radian for a turn in place, and the
+    second for a step with given velocities.  In seconds, ``linear`` and ``angular`` are
+    velocities.
 
-    :param distance: its length [u], not negative
+    :param distance: the length [u], not negative
     :param linear: metres forward for each u, negative backwards
     :param angular: radians to the left for each u
     """
@@ -55,25 +56,26 @@ class PathSegment(NamedTuple):
 
     @property
     def is_rest(self) -> bool:
-        """Return whether the robot stands still throughout."""
+        """Return whether the robot stands still during the whole segment."""
         return not (self.linear or self.angular)
 
     @property
     def length(self) -> float:
-        """Return how far it goes [m], negative backwards."""
+        """Return the driven length [m], negative backwards."""
         return self.linear * self.distance
 
     @property
     def angle(self) -> float:
-        """Return how far it turns [rad], positive to the left."""
+        """Return the heading change [rad], positive to the left."""
         return self.angular * self.distance
 
 
 def limits_along(segment: PathSegment, limits: Limits) -> PathLimits:
     """
-    Return the limits along a segment: the tighter of the linear and the angular ones.
+    Return the limits along a segment: for each, the stricter of the linear and angular limit.
 
     :param segment: the segment
+    :param limits: the limits of the robot
     :returns: the limits in the segment's unit, (13) and (17) in docs/theory.md; infinite at rest
     """
     forward = limits.backward_velocity if segment.linear < 0.0 else limits.max_linear_velocity
@@ -92,17 +94,17 @@ def _along(limit: float, rate: float) -> float:
     if not rate:
         return math.inf
     along = limit / rate
-    # A velocity that rounding took beyond the limit would be refused in mid-motion.
+    # If rounding raised the velocity above the limit, the gate would refuse it in the motion.
     return along if along * rate <= limit else math.nextafter(along, 0.0)
 
 
 @dataclass(frozen=True)
 class Trajectory(ABC):
     """
-    A path segment and the time it takes.
+    A path segment with its timing: the state at each time.
 
     :param segment: the segment
-    :param limits: along the segment
+    :param limits: the limits along the segment
     """
 
     segment: PathSegment
@@ -111,37 +113,37 @@ class Trajectory(ABC):
     @property
     @abstractmethod
     def duration(self) -> float:
-        """Return how long it takes [s]."""
+        """Return the duration of the trajectory [s]."""
 
     @abstractmethod
     def ticks(self, rate: float) -> int:
         """
-        Return in how many parts of equal length it is sent, each with its own velocity.
+        Return the number of equal time parts of the trajectory, each with its own velocity.
 
-        :param rate: how often a velocity is sent [Hz]
-        :returns: the number of parts; 0 if it takes no time
+        :param rate: the rate at which velocities are sent [Hz]
+        :returns: the number of parts; 0 for a duration of zero
         """
 
     @abstractmethod
     def velocities(self, rate: float) -> list[Velocity]:
         """
-        Return the velocity to send in each part.
+        Return the velocity to send in each of the equal time parts.
 
-        :param rate: how often a velocity is sent [Hz]
+        :param rate: the rate at which velocities are sent [Hz]
         """
 
     @abstractmethod
     def state_at(self, time: float) -> PathState:
         """
-        Return the state as planned.
+        Return the planned state at a time.
 
-        :param time: since it began [s]
+        :param time: the time since the start of the trajectory [s]
         """
 
     @abstractmethod
     def time_at(self, position: float) -> float:
         """
-        Return when it is planned to be somewhere [s]: the inverse of ``state_at``.
+        Return the planned time of a position [s]: the inverse of ``state_at()``.
 
         :param position: the distance from the start of the segment [u]
         """
@@ -149,19 +151,20 @@ class Trajectory(ABC):
     @abstractmethod
     def first_state(self, factor: float, velocity: float) -> PathState:
         """
-        Return the state in which it begins under a speed factor.
+        Return the start state of the trajectory under a speed factor.
 
         :param factor: the speed factor, from 0 to 1
-        :param velocity: of the trajectory before at its end, in its own unit [u/s]; 0 at rest
+        :param velocity: the end velocity of the previous trajectory, in its unit [u/s]; 0 at rest
         """
 
     @abstractmethod
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """
-        Return how the rest is driven under another speed factor.
+        Return the re-planned remainder of the trajectory for a new speed factor.
 
-        :param state: the state now
-        :param factor: the speed factor, from 0 to 1; 0: come to rest, or pass the end on the way
+        :param state: the current state
+        :param factor: the speed factor, from 0 to 1; 0: stop as soon as possible, or pass the
+            end if the remaining path is too short to stop
         """
 
     @property
@@ -171,18 +174,18 @@ class Trajectory(ABC):
 
     def mean_velocity(self, distance: float, duration: float) -> Velocity:
         """
-        Return the velocity that takes a distance along the segment in a time.
+        Return the mean velocity that covers a distance along the segment in a time.
 
         :param distance: the distance [u]
         :param duration: the time [s]
         """
-        # Rounding must not carry it beyond the limit, or backwards.
+        # Rounding must not raise the rate above the limit, or make it negative.
         rate = min(max(0.0, distance / duration), self.max_rate)
         return Velocity(self.segment.linear * rate, self.segment.angular * rate)
 
 
 class ConstantVelocity(Trajectory):
-    """A segment in seconds: one velocity, which a plan runner repeats at the rate."""
+    """A segment in seconds: one constant velocity, sent repeatedly at the plan's rate."""
 
     @property
     def duration(self) -> float:
@@ -190,36 +193,36 @@ class ConstantVelocity(Trajectory):
         return self.segment.distance
 
     def ticks(self, rate: float) -> int:  # noqa: ARG002
-        """Return 1, or 0 if it takes no time."""
+        """Return 1, or 0 for a duration of zero."""
         return 1 if self.duration else 0
 
     def velocities(self, rate: float) -> list[Velocity]:
-        """Return the velocity, once."""
+        """Return a list with the one velocity; empty for a duration of zero."""
         return [Velocity(self.segment.linear, self.segment.angular)] * self.ticks(rate)
 
     def state_at(self, time: float) -> PathState:
-        """Return the time itself, which passes at one second a second."""
+        """Return the time as the position, with a rate of one second per second."""
         return PathState(time, 1.0)
 
     def time_at(self, position: float) -> float:
-        """Return the position, which is a time."""
+        """Return the position itself, because the position is a time."""
         return position
 
     def first_state(self, factor: float, velocity: float) -> PathState:
-        """Return the rate of the movement before; from rest the factor, as the plan jumps too."""
+        """Return position 0 and the previous velocity; after a rest, the rate for the factor."""
         return PathState(0.0, velocity or self._rate(factor))
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
-        """Return how time passes: at the factor, with a ramp to it."""
+        """Return the re-planned remainder: the rate of plan time ramps to the speed factor."""
         return replan_through(state, self.duration, self._rate(factor), self.limits)
 
     @property
     def max_rate(self) -> float:
-        """Return one second a second."""
+        """Return the largest rate: one second per second."""
         return 1.0
 
     def _rate(self, factor: float) -> float:
-        """Return how fast plan time passes: the factor; in a rest 1, or 0 while held."""
+        """Return the rate of plan time: the factor; in a rest 1, or 0 for a factor of 0."""
         return math.ceil(factor) if self.segment.is_rest else factor
 
 
@@ -235,35 +238,35 @@ class ProfiledPath(Trajectory):
 
     @property
     def duration(self) -> float:
-        """Return how long the profile takes [s]."""
+        """Return the duration of the profile [s]."""
         return self.profile.duration
 
     def ticks(self, rate: float) -> int:
-        """Return the number of parts, none longer than a period."""
+        """Return the number of equal time parts, each not longer than a period."""
         if not self.duration:
             return 0
         return max(1, math.ceil(self.duration * rate * (1.0 - TIME_TOLERANCE)))
 
     def velocities(self, rate: float) -> list[Velocity]:
-        """Return the mean of the profile over each part."""
+        """Return the mean velocity of the profile in each time part."""
         count = self.ticks(rate)
         if not count:
             return []
         linear, angular, top = self.segment.linear, self.segment.angular, self.profile.velocity
-        # A cruise is one velocity many times over, and one object.
+        # All parts of a cruise share one Velocity object.
         cruising = Velocity(linear * top, angular * top)
         return [
             cruising if mean == top else Velocity(linear * mean, angular * mean)
             for mean in self.profile.means(count)]
 
     def state_at(self, time: float) -> PathState:
-        """Return the state of the profile."""
+        """Return the state of the profile at a time."""
         return PathState(
             self.profile.position_at(time), self.profile.velocity_at(time),
             self.profile.acceleration_at(time))
 
     def time_at(self, position: float) -> float:
-        """Return the time, by bisection: the profile never goes back."""
+        """Return the time of a position by bisection; the position never decreases."""
         low, high = 0.0, self.duration
         for _ in range(TIME_BISECTIONS):
             middle = (low + high) / 2.0
@@ -274,11 +277,11 @@ class ProfiledPath(Trajectory):
         return high
 
     def first_state(self, factor: float, velocity: float) -> PathState:  # noqa: ARG002
-        """Return rest at its start."""
+        """Return the start state: position 0, at rest."""
         return PathState(0.0)
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
-        """Return how the rest is driven: the factor caps the velocity, accelerations stay."""
+        """Return the re-planned remainder: the factor scales the velocity limit only."""
         return replan_to_rest(
             state, self.segment.distance, factor * self.profile.velocity, self.limits)
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Physical quantities: their SI units, how they are written, and which numbers they may be."""
+"""Physical quantities: their units, their text format, and their allowed values."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ import re
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.text import quoted
 
-#: A number without its sign.  A text matches in one way only, or a long one would take hours.
+#: A number without its sign.  Each text matches in one way only, to avoid backtracking.
 DIGITS = r'([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][-+]?[0-9]+)?'
 _PARTS = re.compile(f'(?P<number>[-+]?{DIGITS}) *(?P<unit>.*)', re.DOTALL)
-# Matched from the beginning of a text: to search a long one for them would take an hour, too.
+# Matched from the start of a text only: a search in a long text takes too long.
 _CLOCK = re.compile('[0-9]*:[0-9]+')
 _DECIMAL_COMMA = re.compile('([-+]?[0-9]+),(?=[0-9])')
-#: The minus sign that a word processor writes for a hyphen before a number.
+#: The minus sign that a word processor writes instead of a hyphen before a number.
 MINUS = '\u2212'
 
 
 class UnitError(ValueError):
-    """A text is not a quantity of the kind asked for; the message says why, and what is."""
+    """A text is not a quantity of the expected kind; the message says what to write."""
 
 
 class SignRule(Enum):
-    """Which numbers a quantity may be."""
+    """The signs that a quantity allows."""
 
     ANY = 'any'
     NOT_NEGATIVE = 'zero or more'
@@ -49,16 +49,16 @@ class SignRule(Enum):
 @dataclass(frozen=True)
 class Quantity:
     """
-    A kind of quantity, and the units it may be written in.
+    A kind of quantity, with the units that its text form allows.
 
-    :param name: its name, with an article
-    :param units: each unit, as a fraction of the SI unit: a numerator and a denominator, because
-        57 / 100 is 0.57 and 57 * 0.01 is not; the first is the SI unit itself
-    :param example: one, written out
-    :param sign: whether it may be negative, may be zero but not negative, or neither
+    :param name: the name of the quantity, with an article
+    :param units: each unit as a fraction of the SI unit: a numerator and a denominator, because
+        57 / 100 gives 0.57 and 57 * 0.01 does not; the first is the SI unit itself
+    :param example: an example text
+    :param sign: the allowed signs
     :param largest: the largest value allowed in a text [SI unit]
-    :param needs_unit: whether a number alone is refused in a text, because it is often meant in
-        another unit: ``turn: 90`` would be 14 turns
+    :param needs_unit: whether a text must have a unit; a bare number is often meant in another
+        unit, for example ``turn: 90`` in rad is 14 turns
     """
 
     name: str
@@ -75,19 +75,19 @@ class Quantity:
 
     @property
     def keyword(self) -> str:
-        """Return the name without its article, as the schemas have it."""
+        """Return the name without its article, as used in the schemas."""
         return self.name.split(' ', 1)[1]
 
     @property
     def pattern(self) -> str:
-        """Return the regular expression, for Python and ECMA alike, of a text that is one."""
+        """Return the regular expression for a valid text, for Python and for ECMAScript."""
         units = '|'.join(unit.replace('^', r'\^') for unit in self.units)
         sign = f'[{"-" if self.sign is SignRule.ANY else ""}+]?'
         return f'^{sign}{DIGITS} *({units}){"" if self.needs_unit else "?"}$'
 
     @property
     def wanted(self) -> str:
-        """Return what to write for one, for error messages."""
+        """Return the expected text form with its units, for error messages."""
         *others, last = self.units
         units = f'{", ".join(others)} or {last}' if others else last
         return f'{self.name}, as in {self.example} (in {units})'
@@ -96,8 +96,9 @@ class Quantity:
         """
         Return the value of a text, in the SI unit.
 
-        :param text: a number and a unit; a number alone is in the SI unit, or refused
-        :raises UnitError: if the text is not such a quantity
+        :param text: a number and a unit; a number alone is in the SI unit, or an error if
+            ``needs_unit``
+        :raises UnitError: if the text is not a valid quantity of this kind
         """
         match = _PARTS.fullmatch(text)
         if match is None:
@@ -114,7 +115,7 @@ class Quantity:
 
     def without_unit(self, number: object) -> str:
         """
-        Return what to write instead of a number without a unit, for error messages.
+        Return the error message for a number without a unit, with the texts to write instead.
 
         :param number: the number
         """
@@ -124,11 +125,11 @@ class Quantity:
 
     def require(self, name: str, value: object) -> None:
         """
-        Refuse a value that is not a finite number of the sign allowed.
+        Raise an error for a value that is not a finite number with an allowed sign.
 
         :param name: the name of the value, for the message
         :param value: the value [SI unit]
-        :raises InvalidMotionError: if it is refused
+        :raises InvalidMotionError: if the value is invalid
         """
         number = require_finite(name, value, self.unit)
         if self.sign is SignRule.NOT_NEGATIVE and number < 0.0:
@@ -156,7 +157,7 @@ class Quantity:
 
 
 def point_advice(text: str) -> str | None:
-    """Return what to write for a number with a decimal comma; None if a text is none."""
+    """Return the advice for a number with a decimal comma; None if the text has no such comma."""
     comma = _DECIMAL_COMMA.match(text)
     return comma and f'write {quoted(f"{comma[1]}.{text[comma.end():]}")}, with a point'
 
@@ -186,7 +187,7 @@ VEER = Quantity(
     'a veer', _per(_RADIAN, 'm'), '2 deg/m', SignRule.ANY, needs_unit=True)
 ANGULAR_JERK = Quantity('an angular jerk', _per(_RADIAN, 's^3'), '360 deg/s^3')
 
-#: By the words that stand for them in the schemas.
+#: The quantities by their keywords in the schemas.
 QUANTITIES = {quantity.keyword: quantity for quantity in (
     LENGTH, SIZE, ANGLE, TIME, COMMAND_TIMEOUT, FREQUENCY, LINEAR_VELOCITY, ANGULAR_VELOCITY,
     POSITIVE_LINEAR_VELOCITY, POSITIVE_ANGULAR_VELOCITY, LINEAR_ACCELERATION,
@@ -195,11 +196,12 @@ QUANTITIES = {quantity.keyword: quantity for quantity in (
 
 def require_number(name: str, value: object, unit: str) -> float:
     """
-    Return a value as a float; an integer too large for one becomes infinite.
+    Return a value as a float; an integer too large for a float becomes infinite.
 
     :param name: the name of the value, for the message
-    :param unit: its unit, for the message
-    :raises InvalidMotionError: if it is not a number
+    :param value: the value
+    :param unit: the unit of the value, for the message
+    :raises InvalidMotionError: if the value is not a number
     """
     # bool is a Real in Python, and move_robot(True, ...) is a mistake.
     if isinstance(value, bool) or not isinstance(value, (int, float, Real)):
@@ -215,8 +217,9 @@ def require_finite(name: str, value: object, unit: str) -> float:
     Return a value as a finite float.
 
     :param name: the name of the value, for the message
-    :param unit: its unit, for the message
-    :raises InvalidMotionError: if it is not a number, or not finite
+    :param value: the value
+    :param unit: the unit of the value, for the message
+    :raises InvalidMotionError: if the value is not a number, or not finite
     """
     number = require_number(name, value, unit)
     if not math.isfinite(number):
@@ -227,11 +230,14 @@ def require_finite(name: str, value: object, unit: str) -> float:
 def require_between(
         name: str, value: float, lowest: float, highest: float, unit: str = '') -> None:
     """
-    Refuse a value that is not a number in a range.
+    Raise an error for a value that is not a number within a range.
 
     :param name: the name of the value, for the message
-    :param unit: the unit of all three; empty for a ratio
-    :raises InvalidMotionError: if it is refused
+    :param value: the value
+    :param lowest: the lowest value allowed
+    :param highest: the highest value allowed
+    :param unit: the unit of the value and of the range; empty for a ratio
+    :raises InvalidMotionError: if the value is outside the range or not a number
     """
     require_finite(name, value, unit)
     unit = unit and f' {unit}'
@@ -242,11 +248,12 @@ def require_between(
 
 def require_positive(name: str, value: object, unit: str) -> None:
     """
-    Refuse a value that is not above zero; infinity is allowed.
+    Raise an error for a value that is not above zero; infinity is allowed.
 
     :param name: the name of the value, for the message
-    :param unit: its unit, for the message
-    :raises InvalidMotionError: if it is not a number above zero
+    :param value: the value
+    :param unit: the unit of the value, for the message
+    :raises InvalidMotionError: if the value is not a number above zero
     """
     # Written so that NaN fails.
     if not require_number(name, value, unit) > 0.0:
@@ -255,7 +262,7 @@ def require_positive(name: str, value: object, unit: str) -> None:
 
 def format_number(value: float) -> str:
     """
-    Return a number with up to five significant digits: 0.5, not 0.500, and 0, not -0.
+    Return a number as text with up to five significant digits: 0.5, not 0.500; 0, not -0.
 
     :param value: the number
     """

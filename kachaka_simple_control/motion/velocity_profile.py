@@ -27,13 +27,14 @@ class Ramp:
     """
     A rise from rest to a velocity: the acceleration rises, may be held, and falls.
 
-    Units are those of the path, here called u: metres or radians.  The numbers in brackets are
-    those of the formulas in docs/theory.md.
+    The unit u is the unit of the path: metre or radian.  The numbers in round brackets refer to
+    the formulas in docs/theory.md.
 
-    :param velocity: the velocity at its end [u/s]
-    :param acceleration: the largest acceleration [u/s^2]; 0 if it takes no time
-    :param easing: how long the acceleration takes to rise, and again to fall [s]
-    :param duration: how long the whole takes [s]
+    :param velocity: the velocity at the end [u/s]
+    :param acceleration: the largest acceleration [u/s^2]; 0 for a duration of zero
+    :param easing: the time in which the acceleration rises, and also the time in which it falls
+        [s]
+    :param duration: the duration of the whole ramp [s]
     """
 
     velocity: float
@@ -43,14 +44,14 @@ class Ramp:
 
     @property
     def distance(self) -> float:
-        """Return the distance [u] (2)."""
+        """Return the distance covered by the whole ramp [u] (2)."""
         return self.velocity * self.duration / 2.0
 
     def position_at(self, time: float) -> float:
         """
-        Return the distance at a time [u] (3).
+        Return the distance covered at a time [u] (3).
 
-        :param time: since it began [s], from 0 to its duration
+        :param time: the time since the start of the ramp [s], from 0 to the duration
         """
         easing, acceleration = self.easing, self.acceleration
         if time < easing:
@@ -66,7 +67,7 @@ class Ramp:
         """
         Return the velocity at a time [u/s] (4).
 
-        :param time: since it began [s], from 0 to its duration
+        :param time: the time since the start of the ramp [s], from 0 to the duration
         """
         if time < self.easing:
             return self.acceleration * time * time / (2.0 * self.easing)
@@ -79,17 +80,17 @@ class Ramp:
         """
         Return the acceleration at a time [u/s^2] (4).
 
-        :param time: since it began [s], from 0 to its duration
+        :param time: the time since the start of the ramp [s], from 0 to the duration
         """
         nearest = min(time, self.duration - time)
         return self.acceleration * (nearest / self.easing if nearest < self.easing else 1.0)
 
     def means(self, part: float, count: int) -> list[float]:
         """
-        Return the mean velocity in each of some equal parts of the time, from the beginning [u/s].
+        Return the mean velocity in each of several equal time parts from the start [u/s].
 
-        :param part: how long each is [s]
-        :param count: how many of them; they end within the ramp, but for rounding
+        :param part: the duration of each part [s]
+        :param count: the number of parts; together they end within the ramp, except for rounding
         """
         times = [index * part for index in range(count + 1)]
         times[-1] = min(times[-1], self.duration)
@@ -99,11 +100,11 @@ class Ramp:
 
 def ramp(velocity: float, acceleration: float, jerk: float) -> Ramp:
     """
-    Return the quickest ramp to a velocity; without a limit it takes no time.
+    Return the fastest ramp to a velocity; with infinite limits its duration is zero.
 
-    :param velocity: at its end [u/s], finite, not negative
+    :param velocity: the velocity at the end [u/s], finite, not negative
     :param acceleration: the largest acceleration [u/s^2], positive; may be infinite
-    :param jerk: the largest change of the acceleration [u/s^3], positive; may be infinite
+    :param jerk: the largest rate of change of the acceleration [u/s^3], positive; may be infinite
     """
     peak = min(acceleration, math.sqrt(velocity * jerk) if velocity else 0.0)  # (2)
     if peak in (0.0, math.inf):
@@ -117,14 +118,14 @@ class VelocityProfile:
     """
     A ramp up, a cruise at constant velocity, and a ramp down that may differ from the first.
 
-    The velocity is zero before and after it; where it jumps, its value is the later one.
-    Units are those of the path, here called u: metres or radians.  The numbers in brackets are
-    those of the formulas in docs/theory.md.
+    The velocity is zero before and after the profile.  At a jump, the velocity has the value
+    after the jump.  The unit u is the unit of the path: metre or radian.  The numbers in round
+    brackets refer to the formulas in docs/theory.md.
 
     :param distance: the distance [u], not negative
     :param rise: the ramp up
-    :param cruise: how long the velocity is constant [s]
-    :param fall: the ramp down: a rise backwards in time
+    :param cruise: the time of constant velocity [s]
+    :param fall: the ramp down, given as a ramp up with the time reversed
     """
 
     distance: float
@@ -139,14 +140,14 @@ class VelocityProfile:
 
     @property
     def duration(self) -> float:
-        """Return how long it takes [s]."""
+        """Return the duration of the profile [s]."""
         return self.rise.duration + self.cruise + self.fall.duration
 
     def position_at(self, time: float) -> float:
         """
-        Return the distance at a time [u] (5).
+        Return the distance covered at a time [u] (5).
 
-        :param time: since it began [s]; before it and after it are allowed
+        :param time: the time since the start [s]; before the start and after the end are allowed
         """
         if time <= 0.0:
             return 0.0
@@ -161,7 +162,7 @@ class VelocityProfile:
         """
         Return the velocity at a time [u/s].
 
-        :param time: since it began [s]; before it and after it are allowed
+        :param time: the time since the start [s]; before the start and after the end are allowed
         """
         left = self.duration - time
         if time < 0.0 or left <= 0.0:
@@ -172,9 +173,9 @@ class VelocityProfile:
 
     def acceleration_at(self, time: float) -> float:
         """
-        Return the acceleration at a time [u/s^2], without jumps of the velocity.
+        Return the acceleration at a time [u/s^2]; jumps of the velocity are ignored.
 
-        :param time: since it began [s]; before it and after it are allowed
+        :param time: the time since the start [s]; before the start and after the end are allowed
         """
         left = self.duration - time
         if time < 0.0 or left <= 0.0:
@@ -185,15 +186,15 @@ class VelocityProfile:
 
     def means(self, count: int) -> list[float]:
         """
-        Return the mean velocity of each of some equal parts of the time.
+        Return the mean velocity in each of several equal time parts.
 
-        :param count: how many parts, 1 or more
-        :returns: the means [u/s] (11); they keep the limits (12), and times the length of a part
-            they add up to the distance
+        :param count: the number of parts, 1 or more
+        :returns: the means [u/s] (11); they keep the limits (12), and their sum times the
+            duration of a part is the distance
         """
         part = self.duration / count
         rise, fall = self.rise.duration / part, self.fall.duration / part
-        # Equal parts are the same from the end: a fall is a rise in them, backwards.
+        # Equal parts are the same counted from the end, so a fall is a rise in reverse order.
         rising, falling = math.floor(rise), math.floor(fall)
         first, last = math.ceil(rise), count - math.ceil(fall)
         if first >= last:  # no part lies within the cruise
@@ -201,15 +202,15 @@ class VelocityProfile:
         means = [
             *self.rise.means(part, rising),
             *(self._mean(index * part, part) for index in range(rising, first)),
-            # Nothing is computed here, so there is no rounding.
+            # The cruise velocity is copied, not computed, so there is no rounding.
             *[self.velocity] * (last - first),
             *(self._mean(index * part, part) for index in range(last, count - falling)),
             *reversed(self.fall.means(part, falling))]
-        # Rounding must not carry a mean beyond the limit.
+        # Rounding must not raise a mean above the limit.
         return [min(mean, self.velocity) for mean in means]
 
     def _mean(self, start: float, part: float) -> float:
-        """Return one mean, from the distances of rise, cruise and fall in its time (11)."""
+        """Return the mean velocity in one time part that starts at a time (11)."""
         times = (start, start + part)
         rise, fall, top = self.rise, self.fall, self.rise.duration
         up = [rise.position_at(min(time, top)) for time in times]
@@ -223,28 +224,28 @@ def time_optimal_profile(
         distance: float, velocity: float, acceleration: float = math.inf,
         deceleration: float = math.inf, jerk: float = math.inf) -> VelocityProfile:
     """
-    Return the quickest profile over a distance; each limit is positive and may be infinite.
+    Return the fastest profile over a distance; each limit is positive and may be infinite.
 
     :param distance: the distance [u], finite, not negative
     :param velocity: the largest velocity [u/s]
     :param acceleration: the largest acceleration [u/s^2]
     :param deceleration: the largest deceleration [u/s^2]
-    :param jerk: the largest change of either [u/s^3]
-    :returns: the profile; over no distance it takes no time
-    :raises InvalidMotionError: if all four limits are infinite, so that it would take no time
+    :param jerk: the largest rate of change of acceleration and deceleration [u/s^3]
+    :returns: the profile; over a distance of zero its duration is zero
+    :raises InvalidMotionError: if all four limits are infinite: the profile would take no time
     """
     peak = min(velocity, _unlimited_peak(distance, acceleration, deceleration, jerk))
     if peak == math.inf:
         raise InvalidMotionError('nothing limits the velocity; set a speed or a limit')
     rise, fall = ramp(peak, acceleration, jerk), ramp(peak, deceleration, jerk)
-    # Over no distance there is no peak either, unless the velocity may jump.
+    # Over a distance of zero the peak is zero too, unless the velocity may jump.
     cruise = (distance - rise.distance - fall.distance) / peak if peak else 0.0
     return VelocityProfile(distance, rise, max(0.0, cruise), fall)
 
 
 def _unlimited_peak(
         distance: float, acceleration: float, deceleration: float, jerk: float) -> float:
-    """Return the velocity at which the two ramps alone make up the distance (6)."""
+    """Return the peak velocity of a profile with two ramps and no cruise (6)."""
     if jerk == math.inf:
         slowness = 1.0 / acceleration + 1.0 / deceleration
         return math.sqrt(2.0 * distance / slowness) if slowness else math.inf  # (7)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Plots a calibration: what a robot was sent, what odometry reported, and what was fitted."""
+"""Plot a calibration: the commands, the odometry, and the fitted model."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ from kachaka_simple_control.report.plot_style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Sizes and places [inch].
+#: Sizes and positions [inch].
 WIDTH, ROW, GAP = 7.5, 1.9, 0.2
 LEFT, RIGHT, BOTTOM, TOP = 0.78, 0.14, 0.85, 0.1
-#: What is drawn over time, one below the other.
+#: The label and the value of each plot over time, from top to bottom.
 AXES: tuple[tuple[str, Callable[[Pose], float]], ...] = (
     ('x [m]', lambda pose: pose.x), ('heading [°]', lambda pose: math.degrees(pose.theta)))
 
 
 def save_calibration_plot(log: DriveLog, fit: CalibrationFit, path: Path) -> None:
     """
-    Plot a calibration; odometry lies on the fit if that is right.
+    Plot a calibration: with a good fit, the odometry line lies on the fitted line.
 
-    :param path: what ``check_plot_file`` returned
+    :param path: the file, as ``check_plot_file`` returned it
     :raises UsageError: if matplotlib is missing, or the file cannot be written
     """
     with default_style():
@@ -62,7 +62,7 @@ def save_calibration_plot(log: DriveLog, fit: CalibrationFit, path: Path) -> Non
 
 def _draw(figure: Figure, log: DriveLog, fit: CalibrationFit) -> None:
     drive, calibration = AlignedDrive(log), fit.calibration('', '')
-    # A lag is drawn as dead time: on the whole the robot is as late.
+    # A lag is drawn as a dead time of the same length: the average delay is equal.
     fitted = DeadReckoning([
         replace(message, time=message.time + fit.delay.value,
                 velocity=calibration.response(message.velocity))

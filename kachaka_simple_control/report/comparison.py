@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compares drives of the same motion by their reports: how exactly it ends, how alike they are."""
+"""Compare the reports of drives of one motion: accuracy and repeatability of the end pose."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ from kachaka_simple_control.text import escaped, format_fixed, pluralize
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: The largest file that is read [bytes]: hours of paths take much less.
+#: The largest file that is read [bytes]; a drive of hours gives a much smaller file.
 MAX_BYTES = 100_000_000
-#: By how much the planned ends of drives of the same motion may differ [m, rad].
+#: The largest difference between the planned ends of drives of the same motion [m, rad].
 MAX_END_DIFFERENCE = 1e-6
-#: So many drives have a colour and a name each in the plot; of more all look alike.
+#: The colours of the drives in the plot; with more drives, all have one colour and no name.
 COLOURS = (ORANGE, BLUE, GREEN, PURPLE)
-#: The height of a line of a legend [inch], and how many lines have a place without more room.
+#: The height of a legend line [inch], and the number of lines that need no extra room.
 LEGEND_LINE, LEGEND_LINES = 0.19, 3
 HEAD = (('drive', ''), ('x', '[mm]'), ('y', '[mm]'), ('heading', '[deg]'), ('away', '[mm]'),
         ('late', ''))
@@ -72,14 +72,14 @@ HEAD = (('drive', ''), ('x', '[mm]'), ('y', '[mm]'), ('heading', '[deg]'), ('awa
 @dataclass(frozen=True)
 class DriveEnd:
     """
-    Where a drive ended, by its report.
+    The end of a drive, as read from its report.
 
     :param name: the directory of the report
-    :param motions: the names of what was driven
-    :param planned: where it was to end: x [m], y [m], heading [rad]
-    :param error: where it ended by odometry, less where it was to end: x [m], y [m], heading [rad]
-    :param late: how many messages were late or lost
-    :param paths: the path as planned and by odometry [m]
+    :param motions: the names of the driven motions
+    :param planned: the planned end pose: x [m], y [m], heading [rad]
+    :param error: the end pose from odometry minus the planned one: x [m], y [m], heading [rad]
+    :param late: the number of messages that were late or lost
+    :param paths: the planned path and the path from odometry [m]
     """
 
     name: str
@@ -93,12 +93,12 @@ class DriveEnd:
 @dataclass(frozen=True)
 class Spread:
     """
-    How exactly drives end, and how alike.
+    The accuracy and the repeatability of the ends of several drives.
 
     :param mean: the mean error: x [m], y [m], heading [rad]
-    :param deviation: the standard deviation of each of them
-    :param worst_distance: the largest distance of an end from the mean end [m]
-    :param worst_angle: the largest angle of an end from the mean heading [rad]
+    :param deviation: the standard deviation of the error: x [m], y [m], heading [rad]
+    :param worst_distance: the largest distance between an end and the mean end [m]
+    :param worst_angle: the largest angle between a heading and the mean heading [rad]
     """
 
     mean: tuple[float, float, float]
@@ -109,9 +109,9 @@ class Spread:
 
 def read_drive(directory: Path) -> DriveEnd:
     """
-    Return where a drive ended.
+    Read the end of a drive from its report.
 
-    :param directory: of its report
+    :param directory: the directory of the report
     :raises UsageError: if there is no report, or its drive was not completed
     """
     name = escaped(str(directory), 60)
@@ -136,7 +136,7 @@ def _read(path: Path) -> bytes:
 
     :raises OSError: if it cannot be read, or is too large
     """
-    # A pipe would wait for its other end, and a device may have no end.
+    # Opening a pipe would block, and reading a device may never end.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(descriptor, 'rb') as file:
         status = os.fstat(descriptor)
@@ -149,10 +149,10 @@ def _read(path: Path) -> bytes:
 
 def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
     """
-    Return where a drive ended.
+    Return the end of a drive.
 
     :param name: the directory of its report
-    :param data: its ``run.json``
+    :param data: the content of its ``run.json``
     :raises UsageError: if the drive was not completed
     """
     if data['verdict']['ending'] != 'done':
@@ -173,10 +173,10 @@ def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
 
 def _finite(value: object) -> float:
     """
-    Return a number of a file.
+    Return a value from a file as a float.
 
-    :raises TypeError: if it is none
-    :raises ValueError: if it is not finite
+    :raises TypeError: if the value is not a number
+    :raises ValueError: if the value is not finite
     """
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise TypeError(value)
@@ -209,7 +209,7 @@ def require_same(drives: Sequence[DriveEnd]) -> None:
 
 
 def spread(drives: Sequence[DriveEnd]) -> Spread:
-    """Return how exactly drives of the same motion end, two or more, and how alike."""
+    """Return the accuracy and the repeatability of two or more drives of the same motion."""
     errors = list(zip(*(drive.error for drive in drives)))
     x, y, heading = (math.fsum(values) / len(values) for values in errors)
     deviations = tuple(
@@ -223,10 +223,10 @@ def spread(drives: Sequence[DriveEnd]) -> Spread:
 
 def comparison_table(drives: Sequence[DriveEnd], widest: int) -> str:
     """
-    Return a table of where drives ended, from where they were to end, and what it says.
+    Return a table of the end errors of drives, with their accuracy and repeatability.
 
-    :param drives: of the same motion, two or more
-    :param widest: how many columns of text it may have
+    :param drives: two or more drives of the same motion
+    :param widest: the largest width of the table [columns]
     """
     found = spread(drives)
     rows = [(drive.name, *_row(drive.error), str(drive.late)) for drive in drives]
@@ -236,7 +236,7 @@ def comparison_table(drives: Sequence[DriveEnd], widest: int) -> str:
     name, *others = drives[0].motions
     what = f'{pluralize(len(others) + 1, "motion")}' if others else escaped(name)
     lines = columns(HEAD, rows, widest=widest)
-    # The rows of all drives stand above the line, what follows from them below it.
+    # A rule separates the rows of the drives from the mean and the standard deviation.
     lines.insert(len(lines) - 2, lines[2])
     return '\n'.join([
         f'{pluralize(len(drives), "drive")} of {what}: where they ended, from where they were to',
@@ -263,9 +263,9 @@ def _angle(value: float) -> str:
 
 def save_comparison(drives: Sequence[DriveEnd], path: Path) -> None:
     """
-    Plot the paths of drives by odometry over the planned one.
+    Plot the odometry paths of drives over the planned path.
 
-    :param path: what ``check_plot_file`` returned
+    :param path: the file, as ``check_plot_file`` returned it
     :raises UsageError: if matplotlib is missing, or the file cannot be written
     """
     with default_style():

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The plot of a drive's path: as planned, as sent, as odometry reported it."""
+"""Plot the path of a drive: as planned, as sent, and from odometry."""
 
 from __future__ import annotations
 
@@ -54,28 +54,27 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Sizes and places [inch].
-#: So narrow that texts of 9 points are larger than 10 pixels on a phone of 400 pixels.
+# Sizes and positions [inch].
+#: The width of a plot: on a phone 400 pixels wide, 9-point text is larger than 10 pixels.
 WIDTH = 4.2
-#: Above all axes.
+#: The margin above all axes.
 TOP = 0.1
-#: The legend's bottom.
+#: The bottom of the legend.
 LEGEND = 0.02
 PATH_LEFT, PATH_RIGHT, PATH_BOTTOM = 0.72, 0.12, 1.12
-#: The proportions of height to width that a map may have.
+#: The smallest and the largest ratio of height to width of a map.
 FLATTEST, TALLEST = 0.42, 1.15
-#: About how many ticks a map's longer axis has.
+#: The approximate number of ticks on the longer axis of a map.
 TICKS = 6.0
-#: The robot where it ended, and where it started.
+#: The style of the robot at the end and at the start.
 AT_END: dict[str, Any] = {
     'edgecolor': '#222222', 'linewidth': 1.4, 'facecolor': (0, 0, 0, 0.06), 'zorder': 2.0}
 AT_START: dict[str, Any] = {
     'edgecolor': GREEN, 'linewidth': 1.6, 'facecolor': 'none', 'linestyle': (0, (4, 2)),
     'zorder': 2.2}
-#: More points than these on one line make a page large.
+#: The largest number of points of a line; more points would make the page large.
 MAX_POINTS = 5000
-#: A line with more points than these is thin and solid: dashes on dashes would merge into one
-#: area.
+#: A line with more points than this is thin and solid, because overlapping dashes would merge.
 MANY = 1000
 THIN: dict[str, Any] = {'linewidth': 0.6, 'linestyle': '-'}
 
@@ -87,7 +86,7 @@ def draw_drive_path(figure: Figure, aligned: AlignedDrive, footprint: Footprint 
     """
     Draw the path of a drive, and set the size of the figure.
 
-    :param figure: the figure, empty
+    :param figure: an empty figure
     :param aligned: the drive
     :param footprint: the robot's outline; None if it is not known
     """
@@ -123,7 +122,7 @@ def _planned(aligned: AlignedDrive) -> list[PlannedPath]:
 
 
 def path_lines(aligned: AlignedDrive) -> dict[str, list[Point]]:
-    """Return the path as planned, as sent and by odometry [m], as far as there is each."""
+    """Return the planned path and, if known, the sent path and the odometry path [m]."""
     lines = {'planned': [(ORIGIN.x, ORIGIN.y)]}
     for start, steps in zip(aligned.motion_starts, _planned(aligned)):
         lines['planned'].append((start.pose.x, start.pose.y))
@@ -138,7 +137,7 @@ def path_lines(aligned: AlignedDrive) -> dict[str, list[Point]]:
 
 
 def _begun(aligned: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[list[ArcSegment]]:
-    """Return the paths of the steps that began, as in the table of steps; of all if none did."""
+    """Return the paths of the steps that began; of all steps if nothing was sent."""
     for start, steps in zip(aligned.motion_starts, planned):
         if not aligned.sent:
             yield from steps
@@ -150,7 +149,7 @@ def _begun(aligned: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[li
 
 
 def _sent_poses(aligned: AlignedDrive) -> Iterator[Pose]:
-    """Return the poses along what was sent, close enough to each other to show arcs."""
+    """Return the poses along the sent path, close enough together to show arcs."""
     reckoning = aligned.dead_reckoning
     for (begin, end), (one, two) in zip(pairwise(reckoning.times), pairwise(reckoning.poses)):
         yield one
@@ -169,7 +168,7 @@ def _corners(footprint: Footprint | None, poses: Sequence[Pose]) -> list[Point]:
 
 
 def extent(points: Sequence[Point]) -> Area:
-    """Return an area [m] that holds points with some room, neither too flat nor too high."""
+    """Return an area [m] around points, with a margin and a limited ratio of height to width."""
     finite = [point for point in points if math.isfinite(point[0] + point[1])]
     xs, ys = [x for x, _ in finite], [y for _, y in finite]
     free = 1.0 + 2.0 * MAP_MARGIN
@@ -202,9 +201,9 @@ def draw_legend(figure: Figure, left: float, ncol: int, *artists: Any) -> None:
     """
     Draw a legend below the axes of a drive's plot.
 
-    :param left: where [inch]
-    :param ncol: in how many columns
-    :param artists: its handles and labels; by default those of all axes
+    :param left: its left edge [inch]
+    :param ncol: the number of its columns
+    :param artists: its handles and labels; by default the handles and labels of all axes
     """
     figure.legend(
         *artists, loc='lower left', ncol=ncol, frameon=False, borderpad=0.2, borderaxespad=0.0,

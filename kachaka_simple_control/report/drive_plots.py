@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""All plots of a drive as SVG: its path, velocities and errors over time, periods."""
+"""All plots of a drive as SVG: path, velocities, errors, and intervals between messages."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ from kachaka_simple_control.report.plot_style import (
     draw_limits,
     GREY,
     LINEAR,
+    min_max_decimate,
     ODOMETRY,
     ORANGE,
     PLANNED,
@@ -46,39 +47,40 @@ from kachaka_simple_control.report.plot_style import (
     scale_for,
     SENT,
     set_time_limits,
+    StepPoint,
     style_axes,
     time_unit,
+    velocity_steps,
     VelocityComponent,
 )
 from kachaka_simple_control.report.speed_table import shade_pauses
-from kachaka_simple_control.report.time_series import min_max_decimate, StepPoint, velocity_steps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Sizes and places [inch].
-#: Beside and below plots over time, and plots of periods.
+# Sizes and positions [inch].
+#: The margins of plots over time and of histograms.
 LEFT, RIGHT, BOTTOM = 0.78, 0.14, 0.52
-#: The height of a row of a plot over time, the gap between two, and the room for a legend.
+#: The height of a row of a plot over time, the gap between rows, and the room for a legend.
 ROW, GAP, KEY = 1.2, 0.18, 0.28
 PERIOD_HEIGHT = 2.0
-#: Names of lines whose value is held until the next point.
+#: The lines whose value is held until the next point.
 HELD = ('planned', 'sent')
-#: A line over time with more points than the first is drawn as a band of as many parts as the
-#: second.
+#: If a line has more points than the first number, all lines over time are drawn as bands with
+#: this number of parts.
 MAX_LINE_POINTS, BANDS = 6000, 180
-#: The bars of a histogram on either side of the middle one.
+#: The number of bars of a histogram on each side of the middle bar.
 BARS = 25
-#: The least range of a histogram on either side [ms].
+#: The smallest range of a histogram on each side [ms].
 LEAST = 0.5
-#: Texts stay texts: they can be found, copied and read aloud.
+#: Text in the SVG stays text, so that a reader can search and copy it.
 SVG: Any = {'svg.fonttype': 'none'}
-#: Metadata that are left out: the same drive gives the same bytes.
+#: Metadata that are left out, so that the same drive gives the same bytes.
 NO_METADATA = {'Date': None, 'Creator': None, 'Format': None, 'Type': None}
-#: Pixels an inch of the PNG.
+#: The resolution of the PNG [pixels per inch].
 RESOLUTION = 260
-#: Names of the plots.
+#: The names of the plots.
 PATH, VELOCITIES, ERRORS, PERIODS = 'path', 'velocities', 'errors', 'periods'
 
 
@@ -87,8 +89,8 @@ class DrivePlots:
     """
     The plots of a drive.
 
-    :param svg: the SVG elements by name, ready to stand in a page
-    :param png: the path
+    :param svg: the SVG element of each plot, by the name of the plot
+    :param png: the plot of the path as a PNG file; empty if there is no plot
     """
 
     svg: dict[str, str]
@@ -97,13 +99,13 @@ class DrivePlots:
 
 def draw_drive_plots(summary: Summary) -> DrivePlots:
     """
-    Draw a drive; what was not sent or reported is not drawn.
+    Draw the plots of a drive; a plot without data is left out.
 
     :raises UsageError: if matplotlib is missing
     """
     with default_style(), warnings.catch_warnings():
         from matplotlib import rc_context
-        # A letter that the font lacks becomes a box.
+        # A character that the font lacks is drawn as a box.
         warnings.filterwarnings('ignore', message='Glyph')
         figures = {name: _figure(draw) for name, draw in _plots(summary).items()}
         png = io.BytesIO()
@@ -133,7 +135,7 @@ def _plots(summary: Summary) -> dict[str, Callable[[Figure], None]]:
 
 
 def common_limits(log: DriveLog) -> Limits:
-    """Return the limits that all motions were planned with; if they differ, those of the robot."""
+    """Return the limits of all planned motions; if they differ, the limits of the robot."""
     first, *others = [motion.planned.limits for motion in log.motions]
     session = log.session_started
     return first if session is None or all(limits == first for limits in others) else (
@@ -158,12 +160,12 @@ def _svg(figure: Figure, name: str) -> str:
 
 def embed_svg(svg: str, name: str) -> str:
     """
-    Return an SVG file of matplotlib's as an element of a page.
+    Return an SVG file from matplotlib as an element of an HTML page.
 
-    It is as wide as there is room, and has no addresses and no style that applies to others.
+    The element fills the available width.  It has no namespaces, no metadata and no style sheet.
 
     :param svg: the text of the file
-    :param name: a prefix for each id that it refers to, so that plots do not share any
+    :param name: a prefix for each id, so that ids differ between plots
     """
     svg = svg[svg.index('<svg'):]
     svg = re.sub(r'<metadata>.*?</metadata>', '', svg, flags=re.DOTALL)
@@ -175,7 +177,7 @@ def embed_svg(svg: str, name: str) -> str:
     svg = re.sub(r' id="([^"]*)"', lambda found: (
         f' id="{name}-{found[1]}"' if found[1] in referred else ''), svg)
     svg = re.sub(r'(href="#|url\(#)', rf'\g<1>{name}-', svg)
-    # The style sheet may give each colour another one, on a dark ground.
+    # The style sheet of the page may replace each colour on a dark background.
     svg = re.sub(r'(: )#([0-9a-f]{6})\b', r'\1var(--plot-\2, #\2)', svg)
     return re.sub(r'\n+\s*', '\n', svg)
 
@@ -185,10 +187,10 @@ def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
     """
     Draw both components of the velocity over time, with limits dashed and pauses shaded.
 
-    :param figure: the figure, empty; its size is set
+    :param figure: an empty figure; the function sets its size
     :param aligned: the drive
     :param limits: the limits to draw
-    :param pauses: when the robot was paused
+    :param pauses: the times at which the robot was paused
     """
     rows = _rows(figure, KEY)
     duration = time_span(aligned)
@@ -207,9 +209,9 @@ def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
 
 def draw_drive_errors(figure: Figure, aligned: AlignedDrive) -> None:
     """
-    Draw how far odometry was from where the messages should have brought the robot.
+    Draw the differences between the pose from odometry and the commanded pose over time.
 
-    :param figure: the figure, empty; its size is set
+    :param figure: an empty figure; the function sets its size
     :param aligned: the drive, with odometry
     """
     rows = _rows(figure, 0.0)
@@ -249,7 +251,11 @@ def _velocity_lines(
 
 
 def _rows(figure: Figure, key: float) -> tuple[Axes, Axes]:
-    """Set the size of a figure, and add two axes, one above the other and a legend's room."""
+    """
+    Set the size of a figure, and add two axes, one above the other.
+
+    :param key: the height left free below for a legend [inch]
+    """
     bottom = BOTTOM + key
     figure.set_size_inches(WIDTH, bottom + 2.0 * ROW + GAP + TOP)
     above = add_axes(figure, LEFT, bottom + ROW + GAP, WIDTH - LEFT - RIGHT, ROW)
@@ -269,7 +275,7 @@ def _label_time(rows: tuple[Axes, Axes], duration: float) -> None:
 
 
 def is_dense(aligned: AlignedDrive) -> bool:
-    """Return whether bands are drawn: lines with that many points would merge into one area."""
+    """Return whether a drive has too many points for lines and is drawn as bands."""
     return max(len(aligned.sent), len(aligned.odometry)) > MAX_LINE_POINTS
 
 
@@ -286,7 +292,7 @@ def _draw_line(
         _draw_band(axes, points, duration, look)
         return
     unit = time_unit(duration)[1]
-    # What is sent is held until the next; what is reported changes from one sample to the next.
+    # A sent velocity is held until the next message; odometry is interpolated between samples.
     axes.plot([time / unit for time, _ in points], [value for _, value in points],
               drawstyle='steps-post' if look['gid'] in HELD else 'default', **look)
 
@@ -309,10 +315,10 @@ def _draw_band(
 
 def draw_periods(figure: Figure, interval_errors: Sequence[float]) -> None:
     """
-    Draw a histogram of how much longer than due the intervals between messages were.
+    Draw a histogram of the errors of the intervals between messages.
 
-    :param figure: the figure, empty; its size is set
-    :param interval_errors: the differences [s]
+    :param figure: an empty figure; the function sets its size
+    :param interval_errors: each interval minus the planned interval [s]
     """
     figure.set_size_inches(WIDTH, PERIOD_HEIGHT)
     width = WIDTH - LEFT - RIGHT
@@ -321,7 +327,7 @@ def draw_periods(figure: Figure, interval_errors: Sequence[float]) -> None:
     reach, counts = histogram([1e3 * error for error in interval_errors])
     bar = 2.0 * reach / len(counts)
     lefts = [-reach + number * bar for number in range(len(counts))]
-    # A bar of one must be visible beside one of thousands.
+    # The log scale keeps a count of one visible beside a count of thousands.
     axes.bar(lefts, counts, bar, align='edge', color=BLUE, edgecolor='white', linewidth=0.4,
              gid='periods')
     axes.set_yscale('log')
@@ -334,10 +340,10 @@ def draw_periods(figure: Figure, interval_errors: Sequence[float]) -> None:
 
 def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
     """
-    Count values in bars of equal width, with zero in the middle of one.
+    Count values in bars of equal width; zero is in the middle of the middle bar.
 
     :param values: the values [ms]
-    :returns: how far the bars reach on either side [ms], and the counts from left to right
+    :returns: the range of the bars on each side [ms], and the counts from left to right
     """
     finite = [value for value in values if math.isfinite(value)]
     largest = max((abs(value) for value in finite), default=0.0)

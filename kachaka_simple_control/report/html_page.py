@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The report as one HTML page: prepares the values of ``templates/report.html.j2``."""
+"""Render the report as one HTML page from ``templates/report.html.j2``."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ import math
 import re
 from typing import Any, TypeVar
 
-from kachaka_simple_control.analysis.sleep_loop import LOOP_OVERHEAD
+from kachaka_simple_control.analysis.plan_view import LOOP_OVERHEAD
 from kachaka_simple_control.analysis.step_results import StepResult
 from kachaka_simple_control.analysis.summary import OutcomeKind, Summary
 from kachaka_simple_control.errors import UsageError
@@ -41,20 +41,20 @@ from kachaka_simple_control.text import format_fixed, pluralize
 
 T = TypeVar('T')
 
-#: Markup, and text that somebody wrote: not changed.
+#: Markup and preformatted text, which stay unchanged.
 _FIXED = re.compile('(<style>.*?</style>|<svg.*?</svg>|<pre>.*?</pre>|<[^>]*>)', re.DOTALL)
 _UNIT = re.compile(r'([0-9]) (mm|ms|m|s|deg|rad|Hz|%)(?=[^a-zA-Z0-9]|$)')
 
-#: The number of a step, its figures, and which repeat it is; None, None and the steps left out.
+#: The number of a step, its result, and its repeat label; for a gap: None, None, a description.
 StepRow = tuple[int | None, StepResult | None, str]
 
-#: Stands in a cell whose value is not known.
+#: The text of a cell whose value is not known.
 UNKNOWN = '-'
-#: A table of more steps is folded, as that of a plan is.
+#: A table with more steps is folded, like the table of a plan.
 MAX_ROWS = 20
 #: The page shows at most this many steps or motions at each end, and leaves out the others.
 SHOWN = 500
-#: The outcome's sign, told apart by its shape as well as by its colour: an SVG path.
+#: The sign of each outcome as an SVG path; signs differ in shape as well as in colour.
 SIGNS = {
     OutcomeKind.DONE: 'M5 13l5 5L20 6',
     OutcomeKind.STOPPED: 'M6 6h12v12H6z',
@@ -62,7 +62,7 @@ SIGNS = {
     OutcomeKind.KILLED: 'M6 6l12 12M18 6L6 18',
     OutcomeKind.NEVER_BEGAN: 'M5 12h14',
 }
-#: The sign of a drive that is done, but not as it was planned.
+#: The sign of a drive that is done, but lost messages.
 LOST_SIGN = 'M12 4v10M12 18v2'
 
 
@@ -72,9 +72,9 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
     Return a report as an HTML page.
 
     :param summary: the drive
-    :param plots: SVG elements by name
-    :param no_plots: why there are no plots; None if there are
-    :param recording: why ``run.mcap`` is missing or incomplete; None if it is complete
+    :param plots: SVG elements by the name of the plot
+    :param no_plots: the reason why there are no plots; None if there are plots
+    :param recording: the reason why ``run.mcap`` is missing or incomplete; None if it is complete
     :raises UsageError: if Jinja2 is missing
     """
     try:
@@ -112,7 +112,7 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
 
 
 def _keep_units(page: str) -> str:
-    """Put no-break spaces between numbers and units, in text that may be broken into lines."""
+    """Put no-break spaces between numbers and units, except in markup and preformatted text."""
     return ''.join(
         part if index % 2 else _UNIT.sub('\\1\N{NO-BREAK SPACE}\\2', part)
         for index, part in enumerate(_FIXED.split(page)))
@@ -136,7 +136,7 @@ def _began(summary: Summary) -> str | None:
 
 
 def _ended(summary: Summary) -> tuple[str, str]:
-    """Return how far from its goal the robot ended, and what is compared with what."""
+    """Return the error of the end pose as text, and the goal that it is measured from."""
     error, goal = summary.error_from_plan, 'the planned end'
     if error is None:
         error, goal = summary.error_from_sent, 'where it was sent'
@@ -147,7 +147,7 @@ def _ended(summary: Summary) -> tuple[str, str]:
 
 
 def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
-    """Return where the drive ended as planned, sent and by odometry: x, y [m], heading [deg]."""
+    """Return the end pose as planned, as sent, and from odometry: x, y [m], heading [deg]."""
     aligned = summary.aligned
     heading = 0.0
     for name, pose in (('planned', aligned.planned_end),
@@ -156,13 +156,17 @@ def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
         if pose is None:
             yield name, (UNKNOWN, UNKNOWN, UNKNOWN)
             continue
-        # The number of turns does not matter: within half a turn of the line above.
+        # Full turns are ignored: the heading is within half a turn of the row above.
         heading += math.remainder(pose.theta - heading, math.tau)
         yield name, (_number(pose.x, 4), _number(pose.y, 4), _degrees(heading))
 
 
 def _silence(summary: Summary) -> tuple[float, float] | None:
-    """Return when odometry ended and the last message was sent [s], if that is much later."""
+    """
+    Return the times of the last odometry and of the last message, if odometry ended early.
+
+    :returns: both times [s]; None if the last message is at most 0.5 s after the last odometry
+    """
     aligned, seen = summary.aligned, summary.last_seen
     if not aligned.sent or seen is None:
         return None
@@ -171,12 +175,16 @@ def _silence(summary: Summary) -> tuple[float, float] | None:
 
 
 def _band(summary: Summary) -> float:
-    """Return the length of one band of a dense drive's plots [s]."""
+    """Return the duration of one part of a band in the plots [s]."""
     return round(time_span(summary.aligned) / BANDS, 1)
 
 
 def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
-    """Return the rows to show with their numbers; None stands for those that are left out."""
+    """
+    Return the first and the last rows of a table with their numbers.
+
+    :returns: numbers and rows; the number of the rows that are left out, and None, in the middle
+    """
     numbered: list[tuple[int, T | None]] = list(enumerate(rows, 1))
     left_out = len(rows) - 2 * SHOWN
     if left_out <= 0:
@@ -185,11 +193,11 @@ def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
 
 
 def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
-    """Return the rows of the table of steps, and if it is folded, those of all steps."""
+    """Return the rows of the table of steps; if it is folded, also the rows of all steps."""
     results = summary.steps
     keys = [(result.motion, result.log.planned.path, result.log.step, result.log.is_complete,
              result.log.is_delayed) for result in results]
-    # Labels follow from the whole plan: a drive that was cut short began only some of its steps.
+    # The labels count the repeats in the whole plan, also if the drive was cut short.
     repeats = [label for motion in summary.log.motions if motion.has_begun
                for label, step in zip(
                    repeat_labels([step.path for step in motion.plan.steps]), motion.steps)
@@ -216,7 +224,7 @@ def _shows_motions(summary: Summary) -> bool:
 
 
 def _description(summary: Summary) -> str:
-    """Return what the motion is for; empty if there are several, or it does not say."""
+    """Return the description of the motion; empty if there are several or none."""
     descriptions = {motion.planned.motion.description for motion in summary.log.motions}
     return descriptions.pop() if len(descriptions) == 1 else ''
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A drive's figures as JSON, for programs; docs/report.md says what each is."""
+"""Export the results of a drive as JSON; docs/report.md describes each field."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ from kachaka_simple_control.report.speed_table import speed_rows
 
 #: Increases when a field is removed or changes its meaning; new fields may be added at any time.
 FORMAT = 1
-#: Digits behind the point: nanometres and nanoseconds.
+#: The decimal places: nanometres and nanoseconds.
 DIGITS = 9
 
-#: How far a point of a path may lie beside the line that replaces it [m], and the most points.
+#: The tolerance of a simplified path [m], and its largest number of points.
 PATH_GRAIN, MAX_PATH_POINTS = 0.001, 500
 
 Fields = dict[str, Any]
@@ -44,21 +44,21 @@ Fields = dict[str, Any]
 
 def run_json(summary: Summary, recording: str | None) -> str:
     """
-    Return a drive's figures as the text of a JSON file.
+    Return the results of a drive as the text of a JSON file.
 
     :param summary: the drive
-    :param recording: why ``run.mcap`` is missing or incomplete; None if it is complete
+    :param recording: the reason why ``run.mcap`` is missing or incomplete; None if it is complete
     """
     return json.dumps(_plain(fields(summary, recording)), indent=1, allow_nan=False) + '\n'
 
 
 def fields(summary: Summary, recording: str | None) -> Fields:
     """
-    Return a drive's figures by name; their names have their units.
+    Return the results of a drive by name; each name ends with its unit.
 
     :param summary: the drive
-    :param recording: why ``run.mcap`` is missing or incomplete; None if it is complete
-    :returns: the figures; what is not known is None or not finite
+    :param recording: the reason why ``run.mcap`` is missing or incomplete; None if it is complete
+    :returns: the results; an unknown value is None or not finite
     """
     log = summary.log
     session, end = log.session_started, log.session_ended
@@ -117,7 +117,7 @@ def _outcome(summary: Summary) -> Fields:
 
 
 def _path(summary: Summary) -> Fields:
-    """Return the path as planned and by odometry: points [m], simplified for plots."""
+    """Return the planned path and the odometry path as points [m], simplified for plots."""
     lines = path_lines(summary.aligned)
     return {name: [[round(value, 4) for value in point]
                    for point in simplify(lines.get(name, []), PATH_GRAIN, MAX_PATH_POINTS)]
@@ -144,7 +144,7 @@ def _timing(summary: Summary) -> Fields:
 
 
 def _speed(summary: Summary) -> Fields:
-    """Return how fast it was driven; no field if all was at full speed."""
+    """Return the changes of the speed factor; no field if the whole drive was at full speed."""
     if not summary.speed:
         return {}
     return {'speed': {
@@ -200,7 +200,7 @@ def _pose(pose: Pose | None) -> Fields | None:
 
 
 def _plain(value: object) -> object:
-    """Return a value as JSON has it; a number that is not finite becomes null."""
+    """Convert a value to JSON types; a number that is not finite becomes None."""
     if isinstance(value, bool) or value is None or isinstance(value, (int, str)):
         return value
     if isinstance(value, float):

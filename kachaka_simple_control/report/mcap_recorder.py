@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 FILE_NAME = 'run.mcap'
 PATH_TOPIC = '/kachaka_simple_control/planned_path'
 FACTOR_TOPIC = '/kachaka_simple_control/speed_factor'
-#: Messages are compressed and indexed in chunks of this size at most [bytes].
+#: The largest size of a chunk in which messages are compressed and indexed [bytes].
 CHUNK_SIZE = 1 << 20
 
 
@@ -71,11 +71,11 @@ def stamp(epoch: float, time: float) -> int:
     """
     Return a time of the steady clock as nanoseconds since 1970.
 
-    Both are rounded on their own: a sum of floats would lose digits.  So the difference of two
-    stamps is that of their times, to the nanosecond.
+    The two values are rounded separately, because a sum of floats would lose digits.  The
+    difference of two stamps equals the difference of their times, rounded to nanoseconds.
 
-    :param epoch: the steady clock's zero [s since 1970]
-    :param time: when [s on the steady clock]
+    :param epoch: the zero of the steady clock [s since 1970]
+    :param time: the time [s on the steady clock]
     """
     return round(epoch * NANO) + round(time * NANO)
 
@@ -84,11 +84,11 @@ class CrashSafeFile:
     """
     A file for an MCAP writer that is complete on the disk after each flush.
 
-    Each flush writes an end behind the data, and the next one overwrites it.  Whatever ends the
-    program, the file can be read up to the last flush.
+    Each flush writes an end record after the data, and the next flush overwrites it.  If the
+    program is killed, the file is readable up to the last flush.
 
     :param path: the file; it must not exist
-    :param end: what makes the data so far a complete file
+    :param end: the bytes that complete the file after the data
     :raises OSError: if it cannot be created
     """
 
@@ -112,7 +112,7 @@ class CrashSafeFile:
         """
         Write the buffered data and the end to the disk.
 
-        :raises OSError: if that fails; the file is then as it was before
+        :raises OSError: if the write fails; the file then keeps its old content
         """
         self._store(self._end)
 
@@ -120,7 +120,7 @@ class CrashSafeFile:
         """
         Write the buffered data, which contains its own end, and close the file.
 
-        :raises OSError: if that fails; the file is then as it was before
+        :raises OSError: if the write fails; the file then keeps its old content
         """
         try:
             self._store(b'')
@@ -136,7 +136,7 @@ class CrashSafeFile:
         try:
             self._pwrite(bytes(self._pending) + end, self._size)
         except OSError:
-            # There is room for the old end: it was there before.
+            # The disk has room for the old end, because the file contained it before.
             with contextlib.suppress(OSError):
                 if self._size:
                     self._pwrite(self._end, self._size)
@@ -162,18 +162,18 @@ class _Message(NamedTuple):
 
 class McapRecorder:
     """
-    Records events in ``run.mcap``, sorted by their stamps, and describes it for rosbag2.
+    Records events in ``run.mcap``, sorted by their stamps, and writes the rosbag2 metadata.
 
-    The file is created when the session starts.  After each flush it is readable, though without
-    an index, which is written at the end.  An error ends the recording and nothing else: it is
-    kept as ``failure``.
+    The file is created when the session starts.  It is readable after each flush.  The index is
+    written at the end.  An error ends the recording, but does not propagate: ``failure`` has the
+    reason.
 
-    :param directory: where the file goes, and ``metadata.yaml`` beside it
+    :param directory: the directory of ``run.mcap`` and ``metadata.yaml``
     """
 
     def __init__(self, directory: Path) -> None:
         self._path = directory / FILE_NAME
-        #: what is to be driven, and where the robot is, as far as that is known
+        #: the last planned motion, and the last pose from odometry
         self._motion: MotionPlanned | None = None
         self._pose = ORIGIN
         self._paths = PathSerializer(ODOM)
@@ -185,7 +185,7 @@ class McapRecorder:
         self._file: CrashSafeFile | None = None
         self._session: SessionStarted
         self._writer: Writer
-        #: why there is no recording, or not all of it; None if there is no failure
+        #: the reason why the recording is missing or incomplete; None if there is no failure
         self.failure: str | None = None if importlib.util.find_spec('mcap') else (
             f'{FILE_NAME} is left out: {NEEDS_MCAP}')
 
@@ -198,20 +198,20 @@ class McapRecorder:
 
     def flush(self, until: float) -> None:
         """
-        Write what happened up to a time to the disk.
+        Write the events up to a time to the disk.
 
-        :param until: what happened later may not have arrived in order, and stays for the next
-            flush [s on the steady clock]
+        :param until: the time [s on the steady clock]; later events may arrive out of order, so
+            the next flush writes them
         """
         if self._file is not None:
             self._attempt(lambda: self._store(self._stamp(until)))
 
     def finish(self) -> str | None:
         """
-        Write the rest, the index and ``metadata.yaml``.
+        Write the remaining events, the index and ``metadata.yaml``.
 
-        :returns: why there is no recording or it ended early, as a sentence; None if it is
-            complete
+        :returns: the reason why the recording is missing or incomplete, as a sentence; None if it
+            is complete
         """
         if self._file is None:
             return self.failure or f'{FILE_NAME} is left out: no event was received'
@@ -227,7 +227,7 @@ class McapRecorder:
             return
         try:
             action()
-        except Exception as error:  # the rest of the report is to be written, whatever it is
+        except Exception as error:  # any error: the rest of the report must still be written
             if self._file is None:
                 self.failure = f'{FILE_NAME} is left out: {_reason(error)}'
             else:
@@ -235,7 +235,7 @@ class McapRecorder:
                 self._file.abandon()
 
     def _start(self, session: SessionStarted) -> None:
-        # Imported here: without mcap there is still a report.
+        # Imported here, because the report also works without mcap.
         from mcap.writer import Writer
         if not hasattr(Writer, 'flush'):
             raise ImportError(NEEDS_MCAP)
@@ -274,7 +274,7 @@ class McapRecorder:
                 self._has_factor = True
                 self._add('factor', self._stamp(event.time), float64(event.product))
             case VelocitySent() | OdometryReceived() | MotionStarted() if not self._has_factor:
-                # Full speed, as long as nobody has asked for less.
+                # The factor is 1 until the first change.
                 self._has_factor = True
                 self._add('factor', self._stamp(event.time), float64(1.0))
         match event:
@@ -330,7 +330,7 @@ class McapRecorder:
         self._is_finished = True
 
     def _write_metadata(self) -> None:
-        """Make the directory a bag, unless its file holds no message and is not finished."""
+        """Write ``metadata.yaml``, unless the recording has no message and is not finished."""
         if not self._span and not self._is_finished:
             return
         file = self._path.with_name('metadata.yaml')

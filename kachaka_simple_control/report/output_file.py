@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Files that are written for a user: whole or not at all, plots in a format by their suffix."""
+"""Output files: atomic writes, checks of plot files, and the directory of a report."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from kachaka_simple_control.report.plot_style import default_style
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Metadata that are left out of each kind of file: two runs give the same bytes.
+#: Metadata that are left out of each file format, so that two runs give the same bytes.
 METADATA: dict[str, dict[str, None]] = {
     '.png': {'Software': None},
     '.svg': {'Date': None, 'Creator': None},
@@ -41,11 +41,11 @@ METADATA: dict[str, dict[str, None]] = {
 
 def write_atomically(path: Path, data: bytes) -> None:
     """
-    Write a file such that a reader sees the old one or the new one, never a part.
+    Write a file atomically: a reader sees the old content or the new content, never a part.
 
     :param path: the file
     :param data: its content
-    :raises OSError: if it cannot be written; the old one stays as it was
+    :raises OSError: if it cannot be written; the old file stays unchanged
     """
     new = path.with_name(f'.{path.name}.new')
     try:
@@ -59,9 +59,10 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 def check_plot_file(file: str | os.PathLike[str]) -> Path:
     """
-    Return the path of a file if a plot can be saved to it; nothing is drawn or imported.
+    Check that a plot can be saved to a file, without importing matplotlib.
 
-    :raises UsageError: if its suffix is no format of ours, or it cannot be written
+    :returns: the path of the file
+    :raises UsageError: if its suffix is not .png, .svg or .pdf, or it cannot be written
     """
     path = Path(file)
     if path.suffix.lower() not in METADATA:
@@ -70,7 +71,7 @@ def check_plot_file(file: str | os.PathLike[str]) -> Path:
         raise UsageError(f'{path}: there is no folder {path.parent}; make it first')
     if path.is_dir():
         raise UsageError(f'{path}: this is a folder; name a file in it')
-    # It is written beside the old one, and renamed.
+    # The new file is written in the same folder and renamed.
     if not os.access(path.resolve().parent, os.W_OK):
         raise UsageError(f'{path}: you are not allowed to write there')
     return path
@@ -78,15 +79,15 @@ def check_plot_file(file: str | os.PathLike[str]) -> Path:
 
 def save_figure(figure: Figure, path: Path) -> None:
     """
-    Save a figure; its suffix selects the format.
+    Save a figure; the suffix of the file selects the format.
 
-    :param path: what ``check_plot_file`` returned
-    :raises UsageError: if it cannot be written
+    :param path: the file, as ``check_plot_file`` returned it
+    :raises UsageError: if the file cannot be written
     """
     data = io.BytesIO()
     suffix = path.suffix.lower()
     with default_style(), warnings.catch_warnings():
-        # A letter that the font lacks becomes a box; the name is still in the table.
+        # A character that the font lacks is drawn as a box; the table shows the full name.
         warnings.filterwarnings('ignore', message='Glyph')
         figure.savefig(data, format=suffix[1:], metadata=METADATA[suffix])
     try:
@@ -111,7 +112,9 @@ def missing_libraries() -> list[str]:
 @contextlib.contextmanager
 def prepare_report_dir(name: str) -> Iterator[None]:
     """
-    Create a directory for a report; remove it if the block raises an error of usage or motion.
+    Create a directory for a report; remove it if the block raises one of this package's errors.
+
+    The errors are ``UsageError`` and ``InvalidMotionError``.
 
     :param name: the directory; it may exist if it is empty
     :raises UsageError: if it cannot be created or written to, or is not empty
@@ -127,13 +130,13 @@ def prepare_report_dir(name: str) -> Iterator[None]:
 
 
 def _create(directory: Path) -> list[Path]:
-    """Create a directory and its parents; return what was created, the innermost first."""
+    """Create a directory and its parents; return the created directories, innermost first."""
     try:
         missing = [path for path in (directory, *directory.parents) if not path.exists()]
         directory.mkdir(parents=True, exist_ok=True)
         content = next(directory.iterdir(), None)
         if content is None:
-            # A directory that can be read may still not be writable.
+            # A readable directory may not be writable.
             with tempfile.NamedTemporaryFile(dir=directory):
                 pass
     except FileExistsError:

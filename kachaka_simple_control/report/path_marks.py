@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Marks on a drawn path: arrows in the direction of travel, and the numbers of the steps."""
+"""Draw marks on a path: arrows in the direction of travel, and step numbers."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from kachaka_simple_control.motion.geometry import Pose
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: At most this many places of a path have numbers; with more places, every second or third has.
+#: The largest number of labels on a path; with more places, only every n-th place has a label.
 MAX_LABELS = 12
-#: At most this many numbers or ranges a label; a longer list is cut after two.
+#: The largest number of numbers or ranges in a label; a longer list is cut after two.
 MAX_PARTS = 3
-#: Between the path and a label beside it, and between two labels [points].
+#: The distances between the path and a label, and between two labels [points].
 AWAY, APART = 6.0, 2.0
-#: How a label looks; its background is translucent.
+#: The style of a label; its background is translucent.
 LABEL: dict[str, Any] = {
     'color': '#222222', 'fontweight': 'bold', 'ha': 'center', 'va': 'center', 'zorder': 7.0,
     'textcoords': 'offset points', 'gid': 'step number',
@@ -41,12 +41,12 @@ LABEL: dict[str, Any] = {
 
 class StepPlace(NamedTuple):
     """
-    The middle of one step, or of several that have it in common.
+    A place on a path with the numbers of the steps whose middle is there.
 
-    :param numbers: of these steps, in order
-    :param x: where [m]
-    :param y: where [m]
-    :param side: the direction to the outside of the bend, and right of a straight line [rad]
+    :param numbers: the numbers of the steps, in order
+    :param x: the x coordinate [m]
+    :param y: the y coordinate [m]
+    :param side: the direction to the outside of a curve, or to the right of a straight line [rad]
     """
 
     numbers: list[int]
@@ -56,7 +56,7 @@ class StepPlace(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Return the numbers in words: 1, 3-5; of very many the first."""
+        """Return the step numbers as text, for example '1, 3-5'; a long list is cut."""
         parts: list[str] = []
         for _, group in groupby(enumerate(self.numbers), key=lambda item: item[1] - item[0]):
             run = [number for _, number in group]
@@ -67,10 +67,10 @@ class StepPlace(NamedTuple):
 def step_places(
         steps: Iterable[tuple[int, Sequence[ArcSegment]]], grain: float) -> list[StepPlace]:
     """
-    Return where the numbers of steps belong.
+    Return the places of the step numbers; steps that are close together share a place.
 
     :param steps: the number of each step and the segments of its path
-    :param grain: places that are less apart than about this are one [m]
+    :param grain: the approximate distance below which steps share a place [m]
     """
     places: dict[tuple[int, int], StepPlace] = {}
     for number, segments in steps:
@@ -86,11 +86,12 @@ def step_places(
 
 def draw_step_numbers(axes: Axes, places: Sequence[StepPlace]) -> None:
     """
-    Draw the numbers of steps beside their path, where they fit; the range of the axes is set.
+    Draw step numbers beside the path; a number without free room is left out.
 
-    :param places: where, in the order in which they are wanted
+    :param axes: the axes; their range must be set before
+    :param places: the places, most important first
     """
-    canvas: Any = axes.figure.canvas  # of pixels, so it can measure a text
+    canvas: Any = axes.figure.canvas  # a raster canvas, which can measure text
     pixels, renderer = axes.figure.dpi / 72.0, canvas.get_renderer()
     taken: list[Any] = []
     for place in places[::max(1, math.ceil(len(places) / MAX_LABELS))]:
@@ -117,7 +118,7 @@ def draw_arrows(axes: Axes, poses: Sequence[Pose], colour: str) -> None:
     """
     Draw arrow heads on a path.
 
-    :param poses: where, and the directions in which they point
+    :param poses: the position and the direction of each arrow head
     """
     from matplotlib.path import Path
     from matplotlib.transforms import Affine2D

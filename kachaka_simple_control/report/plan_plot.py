@@ -68,29 +68,29 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: More turns in place than these are not drawn: the robots show where they end.
+#: The largest number of turns in place to draw; with more, no turn is drawn.
 MAX_TURNS = 12
-#: The start and the end of a plan; both can be seen if they coincide.
+#: The styles of the start and the end of a plan; both are visible if they coincide.
 START: dict[str, Any] = {
     'linestyle': '', 'marker': 'o', 'markersize': 9.5, 'markerfacecolor': 'white',
     'markeredgecolor': GREEN, 'markeredgewidth': 1.8, 'zorder': 5.0}
 END: dict[str, Any] = {
     'linestyle': '', 'marker': 'o', 'markersize': 4.5, 'color': ORANGE, 'zorder': 6.0}
-#: A robot at the end of a step, with a line from its axle to its front.
+#: The style of the robot at the end of a step.
 ROBOT: dict[str, Any] = {
     'facecolor': (0.34, 0.71, 0.91, 0.10), 'edgecolor': GREY, 'linewidth': 0.8}
-#: The floor that a plan needs.
+#: The style of the floor area that a plan needs.
 FLOOR: dict[str, Any] = {
     'facecolor': 'none', 'edgecolor': GREY, 'linewidth': 1.0, 'linestyle': (0, (6, 3))}
-#: A turn in place is drawn at this part of the distance from the axle to the front.
+#: The radius of a drawn turn in place, as a part of the distance from the axle to the front.
 TURN = 0.7
 
 
 def extent(views: Sequence[PlanView], proportion: float) -> Area:
     """
-    Return an area with room for the floor that each plan needs.
+    Return an area that contains the floor area of each plan.
 
-    :param proportion: its width divided by its height
+    :param proportion: the width of the area divided by its height
     """
     floors = [view.floor for view in views]
     xs = [x for floor in floors for x in (floor.left, floor.left + floor.width)]
@@ -109,9 +109,9 @@ def _stops(view: PlanView) -> list[Pose]:
 
 def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     """
-    Draw the path of a plan and the numbers of its steps, robots after them, the floor it needs.
+    Draw the path of a plan, its step numbers, the robot after each step, and the floor area.
 
-    :param axes: where, in the proportion of the area
+    :param axes: the axes, with the same ratio of width to height as the area
     """
     from matplotlib.patches import Rectangle
 
@@ -139,7 +139,7 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
 
 
 def _turns(view: PlanView) -> list[ArcSegment]:
-    """Return the turns in place, each once however often it is repeated."""
+    """Return the turns in place without duplicates; empty if there are too many to draw."""
     kinds: dict[tuple[float, ...], ArcSegment] = {}
     for segment in arc_segments(view.plan):
         start = segment.start
@@ -184,9 +184,9 @@ def _draw_turns(axes: Axes, turns: Sequence[ArcSegment], radius: float) -> None:
 
 def draw_legend(figure: Figure, corner: Point) -> None:
     """
-    Draw what the marks on the paths mean.
+    Draw the legend of the marks on the paths.
 
-    :param corner: its lower left corner, as parts of the figure
+    :param corner: the lower left corner of the legend, as fractions of the figure's size
     """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -203,12 +203,12 @@ def draw_legend(figure: Figure, corner: Point) -> None:
                   columnspacing=1.6)
 
 
-#: Pixels an inch, for files of pixels.
+#: The resolution of a PNG file [pixels per inch].
 RESOLUTION = 110
-#: A higher plot is more than people read, and PNG has its limits.
+#: The largest number of motions in a plot; more would make the plot too high.
 MAX_MOTIONS = 12
 
-# Sizes and places [inch].
+# Sizes and positions [inch].
 WIDTH = 11.0
 ROW, KEY = 4.35, 0.4
 PATH_LEFT, PATH_WIDTH = 0.75, 4.35
@@ -221,12 +221,13 @@ def save_plot(file: str | os.PathLike[str], views: Sequence[PlanView]) -> None:
     """
     Plot plans, one below the other and to the same scales, and save the plot.
 
-    On the left each path with the robot at the start and at the end of each step; on the right the
-    velocities as they are sent, with the limits dashed.
+    The left side shows each path, with the robot at the start and at the end of each step.  The
+    right side shows the sent velocities, with the limits dashed.
 
-    :param file: where to; its suffix selects the format: .png, .svg or .pdf
+    :param file: the file; its suffix selects the format: .png, .svg or .pdf
     :param views: the plans, 1 to 12
-    :raises UsageError: if there is no such place, matplotlib is missing, or there are too many
+    :raises UsageError: if the file cannot be written, matplotlib is missing, or there are too
+        many plans
     """
     path = check_plot_file(file)
     save_figure(draw_plans(views), path)
@@ -281,7 +282,7 @@ def _draw_title(figure: Figure, view: PlanView, top: float) -> None:
         f'{format_fixed(math.degrees(end.theta), 1)}°; '
         f'{pluralize(view.messages, "velocity", "velocities")} at {format_number(view.rate)} Hz; '
         f'needs {view.floor_size}{"" if view.footprint else " and the robot"}')
-    # Between two dollars matplotlib reads a formula.
+    # Matplotlib reads text between two dollar signs as a formula.
     for text, offset, look in (
             (name.replace('$', r'\$'), NAME_TOP, {'fontsize': 12.0, 'fontweight': 'bold'}),
             (figures, FIGURES_TOP, {'color': '#444444'})):

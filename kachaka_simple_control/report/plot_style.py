@@ -15,45 +15,102 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import groupby
 import math
-from typing import Any, TYPE_CHECKING
+from operator import attrgetter
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.motion.units import format_number
-from kachaka_simple_control.report.time_series import velocity_steps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Colours of Okabe and Ito, which the colour-blind can tell apart.
+#: A time [s] and a value that holds from this time on.
+StepPoint = tuple[float, float]
+
+
+def velocity_steps(plan: Plan, attribute: str) -> list[StepPoint]:
+    """
+    Return the times at which a velocity component changes, and its new values.
+
+    :param plan: the plan
+    :param attribute: the velocity component, ``linear_x`` or ``angular_z``
+    :returns: times [s] and values [m/s or rad/s], in order; the last is the zero at the end
+    """
+    value_of = attrgetter(attribute)
+    changes = groupby(plan.segments, key=lambda segment: value_of(segment.velocity))
+    points = [(next(segments).start, value + 0.0) for value, segments in changes]
+    return [*points, (plan.duration, 0.0)]
+
+
+class Band(NamedTuple):
+    """
+    The lowest and the highest value in a time interval.
+
+    :param begin: the start of the interval [s]
+    """
+
+    begin: float
+    lowest: float
+    highest: float
+
+
+def min_max_decimate(points: Sequence[StepPoint], end: float, count: int) -> list[Band]:
+    """
+    Return the lowest and the highest value in each of several equal time intervals.
+
+    :param points: times [s] and values, in order; each value holds until the next
+    :param end: the end of the last interval [s]; the first interval starts at 0
+    :param count: the number of intervals
+    :returns: a band for each interval up to the last point
+    """
+    bands = []
+    held: list[float] = []
+    first = 0
+    for number in range(count):
+        last = bisect_left(points, (end * (number + 1) / count,), first)
+        values = held + [value for _, value in points[first:last]]
+        if first >= len(points):
+            break
+        if values:
+            bands.append(Band(end * number / count, min(values), max(values)))
+            held = values[-1:]
+        first = last
+    return bands
+
+
+# The colours of Okabe and Ito, which colour-blind people can distinguish.
 BLUE, ORANGE, GREEN = '#0072B2', '#D55E00', '#009E73'
 SKY, PURPLE = '#56B4E9', '#CC79A7'
 GREY, FAINT = '#666666', '#dddddd'
 
-# Three lines that often coincide: told apart by width, colour and dashes alike.
+# The styles of three lines that often overlap; they differ in width, colour and dashes.
 PLANNED: dict[str, Any] = {
     'color': SKY, 'linewidth': 5.0, 'alpha': 0.6, 'zorder': 3.0, 'solid_capstyle': 'round'}
 SENT: dict[str, Any] = {'color': '#003f63', 'linewidth': 1.5, 'zorder': 3.5}
 ODOMETRY: dict[str, Any] = {
     'color': ORANGE, 'linewidth': 1.5, 'linestyle': (0, (3, 1.6)), 'zorder': 4.0}
 
-#: Settings on top of matplotlib's default style, whatever the user's own settings are.
-#: Lines lose points that lie less than 0.3 pixels beside them.  The minus is that of all tables.
+#: Settings on top of matplotlib's default style.  Lines are simplified with a tolerance of
+#: 0.3 pixels.  The minus sign is the ASCII hyphen, as in the tables.
 SETTINGS: Any = {
     'font.size': 9.0, 'svg.hashsalt': 'kachaka_simple_control', 'path.simplify': True,
     'path.simplify_threshold': 0.3, 'axes.unicode_minus': False}
-#: Distance of an axis's label from the axis [inch]: six characters fit between.
+#: The distance between an axis and its label [inch]: six characters fit between.
 LABEL = 0.56
 
 
 def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
-    """Add axes at a place of a figure [inch], whose size is set."""
+    """Add axes to a figure at a position [inch]; the size of the figure must be set before."""
     total_width, total_height = figure.get_size_inches()
     return figure.add_axes((
         left / total_width, bottom / total_height, width / total_width, height / total_height))
@@ -61,10 +118,11 @@ def add_axes(figure: Figure, left: float, bottom: float, width: float, height: f
 
 def style_axes(axes: Axes, width: float | None = None) -> None:
     """
-    Add a grid to axes and hide the sides of their frame that have no numbers.
+    Add a grid to axes, and hide the top and the right side of their frame.
 
     :param axes: the axes
-    :param width: their width [inch], to align the y labels of all axes; None: as matplotlib does
+    :param width: their width [inch], to align the y labels of all axes; None to leave the labels
+        where matplotlib puts them
     """
     if width is not None:
         axes.yaxis.set_label_coords(-LABEL / width, 0.5)
@@ -74,17 +132,17 @@ def style_axes(axes: Axes, width: float | None = None) -> None:
 
 
 # Maps.
-#: At most this many robots and arrows are drawn on a path.
+#: The largest number of robots, and of arrows, on a path.
 MAX_MARKS = 16
-#: This part of a map's size can hardly be seen.
+#: The smallest visible length, as a part of the map's size.
 MAP_GRAIN = 1.0 / 1500.0
-#: This part of a map's size stays free on each side.
+#: The free margin on each side, as a part of the map's size.
 MAP_MARGIN = 0.07
-#: The smallest map [m].
+#: The size of the smallest map [m].
 MIN_MAP_SIZE = 0.2
-#: Steps whose middles are nearer than this part of a map's size share their numbers' place.
+#: The distance below which the numbers of steps share a place, as a part of the map's size.
 PLACE_SIZE = 0.01
-#: The length of a heading without a footprint, as a part of the map's size.
+#: The length of the heading line of a robot without a footprint, as a part of the map's size.
 HEADING_LENGTH = 0.06
 
 
@@ -92,9 +150,9 @@ def set_map_limits(
         axes: Axes, left: float, bottom: float, width: float, height: float,
         tick_distance: float) -> None:
     """
-    Make axes a map in metres with a square grid.
+    Set the range of a map in metres, and give it a square grid.
 
-    :param tick_distance: at least this far apart are the lines of the grid [m]
+    :param tick_distance: the smallest distance between the lines of the grid [m]
     """
     from matplotlib.ticker import MultipleLocator
 
@@ -106,13 +164,15 @@ def set_map_limits(
 
 def round_step(size: float) -> float:
     """
-    Return the step of a scale: 1, 2 or 5 times a power of ten, not below a size above 0.
+    Round a step of a scale up to 1, 2 or 5 times a power of ten.
 
-    Both axes of a map share one step, so matplotlib's locator is asked once for both.
+    Both axes of a map use the same step, so one locator of matplotlib computes it for both.
+
+    :param size: the smallest step, above 0
     """
     from matplotlib.ticker import MaxNLocator
 
-    # Slightly less, because rounding may have made the size too large.
+    # The size is slightly reduced, because a rounding error may have made it too large.
     locator = MaxNLocator(1, steps=(1, 2, 5, 10), min_n_ticks=1)
     first, second, *_ = locator.tick_values(0.0, size * (1.0 - 1e-9))
     return float(second - first)
@@ -121,7 +181,7 @@ def round_step(size: float) -> float:
 @contextmanager
 def default_style() -> Iterator[None]:
     """
-    Draw in matplotlib's default style, whatever the user's own settings are.
+    Use matplotlib's default style in this context, and ignore the user's own settings.
 
     :raises UsageError: if matplotlib is missing
     """
@@ -138,34 +198,34 @@ def default_style() -> Iterator[None]:
         yield
 
 
-#: More boundaries between steps than these would merge into one area.
+#: The largest number of boundaries between steps to draw; more would merge into one area.
 MAX_BOUNDARIES = 60
-#: A limit further above the sent velocities than this factor would flatten the curve: it is named,
-#: not drawn.
+#: The largest ratio of a drawn limit to the sent velocities.  A larger limit would flatten the
+#: curve, so it is only written as text.
 MAX_LIMIT_RATIO = 5.0
-#: Free part of the span above the highest and below the lowest line, for the labels of limits.
+#: The room for the labels of limits above and below the lines, as a part of the span.
 LABEL_SHARE = 0.25
-#: The labels of limits; no line goes through them.
+#: The style of the labels of limits, with a background that hides lines.
 WORDS: dict[str, Any] = {
     'color': '#444444', 'zorder': 4.0, 'ha': 'right',
     'textcoords': 'offset points',
     'bbox': {'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.5}}
-#: A line with more points than these is an area, which is translucent: the limits can be seen.
+#: A line with more points than this is translucent, so that the limits stay visible.
 DENSE = 2000
-#: Above this [s], time is in minutes.
+#: The duration above which the time axis is in minutes [s].
 MINUTES_FROM = 600.0
 
 
 @dataclass(frozen=True)
 class VelocityComponent:
     """
-    One of the two components of a velocity.
+    A component of the velocity, linear or angular.
 
-    :param attribute: its name in a velocity
+    :param attribute: the name of its attribute in a velocity
     :param label: the label of its axis
     :param unit: its unit
     :param colour: the colour of its line
-    :param limits: returns its lowest and its highest value under limits
+    :param limits: a function that returns its lowest and its highest value within given limits
     """
 
     attribute: str
@@ -197,7 +257,7 @@ class Scale:
 
 
 def shared_scale(views: Sequence[PlanView], component: VelocityComponent) -> Scale:
-    """Return a scale for what all plans send, and for the limits that are near."""
+    """Return a scale for one velocity component of all plans, including the limits nearby."""
     values = [value for view in views
               for _, value in velocity_steps(view.plan, component.attribute)]
     duration = max(view.plan.duration for view in views)
@@ -206,7 +266,7 @@ def shared_scale(views: Sequence[PlanView], component: VelocityComponent) -> Sca
 
 def scale_for(component: VelocityComponent, values: Sequence[float], limits: Sequence[Limits],
               duration: float) -> Scale:
-    """Return a scale for some values and a time [s], and for the limits that are near."""
+    """Return a scale for values and a duration [s], including the limits nearby."""
     lowest, highest = min(values), max(values)
     largest = max(highest, -lowest)
     for below, above in map(component.limits, limits):
@@ -215,7 +275,7 @@ def scale_for(component: VelocityComponent, values: Sequence[float], limits: Seq
             lowest = min(lowest, below)
         if above <= far and (highest > 0.0 or not largest):
             highest = max(highest, above)
-    # Without a limit and a velocity any span is as good.
+    # Without a limit and a velocity, the span is arbitrary.
     span = highest - lowest if 0.0 < highest - lowest < math.inf else 1.0
     highest = highest if math.isfinite(highest) else 1.0
     return Scale(lowest - span * (LABEL_SHARE if lowest < 0.0 else 0.06),
@@ -223,12 +283,12 @@ def scale_for(component: VelocityComponent, values: Sequence[float], limits: Seq
 
 
 def time_unit(duration: float) -> tuple[str, float]:
-    """Return the unit of a time axis by its length [s]: its name, and how long it is [s]."""
+    """Return the name and the length [s] of the unit of a time axis of a duration [s]."""
     return ('min', 60.0) if duration > MINUTES_FROM else ('s', 1.0)
 
 
 def draw_velocity(axes: Axes, view: PlanView, component: VelocityComponent, scale: Scale) -> None:
-    """Draw a plan's velocity over time, with its limits and the ends of its steps."""
+    """Draw one velocity component of a plan over time, with its limits and the ends of steps."""
     seconds = time_unit(scale.duration)[1]
     set_time_limits(axes, scale, component.label, [step.end for step in view.plan.steps])
     points = velocity_steps(view.plan, component.attribute)
@@ -240,9 +300,9 @@ def draw_velocity(axes: Axes, view: PlanView, component: VelocityComponent, scal
 
 def set_time_limits(axes: Axes, scale: Scale, label: str, ends: Sequence[float]) -> None:
     """
-    Set the range of a plot over time, and draw its zero and faint lines where steps end.
+    Set the range of a plot over time; draw a line at zero and a faint line at each step's end.
 
-    :param ends: when steps end [s]; too many are not drawn
+    :param ends: the times at which steps end [s]; more than 60 are not drawn
     """
     unit = time_unit(scale.duration)[1]
     right = scale.duration / unit
@@ -254,7 +314,7 @@ def set_time_limits(axes: Axes, scale: Scale, label: str, ends: Sequence[float])
 
 
 def draw_limits(axes: Axes, component: VelocityComponent, limits: Limits) -> None:
-    """Draw limits as dashed lines with their values; the range of the axes is set."""
+    """Draw limits as dashed lines with their values; the range of the axes must be set before."""
     bottom, top = axes.get_ylim()
     below, above = component.limits(limits)
     near = [(limit, side, offset) for limit, side, offset in (

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The program that records a drive and writes its report; a process of its own."""
+"""The program that records a drive and writes its report, in its own process."""
 
 from __future__ import annotations
 
@@ -54,27 +54,27 @@ from kachaka_simple_control.telemetry.subscriber_process import decode
 from kachaka_simple_control.text import escaped, MAX_LINE_LENGTH
 
 PAGE, PLOT, FIGURES = 'report.html', 'path.png', 'run.json'
-#: How often events are written to the disk [s].
+#: The period of writing events to the disk [s].
 FLUSH_PERIOD = 0.5
-#: Longest delay of an event [s].
+#: The longest delay of an event [s].
 MAX_EVENT_DELAY = 0.1
-#: How long after its program's end a guardian may take to stop the robot [s].
+#: The time that a guardian has to stop the robot after its program has ended [s].
 GUARDIAN_STOP_TIMEOUT = 1.0
 
 
 def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
     """
-    Write ``report.html``, ``path.png`` and ``run.json``, each whole or not at all.
+    Write ``report.html``, ``path.png`` and ``run.json``, each one atomically.
 
-    Without matplotlib, or if nothing was planned, there is no plot, and the page says so.
-    Without Jinja2 there is no page.
+    Without matplotlib, or without a planned motion, there is no plot, and the page gives the
+    reason.  Without Jinja2 there is no page.
 
     :param log: the drive
-    :param directory: where to; it exists
-    :param recording: why ``run.mcap`` beside them is missing or incomplete, as a sentence; None if
+    :param directory: an existing directory
+    :param recording: the reason why ``run.mcap`` is missing or incomplete, as a sentence; None if
         it is complete
     :raises OSError: if the directory cannot be written to
-    :raises UsageError: if Jinja2 is missing, once the other files are written
+    :raises UsageError: if Jinja2 is missing; the other files are then written
     """
     with _no_garbage_collection():
         summary = Summary(log)
@@ -90,7 +90,8 @@ def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
 
 @contextlib.contextmanager
 def _no_garbage_collection() -> Iterator[None]:
-    # An hour is half a million objects, all in use: searching them takes a fifth of the time.
+    # An hour of driving makes half a million objects, all in use.  Collecting garbage among them
+    # would take a fifth of the time.
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -101,21 +102,22 @@ def _no_garbage_collection() -> Iterator[None]:
 
 
 def _plots(summary: Summary) -> tuple[DrivePlots, str | None]:
-    """Return the plots, and why there are none."""
+    """Return the plots, and the reason if they cannot be drawn, else None."""
     try:
         return draw_drive_plots(summary), None
     except UsageError as error:
         reason = f'There are no plots: {error}.'
-    except Exception as error:  # the figures are of use without the plots
+    except Exception as error:  # the report is useful without plots
         reason = f'There are no plots: drawing them failed ({error!r}).'
     return DrivePlots({}, b''), reason
 
 
 def ignore_signals() -> None:
     """
-    Ignore signals that end programs.
+    Ignore SIGINT, SIGTERM and SIGHUP.
 
-    They are meant for the program that drives; its end closes the pipe that events come from.
+    These signals are for the driving program.  When the driving program ends, the event pipe
+    closes, and this program ends too.
     """
     for signum in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(signum, signal.SIG_IGN)
@@ -123,10 +125,10 @@ def ignore_signals() -> None:
 
 def read_events(stream: BinaryIO) -> Iterator[Event | None]:
     """
-    Return events as they come; None each time that none came for a while.
+    Yield events as they arrive, and None after each FLUSH_PERIOD without an event.
 
-    A thread empties the pipe even while the last event is processed: the program that drives
-    stops sending events if the pipe is full.
+    A thread reads the pipe while the caller processes an event, because the driving program
+    stops sending events when the pipe is full.
     """
     queue: SimpleQueue[Event | None] = SimpleQueue()
 
@@ -150,11 +152,11 @@ def read_events(stream: BinaryIO) -> Iterator[Event | None]:
 
 
 class EventHandlers:
-    """Calls handlers with events; one that fails gets no more, and the others go on."""
+    """Calls handlers with events; a handler that fails is removed, and the others continue."""
 
     def __init__(self, *handlers: EventHandler) -> None:
         self._handlers = [*handlers]
-        #: why handlers failed
+        #: the errors of the handlers that failed
         self.failures: list[Exception] = []
 
     def on_event(self, event: Event) -> None:
@@ -162,13 +164,13 @@ class EventHandlers:
         for handler in [*self._handlers]:
             try:
                 handler(event)
-            except Exception as error:  # noqa: PERF203 (the rest of the report is of use)
+            except Exception as error:  # noqa: PERF203 (the rest of the report is useful)
                 self.failures.append(error)
                 self._handlers.remove(handler)
 
 
 def record_events(stream: BinaryIO, handlers: EventHandlers, recorder: McapRecorder) -> None:
-    """Handle all events of a stream, and flush the recorder now and then."""
+    """Handle all events of a stream, and flush the recorder every FLUSH_PERIOD."""
     due = time.monotonic() + FLUSH_PERIOD
     for event in read_events(stream):
         if event is not None:
@@ -181,11 +183,12 @@ def record_events(stream: BinaryIO, handlers: EventHandlers, recorder: McapRecor
 
 def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> str | None:
     """
-    Write the report, and return why there is none or no page; None if there is.
+    Write the report.
 
     :param log: the drive
-    :param directory: where to
-    :param recording: why there is no recording or it ended early; None if it is complete
+    :param directory: an existing directory
+    :param recording: the reason why the recording is missing or incomplete; None if it is complete
+    :returns: the reason why the report or its page is missing; None if both are written
     """
     if log.session_started is None:
         return 'there is none: the program ended before anything began'
@@ -193,7 +196,7 @@ def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> s
         write_report(log, directory, recording)
     except UsageError as error:
         return f'{PAGE} is left out: {error}'
-    except Exception as error:  # the recording is there; a line is all that is left to do
+    except Exception as error:  # the recording is written; only a message remains to print
         reason = error.strerror if isinstance(error, OSError) else repr(error)
         return f'there is none: {reason}'
     return None
@@ -201,10 +204,10 @@ def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> s
 
 def guardian_stop(file: int) -> VelocitySent | None:
     """
-    Return the first zero with which the guardian stopped the robot of a program that was killed.
+    Return the first zero that the guardian sent after its program was killed.
 
-    :param file: the memory that the program shared with its guardian
-    :returns: None if it stopped nothing within GUARDIAN_STOP_TIMEOUT
+    :param file: the descriptor of the memory that the program shared with its guardian
+    :returns: the message; None if the guardian sent no zero within GUARDIAN_STOP_TIMEOUT
     """
     latch, _, _ = shared_state(memoryview(mmap.mmap(file, mmap.PAGESIZE)))
     wait_until(lambda: latch.is_set, GUARDIAN_STOP_TIMEOUT)
@@ -213,13 +216,13 @@ def guardian_stop(file: int) -> VelocitySent | None:
 
 
 def print_line(text: str) -> None:
-    """Print a line to standard error, unless that is closed."""
+    """Print a line to standard error, and ignore a closed standard error."""
     with contextlib.suppress(OSError):
         print(f'report: {escaped(text, MAX_LINE_LENGTH)}', file=sys.stderr, flush=True)
 
 
 def _log_of(events: BinaryIO) -> DriveLog:
-    """Return the log of pickled events, from the beginning of a file."""
+    """Return the log of all pickled events in a file."""
     log = DriveLog()
     events.seek(0)
     for event in decode(events):
@@ -231,17 +234,17 @@ def main() -> int:
     """
     Record events from standard input until its end, and write the report.
 
-    :returns: the exit code: 1 if something could not be written, else 0; what an optional library
-        is missing for is left out
+    :returns: the exit code: 1 if a file could not be written, else 0; a file that is left out
+        because an optional library is missing does not count
     """
     make_nonblocking(STDERR)
     lower_priority()
     ignore_signals()
-    # Files are written relative to the folder that was checked, whatever takes its name meanwhile.
+    # Files are written relative to the checked folder, even if the folder is renamed.
     name, directory = sys.argv[1], Path()
     os.chdir(name)
     recorder = McapRecorder(directory)
-    # What the report needs waits there for the end of the drive: a log in memory would grow.
+    # The events for the report are stored in a file, because a log in memory would grow.
     with tempfile.TemporaryFile() as events:
         ended = threading.Event()
         handlers = EventHandlers(

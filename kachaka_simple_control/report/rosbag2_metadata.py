@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The definitions of messages and the metadata.yaml that rosbag2 needs."""
+"""The message definitions and the ``metadata.yaml`` that rosbag2 needs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ODOMETRY_TYPE = 'nav_msgs/msg/Odometry'
 PATH_TYPE = 'nav_msgs/msg/Path'
 FACTOR_TYPE = 'std_msgs/msg/Float64'
 
-#: Type and name of each field, in order.
+#: The type and the name of each field, in order, by message type.
 FIELDS = {
     'builtin_interfaces/Time': ('int32 sec', 'uint32 nanosec'),
     'std_msgs/Float64': ('float64 data',),
@@ -50,9 +50,9 @@ RULE = '=' * 80
 
 def definition(message_type: str) -> str:
     """
-    Return the definition of a message type and of all types in it, as an MCAP schema has them.
+    Return the MCAP schema of a message type: the definitions of the type and its field types.
 
-    :param message_type: its full name, as in ``nav_msgs/msg/Odometry``
+    :param message_type: its full name, for example ``nav_msgs/msg/Odometry``
     """
     first = message_type.replace('/msg/', '/')
     others = [name for name in _parts(first) if name != first]
@@ -69,11 +69,11 @@ def _parts(name: str) -> list[str]:
     return [name, *(part for kind in kinds if kind in FIELDS for part in _parts(kind))]
 
 
-#: The format of Humble, which later releases read as well.
+#: The metadata version of Humble; later releases also read it.
 VERSION = 5
-#: Values of QoS policies: Humble reads no names, and later releases read numbers too.
+#: The numbers of QoS policies: Humble reads only numbers, later releases read both.
 KEEP_LAST, RELIABLE, BEST_EFFORT, TRANSIENT_LOCAL, VOLATILE, AUTOMATIC = 1, 1, 2, 1, 2, 1
-#: No limit, in seconds and nanoseconds: RMW_DURATION_INFINITE.
+#: An infinite duration, RMW_DURATION_INFINITE, in seconds and nanoseconds.
 INFINITE = (9223372036, 854775807)
 
 
@@ -84,11 +84,11 @@ class Topic:
 
     :param name: its resolved name
     :param message_type: the full name of its message type
-    :param depth: how many messages its publisher keeps
-    :param reliability: of its publisher
-    :param durability: of its publisher
-    :param channel: its number in the file
-    :param count: how many of its messages are in the file
+    :param depth: the history depth of its publisher
+    :param reliability: the reliability of its publisher
+    :param durability: the durability of its publisher
+    :param channel: the id of its channel in the file
+    :param count: the number of its messages in the file
     """
 
     name: str
@@ -101,7 +101,7 @@ class Topic:
 
     @property
     def qualities(self) -> str:
-        """Return the QoS profile that its publisher offers, as YAML."""
+        """Return the QoS profile that the publisher of the topic offers, as YAML."""
         lines = [
             f'history: {KEEP_LAST}', f'depth: {self.depth}', f'reliability: {self.reliability}',
             f'durability: {self.durability}', *_duration('deadline'), *_duration('lifespan'),
@@ -116,12 +116,12 @@ def _duration(name: str) -> list[str]:
 
 def bag_information(topics: list[Topic], first: int, last: int, file: str) -> str:
     """
-    Return the content of a recording as YAML.
+    Return the description of a recording that rosbag2 needs, as YAML.
 
     :param topics: its topics
     :param first: the stamp of its first message [ns since 1970]; 0 if there is none
     :param last: the stamp of its last message [ns since 1970]; 0 if there is none
-    :param file: its file
+    :param file: the name of its file
     """
     total = sum(topic.count for topic in topics)
     span = ['duration:', f'  nanoseconds: {last - first}',
@@ -137,13 +137,17 @@ def bag_information(topics: list[Topic], first: int, last: int, file: str) -> st
 
 
 def folder_information(information: str) -> str:
-    """Return ``metadata.yaml``, which makes a directory a bag, by ``bag_information``."""
+    """
+    Return the text of ``metadata.yaml``, which makes a directory a rosbag2 bag.
+
+    :param information: the description of the recording from ``bag_information``
+    """
     return 'rosbag2_bagfile_information:\n' + ''.join(
         f'  {line}\n' for line in information.splitlines())
 
 
 def _lines(topic: Topic) -> list[str]:
-    # A JSON string is a YAML string.
+    # A JSON string is a valid YAML string.
     return ['  - topic_metadata:',
             f'      name: {json.dumps(topic.name)}',
             f'      type: {topic.message_type}',

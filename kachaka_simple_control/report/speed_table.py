@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The table of pauses and of changes of the speed factor in a report."""
+"""The table of pauses and speed factor changes in a report."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from kachaka_simple_control.control.speed_factor import describe_factors
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Times at which a robot was paused.
+#: The style of the times at which a robot was paused.
 SHADE: dict[str, Any] = {
     'color': '#9a8f7a', 'alpha': 0.22, 'linewidth': 0.0, 'zorder': 0.5, 'gid': 'pause'}
 
 
 class SpeedRow(NamedTuple):
     """
-    A part of a drive under one speed factor.
+    A part of a drive with one speed factor.
 
-    :param interval: the part
-    :param number: of its step among those that were begun; None if that was not begun
-    :param begin: when it began [s after t = 0]
-    :param reason: who asked for less speed; empty at full speed
+    :param interval: the part of the drive
+    :param number: the number of its step among the steps that began; None if its step did not
+    :param begin: the time at which the part began [s after t = 0]
+    :param reason: the sources that asked for less speed; empty at full speed
     """
 
     interval: SpeedInterval
@@ -47,12 +47,12 @@ class SpeedRow(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Return when it ended [s after t = 0]."""
+        """Return the time at which this part ended [s after t = 0]."""
         return self.begin + self.interval.end - self.interval.begin
 
 
 def speed_rows(summary: Summary) -> Iterator[SpeedRow]:
-    """Yield how fast a drive was, in order; nothing if all was at full speed."""
+    """Yield the parts of a drive by speed factor, in order; none if all was at full speed."""
     numbers = {id(step.log.planned): number for number, step in enumerate(summary.steps, 1)}
     for interval in summary.speed:
         yield SpeedRow(
@@ -66,7 +66,7 @@ def shade_pauses(
     Shade the times at which a robot was paused in a plot over time.
 
     :param start_time: t = 0 of the drive [s on the steady clock]
-    :param unit: of the time axis [s]
+    :param unit: the unit of the time axis [s]
     """
     for pause in pauses:
         axes.axvspan((pause.begin - start_time) / unit, (pause.end - start_time) / unit, **SHADE)

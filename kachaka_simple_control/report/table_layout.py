@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The layout of text tables: columns, cut texts, and the rows that a long table leaves out."""
+"""The layout of text tables: align columns, cut texts, and fold long tables."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from typing import NamedTuple
 from kachaka_simple_control.control.output import STDOUT
 from kachaka_simple_control.text import cut, pluralize, width_of
 
-#: The widest table: what most terminals show without breaking lines.
+#: The largest width of a table [columns]; most terminals show it without wrapping.
 WIDEST = 99
-#: Between two columns.
+#: The space between two columns.
 SPACE = '  '
 
 Row = tuple[str, ...]
 
 
 def terminal_columns() -> int | None:
-    """Return how wide standard output is [columns]; None if it is no terminal, or does not say."""
+    """Return the width of the terminal [columns]; None if standard output is no terminal."""
     try:
         return os.get_terminal_size(STDOUT).columns or None
     except OSError:
@@ -44,17 +44,17 @@ def columns(
         head: Sequence[tuple[str, str]], rows: Sequence[Row], rule_above_last: bool = False,
         widest: int = WIDEST, spare: Sequence[int] = ()) -> list[str]:
     """
-    Lay out a table; columns that are empty throughout are left out.
+    Lay out a table, without its empty columns.
 
-    Text is aligned to the left, and numbers, whose column has a unit, to the right.  If the table
-    is too wide, its spare columns are left out, and then its longest texts are cut.
+    Text is left-aligned.  Numbers, and all cells of a column with a unit, are right-aligned.  If
+    the table is too wide, spare columns are left out first, then the widest columns are cut.
 
     :param head: the name and the unit of each column
-    :param rows: the cells, as many in each row as there are columns
+    :param rows: the rows, with one cell per column
     :param rule_above_last: whether a line separates the last row from the others
-    :param widest: how many columns of text the table may have
-    :param spare: the places of columns that it can do without, those to go first in front
-    :returns: lines of text: names, units if there are any, a rule, the rows
+    :param widest: the largest width of the table [columns]
+    :param spare: the indices of columns that may be left out, in this order
+    :returns: lines of text: names, units (if a column has one), a rule, the rows
     """
     units = tuple(unit for _, unit in head)
     cells = [tuple(name for name, _ in head), *([units] if any(units) else []), *rows]
@@ -89,9 +89,9 @@ class Gap(NamedTuple):
     """
     Steps that a table leaves out.
 
-    :param before: the index of the step before them
-    :param after: the index of the step after them
-    :param again: whether each is a repeat of a step that is shown above
+    :param before: the index of the last step before the gap
+    :param after: the index of the first step after the gap
+    :param again: whether each left-out step repeats a step that is shown above
     """
 
     before: int
@@ -100,22 +100,25 @@ class Gap(NamedTuple):
 
     @property
     def size(self) -> str:
-        """Return how many they are."""
+        """Return the number of steps in the gap as text, for example '3 steps'."""
         return pluralize(self.after - self.before - 1, 'step')
 
     def describe(self, start: str, end: str) -> str:
-        """Return how many they are, and from when to when [s]."""
+        """Return the number of steps in the gap, and its start and end time [s], as text."""
         return (f'{self.size}, from {start} s to {end} s'
                 f'{", as above" if self.again else ""}')
 
 
 def fold(keys: Sequence[Hashable], most: int) -> list[int | Gap]:
     """
-    Return what a table of steps shows: if they are many, of repeated ones the first and the last.
+    Choose the steps that a table shows.
 
-    :param keys: what is equal for repeats of a step
-    :param most: how many lines the table may have; if folded it has more, its middle is cut out
-    :returns: the indices of steps, and gaps between them
+    A table with too many steps shows only the first and the last repeat of each step.  If it is
+    still too long, its middle is left out.
+
+    :param keys: a key for each step; repeats of a step have equal keys
+    :param most: the largest number of lines of the table
+    :returns: the indices of the shown steps, and the gaps between them
     """
     kept = _kept(keys, most)
     entries: list[int | Gap] = []
@@ -129,7 +132,7 @@ def fold(keys: Sequence[Hashable], most: int) -> list[int | Gap]:
 
 
 def repeat_labels(keys: Sequence[Hashable]) -> list[str]:
-    """Return for each step which repeat it is, as 1 of 4; empty if it is not repeated."""
+    """Return the repeat label of each step, for example '1 of 4'; empty if it is not repeated."""
     times = Counter(keys)
     so_far: Counter[Hashable] = Counter()
     labels = []

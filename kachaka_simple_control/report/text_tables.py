@@ -37,24 +37,24 @@ from kachaka_simple_control.report.table_layout import (
 )
 from kachaka_simple_control.text import format_fixed, one_line, pluralize
 
-#: About how many lines of text a person reads.
+#: The approximate number of lines of all tables together.
 LINES = 60
-#: The longest table of steps; of a longer one rows are left out.
+#: The largest number of rows of a table of steps; a longer table is folded.
 MAX_STEPS = 40
-#: A shorter table of steps says too little.
+#: The smallest useful number of rows of a table of steps.
 MIN_STEPS = 8
-#: Lines of a table of steps without its steps, and of a comparison without its motions.
+#: The lines of a table of steps without its steps, and of a comparison without its motions.
 FRAME, CAPTION = 6, 7
-#: The longest name there is room for [columns].
+#: The largest width of a name [columns].
 MAX_NAME_WIDTH = 36
-#: From this time on [s], tenths of a second are precise enough.
+#: The time from which times are shown in tenths of a second [s].
 TENTHS_FROM = 1000.0
 
 FIGURES = (('takes', '[s]'), ('length', '[m]'), ('x', '[m]'), ('y', '[m]'), ('heading', '[deg]'),
            ('linear', '[m/s]'), ('angular', '[rad/s]'))
-#: The columns that a narrow table of steps leaves out, in this order: they follow from the rest.
+#: The columns that a narrow table of steps leaves out, in this order.
 SPARE_OF_STEPS = ('number', 'start', 'angular', 'linear', 'length', 'heading')
-#: The same for a comparison.
+#: The columns that a narrow comparison leaves out, in this order.
 SPARE_OF_MOTIONS = ('sent', 'angular', 'linear', 'length', 'steps', 'heading', 'rate')
 POSES = 'Poses: at the end, seen from the start.'
 VELOCITIES = '  Velocities: the largest sent, either way.'
@@ -62,10 +62,10 @@ VELOCITIES = '  Velocities: the largest sent, either way.'
 
 def plan_table(views: Sequence[PlanView], widest: int | None = None) -> str:
     """
-    Return tables of plans: the steps of each, as far as there is room, and their totals.
+    Return tables of plans: the steps of each plan, if there is room, and the totals.
 
-    :param widest: how many columns a terminal has; None for none
-    :returns: lines of text, up to 99 columns wide; about 60 unless there are more motions
+    :param widest: the width of the terminal [columns]; None if there is no terminal
+    :returns: lines of text, up to 99 columns wide; about 60 lines, more for many motions
     """
     widest = min(widest or WIDEST, WIDEST)
     if len(views) == 1:
@@ -86,7 +86,7 @@ def _legend(lines: Sequence[str]) -> str:
 
 
 def _wrapped(lines: Sequence[str], widest: int) -> list[str]:
-    # Lines that go on are indented as those of the limits are.
+    # Continuation lines are indented like the second line of the limits.
     return [part for line in lines
             for part in textwrap.wrap(line, widest, subsequent_indent=' ' * 8)]
 
@@ -107,7 +107,7 @@ def _steps(view: PlanView, most: int, widest: int, with_total: bool) -> list[str
         if isinstance(entry, Gap):
             start, end = _time(steps[entry.before].end), _time(steps[entry.after].start)
             line = f'... {entry.describe(start, end)} ...'
-            # Names, units and a rule are above the rows.
+            # Three lines are above the rows: names, units and a rule.
             lines.insert(3 + place, line if len(line) <= widest else f'... {entry.size} ...')
     title = (f'{one_line(view.name, MAX_NAME_WIDTH)} on {one_line(view.robot, MAX_NAME_WIDTH)} '
              f'at {format_number(view.rate)} Hz')
@@ -199,22 +199,22 @@ def _time(value: float) -> str:
     return format_fixed(value, 3 if value < TENTHS_FROM else 1)
 
 
-#: Columns of the table of a drive; its cells have their units.
+#: The columns of the table of a drive; its cells contain the units.
 DRIVE_HEAD = (('movement', ''), ('requested', ''), ('sent', ''), ('odometry', ''))
-#: A narrow one does without these: the movement says what was requested.
+#: The indices of the columns that a narrow table of a drive leaves out, in this order.
 SPARE_OF_DRIVE = (1, 2)
 
 
 def drive_table(
         log: DriveLog, stop_confirmed_after: float | None, widest: int | None = None) -> str:
     """
-    Return a table of a drive: each step's displacement as requested, as sent and as driven.
+    Return a table of a drive: each step's displacement as requested, as sent and from odometry.
 
     :param log: the drive
-    :param stop_confirmed_after: how long after the stop began odometry showed standstill [s]; None
-        if it did not
-    :param widest: how many columns a terminal has; None for none
-    :returns: lines of text, the last two with the stop and the final pose
+    :param stop_confirmed_after: the time between the start of the stop and standstill in odometry
+        [s]; None if odometry did not show standstill
+    :param widest: the width of the terminal [columns]; None if there is no terminal
+    :returns: lines of text; the last two show the stop and the final pose
     """
     steps = log.steps
     cuts = segment_odometry(steps, log.odometry) if steps else []

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The requests that a drive takes, from services, keys and Python, with their checks."""
+"""Requests to start, stop, pause, resume and slow down a drive, with their checks."""
 
 from __future__ import annotations
 
@@ -42,20 +42,21 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-#: The writable parameter: the factor that a person sets.
+#: The writable parameter: the speed factor that the user sets.
 PARAMETER = 'speed_factor'
 
 
 class Commander:
     """
-    Runs, stops, pauses, resumes and slows down what a session drives.
+    Starts, stops, pauses, resumes and slows down the drives of a session.
 
-    Services, keys and Python call the same methods, from any thread.  Each returns what it did,
-    and raises the reason if that is refused.
+    Services, keys and Python code call the same methods.  The methods may be called from any
+    thread.  Each method returns a text that says what it did, and raises an error if the request
+    is refused.
 
-    :param node: gets the services ``~/stop``, ``~/pause`` and ``~/resume``
-    :param session: drives
-    :param factor: the parameter's value at the start
+    :param node: the node that offers the services ``~/stop``, ``~/pause`` and ``~/resume``
+    :param session: the session that drives the robot
+    :param factor: the initial value of the parameter ``speed_factor``
     """
 
     def __init__(self, node: Node, session: Session, factor: float) -> None:
@@ -63,16 +64,16 @@ class Commander:
         self._session = session
         self._factor = session.speed_factor
         self._confirmation = ResumeConfirmation()
-        #: the requests to stop; requests to start at the same time are refused
+        #: the stop requests; a start or resume request at the same time is refused
         self.stop_requests = StopRequests()
         self._factor.set(OVERRIDE, factor)
         node.add_on_set_parameters_callback(self._check_parameters)
-        # Humble has nothing that is called when all has been accepted.
+        # Humble has no callback that runs after all parameters are accepted.
         if hasattr(node, 'add_post_set_parameters_callback'):
             node.add_post_set_parameters_callback(self._apply_parameters)
         for name, function in (('~/pause', self.pause), ('~/resume', self.request_resume)):
             self.serve(name, function)
-        # In a callback group of its own: the callback waits for the stop, and others go on.
+        # A separate callback group: this callback waits for the stop, and other callbacks go on.
         node.create_service(
             Trigger, '~/stop', self._on_stop, qos_profile=SERVICE_QOS,
             callback_group=MutuallyExclusiveCallbackGroup())
@@ -80,16 +81,16 @@ class Commander:
 
     @property
     def state(self) -> RunProgress:
-        """Return the newest run as it is now."""
+        """Return the current progress of the newest run."""
         return self._session.robot_drive.progress
 
     def serve(self, name: str, function: Callable[[], str]) -> str:
         """
         Offer a service that calls a function.
 
-        :param name: its name, before remapping
-        :param function: returns what it did
-        :returns: the name of the service
+        :param name: the name of the service, before remapping
+        :param function: returns a text that says what it did
+        :returns: the name of the service, after remapping
         """
         service = self._node.create_service(
             Trigger, name, _service(function), qos_profile=SERVICE_QOS)
@@ -97,10 +98,13 @@ class Commander:
 
     def start(self, drive: Callable[[DriveRequest], object]) -> str:
         """
-        Start a drive in a thread of its own; a stop ends it from the return on.
+        Start a drive in a new thread.
 
-        :param drive: drives by a request
-        :raises ControlError: if that is refused now
+        A stop after the return of this method ends the drive, even if the robot does not move yet.
+
+        :param drive: the function that drives, called with the request
+        :returns: a text that says what was done
+        :raises ControlError: if the drive is refused now
         """
         request = self._session.request(elsewhere=True)
 
@@ -112,7 +116,7 @@ class Commander:
             except ControlError as error:
                 self._node.get_logger().error(str(error))
 
-        # A drive in a callback would wait for callbacks that wait for it.
+        # A drive in a callback would wait for other callbacks, which wait for this one.
         threading.Thread(target=run, name='drive', daemon=True).start()
         return 'started'
 
@@ -120,8 +124,8 @@ class Commander:
         """
         Start a drive for a client, unless a stop is requested at the same time.
 
-        :param drive: drives by a request
-        :raises ControlError: if that is refused now
+        :param drive: the function that drives, called with the request
+        :raises ControlError: if the drive is refused now
         """
         self.stop_requests.require_none()
         return self.start(drive)
@@ -130,12 +134,19 @@ class Commander:
         """
         Stop the robot for a client.
 
-        :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
+        :raises RunFaultError: if the stop could not be sent, or odometry shows that the robot
+            still moves
         """
         return self._session.stop('~/stop')
 
     def pause(self) -> str:
-        """Bring the robot to rest within its limits, and hold the motion; return what it did."""
+        """
+        Pause the motion: bring the robot to rest within its limits, and hold it there.
+
+        If no motion is under way, the next motion is held at its start.
+
+        :returns: a text that says what was done
+        """
         if not self._factor.set(PAUSE, 0.0):
             return 'it was paused before'
         self._node.get_logger().info('Paused: resume to go on')
@@ -144,11 +155,12 @@ class Commander:
 
     def resume(self, even_if_moved: bool = False) -> str:
         """
-        Go on with a motion that is paused.
+        Resume a paused motion.
 
-        :param even_if_moved: whether to go on from where somebody moved the robot to
-        :returns: what it did
-        :raises ControlError: if a motion could not start now either, or the robot was moved
+        :param even_if_moved: whether to resume from the new pose if the robot was moved during
+            the pause
+        :returns: a text that says what was done
+        :raises ControlError: if no motion may start now, or the robot was moved
         """
         self._session.check_resume(even_if_moved)
         was_held = [self._factor.set(name, 1.0) for name in (PAUSE, MOVED)]
@@ -160,10 +172,13 @@ class Commander:
 
     def resume_when_confirmed(self) -> str:
         """
-        Go on with a motion that is paused; if the robot was moved, only when asked again.
+        Resume a paused motion; if the robot was moved, ask for a second request.
 
-        :returns: what it did
-        :raises ControlError: if a motion could not start now either, or the robot was moved
+        The first request then raises RobotMovedError.  A second request after a short pause
+        resumes the motion.
+
+        :returns: a text that says what was done
+        :raises ControlError: if no motion may start now, or the robot was moved
         """
         try:
             return self.resume(even_if_moved=self._confirmation.on_request())
@@ -175,18 +190,20 @@ class Commander:
 
     def request_resume(self) -> str:
         """
-        Go on for a client, unless a stop is requested at the same time.
+        Resume a paused motion for a client, unless a stop is requested at the same time.
 
-        :raises ControlError: if a motion could not start now either, or the robot was moved
+        :raises ControlError: if no motion may start now, or the robot was moved
         """
         self.stop_requests.require_none()
         return self.resume_when_confirmed()
 
     def change_speed(self, step: float) -> None:
         """
-        Change the parameter ``speed_factor``, to full speed or one step at most.
+        Increase or decrease the parameter ``speed_factor`` by one step.
 
-        :param step: by how much
+        The result is never above 1 (full speed), and never below the size of the step.
+
+        :param step: the change; negative to drive slower
         """
         factor = self._factor.factors.get(OVERRIDE, 1.0)
         self.set_speed(min(1.0, max(abs(step), round(factor + step, 2))))
@@ -195,8 +212,8 @@ class Commander:
         """
         Set the parameter ``speed_factor``.
 
-        :param factor: from 0.01 to 1
-        :raises MotionRefusedError: if it is something else
+        :param factor: the new value, from 0.01 to 1
+        :raises MotionRefusedError: if the value is out of range
         """
         result = self._node.set_parameters([Parameter(PARAMETER, value=factor)])[0]
         if not result.successful:
@@ -211,15 +228,15 @@ class Commander:
         def stop() -> None:
             try:
                 response.message, response.success = self.request_stop(), True
-            except Exception as error:  # the caller must get a response
+            except Exception as error:  # the client must get a response in any case
                 response.message = str(error)
             stopped.set_result(None)
             self._wake.trigger()
 
-        # In a thread: odometry is received meanwhile, and tells whether the robot obeys.
+        # In a thread: the node must receive odometry meanwhile, to confirm the stop.
         try:
             threading.Thread(target=stop, name='stop', daemon=True).start()
-        except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
+        except RuntimeError:  # since Python 3.12 no thread can start while the program ends
             stop()
         await stopped
         return response
@@ -241,13 +258,17 @@ class Commander:
 
 
 def _factors(parameters: list[Parameter]) -> list[Any]:
-    """Return the values for the speed factor among parameters to set."""
+    """Return the new values of ``speed_factor`` in a list of parameters."""
     return [parameter.value for parameter in parameters if parameter.name == PARAMETER]
 
 
 def _service(function: Callable[[], str]) -> Callable[
         [Trigger.Request, Trigger.Response], Trigger.Response]:
-    """Return the callback of a service that calls a function, which returns what it did."""
+    """
+    Return a service callback that calls a function.
+
+    The callback responds with the text that the function returns, or with its error.
+    """
     def respond(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request
         try:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Conversions between our values and ROS 2 messages."""
+"""Conversions between the values of this package and ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def twist(velocity: Velocity) -> Twist:
-    """Return a velocity as a message; components that a wheeled robot lacks are zero."""
+    """Return a velocity as a Twist message: linear x and angular z; the rest is zero."""
     message = Twist()
     message.linear.x = velocity.linear_x
     message.angular.z = velocity.angular_z
@@ -38,7 +38,7 @@ def twist(velocity: Velocity) -> Twist:
 
 
 def velocity(twist: Twist) -> Velocity:
-    """Return the forward and turning velocity in a message, which may not be finite."""
+    """Return the linear x and angular z of a Twist message; the values may be NaN or infinite."""
     return Velocity(twist.linear.x, twist.angular.z)
 
 
@@ -46,10 +46,12 @@ def odometry(
         pose: Pose, velocity: Velocity, stamp: Time, frame_id: str,
         child_frame_id: str) -> Odometry:
     """
-    Return odometry as a message, with covariances of zero, which means unknown.
+    Return an Odometry message.
+
+    The covariances are zero: zero means unknown.
 
     :param pose: the pose of the robot in ``frame_id``
-    :param velocity: its velocity in ``child_frame_id``
+    :param velocity: the velocity of the robot in ``child_frame_id``
     """
     from nav_msgs.msg import Odometry
     message = Odometry()
@@ -65,7 +67,7 @@ def odometry(
 
 
 def pose(odometry: Odometry) -> Pose:
-    """Return the pose in a message, with its heading (yaw) between -pi and pi [rad]."""
+    """Return the pose in an Odometry message; its heading (yaw) is between -pi and pi [rad]."""
     position, q = odometry.pose.pose.position, odometry.pose.pose.orientation
     yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
     return Pose(position.x, position.y, yaw)
@@ -74,17 +76,17 @@ def pose(odometry: Odometry) -> Pose:
 def diagnostics(
         diagnoses: Mapping[str, Diagnosis], stamp: Time, hardware_id: str) -> DiagnosticArray:
     """
-    Return diagnoses as a message.
+    Return diagnoses as a DiagnosticArray message.
 
-    :param diagnoses: each by the name of its status
-    :param hardware_id: the hardware that they are about
+    :param diagnoses: the diagnoses; each key is the name of the status
+    :param hardware_id: the hardware that the diagnoses describe
     """
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
     message = DiagnosticArray()
     message.header.stamp = stamp
     message.status = [
         DiagnosticStatus(
-            # A byte is bytes in rclpy.
+            # rclpy represents the message type byte as bytes.
             level=bytes([diagnosis.level]), name=name, message=diagnosis.message,
             hardware_id=hardware_id,
             values=[KeyValue(key=key, value=value) for key, value in diagnosis.values.items()])

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The transport of DDS: no shared memory and, on request, no other machines."""
+"""Set the DDS transport: UDP without shared memory and, on request, this machine only."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from pathlib import Path
 import re
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-#: Other machines that are discovered nevertheless.
+#: The variable that lists other machines; they are discovered in spite of the range.
 PEERS = 'ROS_STATIC_PEERS'
-#: Humble's, in place of the range.
+#: The variable that Humble reads instead of the range.
 LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'
 TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 #: Variables that name a file of XML profiles, by the major version of Fast DDS.
@@ -31,21 +31,21 @@ PROFILES = {2: 'FASTRTPS_DEFAULT_PROFILES_FILE', 3: 'FASTDDS_DEFAULT_PROFILES_FI
 HUMBLE = (2, 6)
 #: All variables by which a user chooses the transport or the range.
 CHOICES = (RANGE, PEERS, LOCALHOST_ONLY, TRANSPORTS, *PROFILES.values())
-#: Our XML profiles: UDP without shared memory, to all machines or to this one alone.
+#: Our XML profiles: UDP without shared memory, to all machines or to this machine only.
 UDP, LOOPBACK = (Path(__file__).with_name(name) for name in ('udp.xml', 'loopback.xml'))
 
 
 def use_udp_transport() -> None:
     """
-    Make Fast DDS send by UDP alone in this process and its children, unless the user chose.
+    Make Fast DDS use UDP only in this process and its children, unless the user chose a transport.
 
-    Its shared memory is common to all processes of a machine, and one that was killed leaves its
-    part locked.  A process that discovers a newcomer then waits for it, a third of a second at a
-    time, with all its publishers held up: a velocity, or a stop, comes that much too late.  Our
-    messages are too small to gain anything by shared memory.
+    All processes of a machine share the shared memory of Fast DDS.  A process that was killed
+    leaves its part locked.  Another process that discovers a new participant then waits for the
+    lock, for a third of a second each time.  All its publishers wait meanwhile, so a velocity or a
+    stop is sent too late.  Our messages are small, so shared memory would not make them faster.
 
-    To be called before the first node of a context is created.  Humble's Fast DDS and other
-    middlewares keep their transport.
+    Call this function before the first node of a context is created.  The Fast DDS of Humble and
+    other middlewares keep their transport.
     """
     if not _is_transport_chosen():
         _use_profile(UDP)
@@ -53,23 +53,25 @@ def use_udp_transport() -> None:
 
 def use_localhost_only() -> None:
     """
-    Keep discovery of this process and its children on this machine, unless the user chose.
+    Limit discovery of this process and its children to this machine, unless the user set a range.
 
-    A simulated robot has the names of a real one, which must not obey in its place.  With Fast
-    DDS a profile does it: ROS's own range LOCALHOST brings shared memory with it, and every third
-    newcomer is discovered three seconds late.  To be called before ``rclpy.init``.
+    A simulated robot has the same ROS names as a real robot.  The real robot must not receive the
+    velocities for the simulated robot.  With Fast DDS, an XML profile sets the limit.  The ROS
+    range LOCALHOST is not used: it enables shared memory, and every third new participant is
+    discovered three seconds late.  Call this function before ``rclpy.init``.
 
-    As ROS's own range does, the profile announces itself to the first 32 participants of this
-    machine by unicast too: nodes with that range receive no multicast, and announce themselves to
-    no others.  More than 32 would reach further, but Fast DDS receives nothing until it has
-    announced itself to all of them, and the answer of a quick robot is lost: with 120, every
-    answer was.  The announcements are 320 small packets a second for five seconds, then 128, all
-    on this machine.
+    Like the ROS range, the profile also sends announcements by unicast to the first 32
+    participants of this machine.  Nodes with the ROS range need this: they receive no multicast,
+    and they announce themselves only to these 32.  The number is not larger, because Fast DDS
+    receives nothing until it has sent all these announcements: the answer of a fast robot is lost.
+    With 120, every answer was lost.  The announcements are 320 small packets per second for five
+    seconds, then 128 per second, all on this machine.
 
-    Both profiles announce a participant ten times a second for five seconds, then once a second,
-    or four times on this machine alone.  By default Fast DDS does so five times in all, and then
-    every three seconds: every second or third robot was discovered that much later.
-    ``benchmarks/experiments/driven_robot.py`` measures how long a drive takes to start.
+    Both profiles announce a participant ten times per second for five seconds, then once per
+    second (on this machine only: four times per second).  The default of Fast DDS is five
+    announcements, then one every three seconds: every second or third robot was discovered three
+    seconds late.  ``benchmarks/experiments/driven_robot.py`` measures how long a drive takes to
+    start.
     """
     if os.environ.get(RANGE, 'LOCALHOST') != 'LOCALHOST' or LOCALHOST_ONLY in os.environ:
         return
@@ -82,24 +84,24 @@ def use_localhost_only() -> None:
 
 
 def is_localhost_requested() -> bool:
-    """Return whether the environment sets ROS's range LOCALHOST, for ``use_localhost_only``."""
+    """Return whether the environment sets the ROS discovery range to LOCALHOST."""
     return os.environ.get(RANGE) == 'LOCALHOST'
 
 
 def is_range_chosen() -> bool:
-    """Return whether the environment says how far discovery goes, or our profile does."""
+    """Return whether an environment variable or our XML profile sets the discovery range."""
     is_range_read = RANGE in os.environ and not _is_humble()
     return is_range_read or LOCALHOST_ONLY in os.environ or is_localhost_only()
 
 
 def can_still_be_localhost_only() -> bool:
-    """Return whether a process that has initialised ROS can still be kept on this machine."""
+    """Return whether discovery can still be limited to this machine after ``rclpy.init``."""
     is_profile_read = _fast_dds() not in (None, HUMBLE)
     return is_profile_read and not _is_transport_chosen() and not os.environ.get(PEERS)
 
 
 def is_localhost_only() -> bool:
-    """Return whether ROS's variables or our profile keep discovery on this machine."""
+    """Return whether the ROS variables or our XML profile limit discovery to this machine."""
     is_range_localhost = is_localhost_requested() and not _is_humble()
     if is_range_localhost or os.environ.get(LOCALHOST_ONLY) == '1':
         return not os.environ.get(PEERS)
@@ -107,7 +109,11 @@ def is_localhost_only() -> bool:
 
 
 def _use_profile(profile: Path) -> bool:
-    """Make Fast DDS read an XML profile; return whether it will."""
+    """
+    Make Fast DDS read an XML profile.
+
+    :returns: whether Fast DDS will read it: it is a known version, and the file exists
+    """
     version = _fast_dds()
     if version in (None, HUMBLE) or not profile.is_file():
         return False
@@ -116,7 +122,7 @@ def _use_profile(profile: Path) -> bool:
 
 
 def _is_humble() -> bool:
-    """Return whether this is Humble, which does not read the range."""
+    """Return whether this ROS is Humble: Humble does not read the discovery range."""
     return _fast_dds() == HUMBLE or os.environ.get('ROS_DISTRO') == 'humble'
 
 
@@ -125,10 +131,14 @@ def _is_transport_chosen() -> bool:
 
 
 def _fast_dds() -> tuple[int, int] | None:
-    """Return the version of the Fast DDS that this process uses; None for another middleware."""
+    """
+    Return the version (major, minor) of the Fast DDS that this process uses.
+
+    :returns: None for another middleware, or if the version is not known
+    """
     try:
         from rclpy.utilities import get_rmw_implementation_identifier
-        get_rmw_implementation_identifier()  # loads it
+        get_rmw_implementation_identifier()  # loads the middleware
         libraries = Path('/proc/self/maps').read_text(errors='replace')
     except (ImportError, OSError):
         return None

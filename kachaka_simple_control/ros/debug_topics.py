@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Topics that show what a node does, published by a thread of their own."""
+"""Publishers of debug topics, which show the state of a node; a separate thread publishes."""
 
 from __future__ import annotations
 
@@ -38,24 +38,24 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64
 
-#: How many messages may wait for the publisher thread; what comes then is dropped.
+#: How many messages may wait for the publisher thread; further messages are dropped.
 MAX_QUEUE = 200
 #: How long the publisher thread may take to end [s].
 THREAD_EXIT_TIMEOUT = 1.0
-#: How often subscribers are counted [s]: counting takes longer than all the rest here.
+#: Time between two counts of the subscribers [s]: a count takes longer than the rest of a call.
 SUBSCRIBER_COUNT_PERIOD = 0.2
 
 
 class NoEventCallbacks:
     """
-    Replaces the event callbacks of a publisher by none.
+    Event callbacks for a publisher that needs none: it creates no event handlers.
 
-    By default each publisher has two, which cost every turn of the executor more than they are
-    worth here: a subscriber that asks for an incompatible QoS is told so on its own side.
+    By default each publisher has two event callbacks.  They take time in every cycle of the
+    executor, and are not needed here: a subscriber with an incompatible QoS logs this itself.
     """
 
     def create_event_handlers(self, *_: object) -> list[Any]:
-        """Return no handlers."""
+        """Return an empty list of event handlers."""
         return []
 
 
@@ -63,13 +63,13 @@ def create_debug_publisher(
         node: Node, velocities: VelocityPublisher, kind: type, topic: str,
         qos: QoSProfile) -> Publisher:
     """
-    Create a publisher whose QoS can be changed by the parameters that ROS has for that.
+    Create a publisher whose QoS can be changed with the ROS parameters ``qos_overrides``.
 
-    :param velocities: the publisher that moves the robot
+    :param velocities: the publisher of the velocities that move the robot
     :param kind: the type of the message
-    :param topic: its name, before remapping
-    :param qos: its default QoS
-    :raises UsageError: if the topic is the one that moves the robot, or the QoS is refused
+    :param topic: the name of the topic, before remapping
+    :param qos: the default QoS
+    :raises UsageError: if the topic is remapped to the velocity topic, or the QoS is refused
     """
     name = node.resolve_topic_name(topic)
     if name == velocities.topic_name:
@@ -85,7 +85,7 @@ def create_debug_publisher(
 
 
 def _check_history(qos: QoSProfile) -> SetParametersResult:
-    # A full history makes publishing wait for readers, and the robot's thread with it.
+    # With a full history, publishing waits for readers, and then the drive waits as well.
     if qos.history == HistoryPolicy.KEEP_ALL:
         return SetParametersResult(
             successful=False, reason='history keep_all would let a slow reader hold up the drive')
@@ -98,10 +98,10 @@ Serialize = Callable[[], bytes]
 
 class PublisherThread:
     """
-    One thread that publishes all debug topics of a node; it starts with the first message.
+    One thread that publishes all debug topics of a node; the first message starts it.
 
-    :param may_publish: whether anything may be published now
-    :param on_error: called with each message's error
+    :param may_publish: returns whether messages may be published now
+    :param on_error: called with the publisher and the error if a message could not be published
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class PublisherThread:
             self._start()
 
     def close(self) -> None:
-        """Publish what is in the queue, and nothing more."""
+        """Publish the messages in the queue, then end the thread."""
         self._queue.put(None)
         if self._thread is not None:
             self._thread.join(THREAD_EXIT_TIMEOUT)
@@ -138,7 +138,7 @@ class PublisherThread:
             try:
                 if self._may_publish():
                     self._publish(publisher, serialize)
-            except Exception as error:  # whatever it is, the next message is another one
+            except Exception as error:  # any error: the next message may still be published
                 self._on_error(publisher, error)
 
     def _publish(self, publisher: Publisher, serialize: Serialize) -> None:
@@ -147,10 +147,10 @@ class PublisherThread:
 
 class SpeedFactorPublisher:
     """
-    Publishes the speed factor when it changes; who subscribes later gets the newest.
+    Publishes the speed factor when it changes; a late subscriber gets the newest value.
 
-    :param velocities: the publisher that moves the robot
-    :raises UsageError: if the topic is remapped to where it would move the robot
+    :param velocities: the publisher of the velocities that move the robot
+    :raises UsageError: if the topic is remapped to the velocity topic
     """
 
     def __init__(
@@ -161,21 +161,21 @@ class SpeedFactorPublisher:
         self._thread = thread
 
     def publish(self, factor: float) -> None:
-        """Publish the factor, from 0 to 1."""
+        """Publish the speed factor, from 0 to 1."""
         self._thread.publish(
             self._publisher, lambda: bytes(serialize_message(Float64(data=factor))))
 
 
 class CommandedVelocityPublisher:
     """
-    Publishes velocities after they were sent, as long as there are subscribers.
+    Publishes each velocity again on a debug topic after it was sent, while there are subscribers.
 
-    Best effort: for a plot the newest counts, and a reliable writer has more to do for readers
-    that are slow, gone or frozen.
+    The QoS is best effort: a plot needs the newest value only.  A reliable writer has more work
+    with readers that are slow, gone or frozen.
 
-    :param velocities: the publisher that moves the robot
+    :param velocities: the publisher of the velocities that move the robot
     :param frame: the frame of the robot
-    :raises UsageError: if the topic is remapped to where it would move the robot
+    :raises UsageError: if the topic is remapped to the velocity topic
     """
 
     def __init__(
@@ -186,14 +186,14 @@ class CommandedVelocityPublisher:
             QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
         self._thread = thread
         self._clock = node.get_clock()
-        # Made once: a message takes longer to make than to send.
+        # Created once: creating a message takes longer than sending it.
         self._message = TwistStamped()
         self._message.header.frame_id = frame
         self._has_subscribers = False
         self._check_time = float('-inf')
 
     def on_sent(self, event: Event) -> None:
-        """Publish the velocity of a ``VelocitySent``, with the time when it left."""
+        """Publish the velocity of a ``VelocitySent`` event, stamped with its send time."""
         if not isinstance(event, VelocitySent):
             return
         if event.time - self._check_time >= SUBSCRIBER_COUNT_PERIOD:
@@ -214,13 +214,13 @@ class CommandedVelocityPublisher:
 
 class DiagnosticsPublisher:
     """
-    Publishes a diagnosis on request, if there are subscribers.
+    Publishes a diagnosis each time ``publish`` is called, if there are subscribers.
 
-    :param velocities: the publisher that moves the robot
-    :param robot: name of the robot
-    :param diagnose: makes the diagnosis; None when there is none to make
+    :param velocities: the publisher of the velocities that move the robot
+    :param robot: the name of the robot
+    :param diagnose: returns the diagnosis; None if there is none
     :raises ImportError: if diagnostic_msgs is not installed
-    :raises UsageError: if the topic is remapped to where it would move the robot
+    :raises UsageError: if the topic is remapped to the velocity topic
     """
 
     def __init__(
@@ -236,7 +236,7 @@ class DiagnosticsPublisher:
         self._diagnose = diagnose
 
     def publish(self) -> None:
-        """Publish the diagnosis now."""
+        """Publish the current diagnosis."""
         if not self._publisher.get_subscription_count():
             return
         diagnosis = self._diagnose()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""DDS endpoints: whose they are, and their qualities of service: which match, and overrides."""
+"""DDS endpoints: their participants, and checks and overrides of their quality of service."""
 
 from __future__ import annotations
 
@@ -29,12 +29,13 @@ from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 
-#: The quality of service of a service.  The default queue holds ten requests; one that arrives
-#: while it is full is lost, and its client waits forever.
+#: The quality of service of a service.  The default queue holds ten requests.  A request that
+#: arrives while the queue is full is lost, and its client waits forever.
 SERVICE_QOS = QoSProfile(depth=1000)
-#: Length of the part of a GID that identifies the participant: one context of one process [bytes].
+#: Length of the part of a GID that identifies the participant [bytes].  A participant is one
+#: context of one process.
 PARTICIPANT_LENGTH = 12
-#: The deepest queue that can be asked for; DDS takes memory for it [messages].
+#: The largest allowed depth of a queue [messages]: DDS reserves memory for it.
 MAX_DEPTH = 100_000
 _DEPTHS = f'from 1 to {MAX_DEPTH}'
 #: Policies that have to match, as ``QoSProfile`` names them.
@@ -45,7 +46,8 @@ def participants(infos: Iterable[Any]) -> list[bytes]:
     """
     Return the DDS participant of each endpoint (``TopicEndpointInfo``).
 
-    Node names do not identify a program: between some ROS distributions they are not transmitted.
+    Use this to identify a program.  Node names are not enough: they are not transmitted between
+    some ROS distributions.
     """
     return [bytes(info.endpoint_gid[:PARTICIPANT_LENGTH]) for info in infos]
 
@@ -54,8 +56,8 @@ def own_participant(node: Node) -> bytes:
     """
     Return the DDS participant of a node.
 
-    rclpy does not offer the GID of a publisher, so one is created on a topic with a unique name
-    and looked up in the graph.
+    rclpy does not offer the GID of a publisher.  So this function creates a publisher on a topic
+    with a unique name, and finds it in the graph.
     """
     topic = f'/_kachaka_simple_control/participant_{uuid.uuid4().hex}'
     publisher = node.create_publisher(Twist, topic, 1)
@@ -69,12 +71,12 @@ def incompatibility(offered: QoSProfile, requested: QoSProfile) -> str:
     Describe why a publisher and a subscription do not match.
 
     :param offered: the quality of service of the publisher
-    :param requested: that of the subscription
+    :param requested: the quality of service of the subscription
     :returns: the policies that do not match, with both values; empty if all match
     """
     if _is_compatible(offered, requested):
         return ''
-    # One policy at a time, with all others as the publisher offers them.
+    # Check one policy at a time; all other policies are as the publisher offers them.
     return ', '.join(
         f'{policy} (it asks for {_text(requested, policy)}, and {_text(offered, policy)} is '
         'offered)'
@@ -105,11 +107,12 @@ def with_qos_overrides(
         create: Callable[[QoSOverridingOptions], Any],
         check: Callable[[QoSProfile], SetParametersResult] | None = None) -> Any:
     """
-    Return what a function creates, with a QoS that parameters may change.
+    Create a publisher or subscription whose QoS can be changed by parameters.
 
-    :param create: takes the options for overriding
-    :param check: refuses a QoS
-    :raises UsageError: if a parameter asks for a QoS that is refused
+    :param create: creates the publisher or subscription with the given override options
+    :param check: an additional check that may refuse a QoS
+    :returns: the publisher or subscription
+    :raises UsageError: if a parameter requests a QoS that is refused
     """
     def check_all(qos: QoSProfile) -> SetParametersResult:
         result = _check_depth(qos)
@@ -117,12 +120,12 @@ def with_qos_overrides(
 
     try:
         with warnings.catch_warnings():
-            # For a depth of 0 rclpy takes another one, and only warns.
+            # For a depth of 0, rclpy only warns and uses another depth.
             warnings.simplefilter('error', UserWarning)
             return create(QoSOverridingOptions.with_default_policies(callback=check_all))
     except (InvalidQosOverridesError, ParameterException, RuntimeError, TypeError,
             UserWarning) as error:
-        # Only the first line says what is wrong.
+        # Only the first line of the message says what is wrong.
         text = escaped(str(error).splitlines()[0], 400)
         if isinstance(error, (TypeError, UserWarning)):
             text = f'a quality of service is not possible: {text}; the depth must be {_DEPTHS}'
@@ -130,7 +133,7 @@ def with_qos_overrides(
 
 
 def _check_depth(qos: QoSProfile) -> SetParametersResult:
-    # DDS would report this in a dozen lines.
+    # Checked here, because the error message of DDS is a dozen lines long.
     is_possible = 1 <= qos.depth <= MAX_DEPTH
     return SetParametersResult(
         successful=is_possible,

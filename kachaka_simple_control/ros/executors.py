@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The executor of a node in the background, and a hook before a context is shut down."""
+"""
+Executors: for a node in the background, and for a bridge; a hook before a context is shut down.
+
+A bridge has one executor for velocities, cheaper than that of rclpy, and one for the rest.
+"""
 
 from __future__ import annotations
 
@@ -20,28 +24,30 @@ import sys
 import threading
 import time
 from types import FrameType
-from typing import Any
+from typing import Any, Protocol
 
 from rclpy.context import Context
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 
 #: How long the thread of an executor may take to end [s].
 THREAD_EXIT_TIMEOUT = 2.0
-#: Pause after a callback has failed [s]: the next one may fail as well.
+#: Pause after a callback has failed [s]: the next callback may fail as well.
 PAUSE_AFTER_ERROR = 0.02
 
 
 class BackgroundExecutor:
     """
-    Spins a node in one background thread, unless it is in another executor.
+    Spins a node in one background thread, unless the node is in another executor.
 
-    The thread is started at once: from Python 3.12 on none can be started after the main thread
-    has ended, while another thread may still drive.  It has to be stopped before the program ends:
-    a thread that spins while the interpreter is finalized aborts it.
+    The constructor starts the thread.  A later start could fail: since Python 3.12 no thread can
+    start after the main thread has ended, but another thread may still drive then.  Call ``stop``
+    before the program ends: a thread that still spins makes the interpreter abort.
 
     :param node: the node whose callbacks are served
-    :param on_error: called in the background thread with what a callback raised
+    :param on_error: called in the background thread with the exception that a callback raised
     """
 
     def __init__(self, node: Node, on_error: Callable[[BaseException], None]) -> None:
@@ -53,9 +59,9 @@ class BackgroundExecutor:
 
     def ensure_spinning(self, take_over: bool = False) -> None:
         """
-        Add the node to this executor if it is in none.
+        Add the node to this executor if the node is in no executor.
 
-        :param take_over: add it even if it is in another executor
+        :param take_over: whether to add the node even if it is in another executor
         """
         if take_over or not self._has_executor():
             self._executor.add_node(self._node)
@@ -64,7 +70,7 @@ class BackgroundExecutor:
         """
         Return whether the calling thread is in a callback of the node's executor.
 
-        To wait there for another callback would never end.
+        Such a thread must not wait for another callback: it would wait forever.
         """
         if threading.current_thread() is self._thread:
             return True
@@ -72,24 +78,28 @@ class BackgroundExecutor:
         return is_elsewhere and any(True for _ in _executor_frames(sys._getframe()))
 
     def stop(self) -> None:
-        """Stop spinning, and join the thread."""
+        """Stop spinning, and wait for the thread to end."""
         self._executor.shutdown(timeout_sec=0.0)
         if threading.current_thread() is not self._thread:
             self._thread.join(THREAD_EXIT_TIMEOUT)
 
     def _has_executor(self) -> bool:
-        # A node keeps its reference to an executor that has removed it.
+        # After an executor has removed a node, the node still has a reference to the executor.
         executor = self._node.executor
         return executor is not None and self._node in executor.get_nodes()
 
     def _run(self) -> None:
         while (error := self._spin()) is not None:
-            # It goes on: the response to the release of manual control has to be received.
+            # Continue: the response to the release of manual control must still be received.
             self._on_error(error)
             time.sleep(PAUSE_AFTER_ERROR)
 
     def _spin(self) -> BaseException | None:
-        """Spin until the executor is shut down, or a callback raises what is returned."""
+        """
+        Spin until the executor is shut down or a callback raises an exception.
+
+        :returns: the exception; None after a shutdown
+        """
         try:
             self._executor.spin()
         except ExternalShutdownException:
@@ -101,9 +111,10 @@ class BackgroundExecutor:
 
 def wake_main_thread() -> None:
     """
-    Wake the executor that the main thread waits in, if it does.
+    Wake the executor in which the main thread waits, if there is one.
 
-    Python runs signal handlers in its main thread, between bytecodes; a wait in C++ delays them.
+    Python runs signal handlers in the main thread, and only between bytecode instructions.  A wait
+    in C++ code delays them.
     """
     for frame in _executor_frames(sys._current_frames().get(threading.main_thread().ident or 0)):
         executor = frame.f_locals.get('self')
@@ -123,11 +134,12 @@ def before_shutdown(context: Context, callback: Callable[[], None]) -> None:
     """
     Call a function before a context is shut down, in the thread that shuts it down.
 
-    ``Context.on_shutdown`` of rclpy calls back afterwards, when nothing can be published any more
-    (ros2/rclpy issue 1077), so the two methods that shut down are wrapped.
+    ``Context.on_shutdown`` of rclpy calls its callbacks after the shutdown, when publishing is no
+    longer possible (ros2/rclpy issue 1077).  So this function wraps the two methods that shut
+    down a context.
 
-    :param context: the context, as ``rclpy.shutdown`` will find it
-    :param callback: may be called more than once
+    :param context: the context that will be shut down
+    :param callback: the function; it may be called more than once
     """
     for name in ('shutdown', 'try_shutdown'):
         setattr(context, name, _preceded(getattr(context, name), callback))
@@ -138,3 +150,93 @@ def _preceded(function: Callable[..., Any], callback: Callable[[], None]) -> Cal
         callback()
         return function(*args, **kwargs)
     return wrapped
+
+
+#: The pause after a message [s]: it lets the thread that handles the message run first.
+YIELD_TIME = 5e-5
+#: The timeout value for a wait set that waits without a limit.
+WAIT_FOREVER = -1
+
+
+class ExecutorLoop(Protocol):
+    """The interface of an executor that runs callbacks in the thread that calls ``run()``."""
+
+    def run(self) -> None:
+        """Run callbacks until ``stop()`` is called."""
+
+    def stop(self) -> None:
+        """Make ``run()`` return, also if it has not started; call once, from any thread."""
+
+
+class NodeExecutor:
+    """An executor for all callbacks of a node, except those of a ``SubscriptionExecutor``."""
+
+    def __init__(self, node: Node) -> None:
+        self._stopped = threading.Event()
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+
+    def run(self) -> None:
+        """Run callbacks until ``stop()`` is called."""
+        while not self._stopped.is_set():
+            self._executor.spin_once()
+        self._executor.shutdown()
+
+    def stop(self) -> None:
+        """Make ``run()`` return, also if it has not started; call once, from any thread."""
+        # A task wakes the executor.  A shutdown here would destroy the objects it waits for.
+        self._executor.create_task(self._stopped.set)
+
+
+class SubscriptionExecutor:
+    """
+    An executor for one subscription, with much lower CPU load than an rclpy executor.
+
+    It waits for messages in a loop, like ``rclpy.wait_for_message()``.
+
+    :param node: the node
+    :param subscription: a subscription of the node, in its own callback group
+    :param on_message: called with each message, the oldest first
+    """
+
+    def __init__(
+            self, node: Node, subscription: Subscription, on_message: Callable[[Any], None],
+    ) -> None:
+        self._context = node.context
+        self._subscription = subscription
+        self._on_message = on_message
+        self._stopped = threading.Event()
+        group = subscription.callback_group
+        # The node destroys the guard condition, but only after run(), which holds a reference.
+        self._guard_condition = node.create_guard_condition(lambda: None, callback_group=group)
+        # Mark the group as busy, so that no executor waits for it.  The QoS events of the
+        # subscription belong to the group: if an executor waited for them, DDS would wake it at
+        # each message.  The events report incompatible QoS; best effort is compatible with every
+        # publisher.
+        group.beginning_execution(subscription)
+
+    def run(self) -> None:
+        """Run callbacks until ``stop()`` is called."""
+        subscription, guard_condition = self._subscription.handle, self._guard_condition.handle
+        context = self._context.handle
+        assert context is not None, 'ROS is running'
+        with subscription, guard_condition, context:
+            wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, context)
+            while not self._stopped.is_set():
+                wait_set.clear_entities()
+                wait_set.add_subscription(subscription)
+                wait_set.add_guard_condition(guard_condition)
+                wait_set.wait(WAIT_FOREVER)
+                self._take_all()
+                time.sleep(YIELD_TIME)
+
+    def stop(self) -> None:
+        """Make ``run()`` return, also if it has not started; call once, from any thread."""
+        self._stopped.set()
+        self._guard_condition.trigger()
+
+    def _take_all(self) -> None:
+        take, kind = self._subscription.handle.take_message, self._subscription.msg_type
+        # A publisher faster than this loop must not prevent the end of the loop.
+        while not self._stopped.is_set() and (taken := take(kind, False)) is not None:
+            self._on_message(taken[0])

@@ -28,25 +28,28 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-#: Best effort matches every publisher; the depth is for a thread that is held up for a moment.
+#: Best effort matches every publisher.  The depth is large, because the executor's thread may be
+#: delayed for a moment.
 SUBSCRIPTION_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-#: The graph's word for a node name that was not received, as between distributions.
+#: The node name in the graph if the name was not received, e.g. between ROS distributions.
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 
 
 class ForeignMessages:
     """
-    Subscribes to the velocities of a robot while other programs have a publisher of them.
+    Detects velocities that other programs send to the robot.
 
-    A publisher alone proves nothing: it may never send.  Without one there is no subscription, and
-    no cost.
+    It subscribes to the velocity topic while another program has a publisher on this topic.  A
+    publisher alone proves nothing: it may never send.  Without such a publisher there is no
+    subscription and no cost.
 
     :param node: the node that publishes
-    :param publisher: its publisher of velocities
-    :param other_publishers: returns the node names of the publishers of others
-    :param is_latched: returns whether the guardian stops the robot: then zeros are its own
-    :param on_message: called in the executor's thread with who may have sent it, for each message
-        of others, unless ``detect`` waits for one
+    :param publisher: the publisher of velocities of this node
+    :param other_publishers: returns the node names of the publishers of other programs
+    :param is_latched: returns whether the guardian has stopped the robot; zeros then come from
+        the guardian and are ignored
+    :param on_message: called in the executor's thread for each message of another program, with a
+        description of the sender; not called while ``detect`` waits
     """
 
     def __init__(
@@ -62,12 +65,12 @@ class ForeignMessages:
         self._names: list[str] = []
         self._newest = float('-inf')
         self._is_detecting = False
-        # A group of its own, so that no other callback holds it up.
+        # A separate callback group, so that no other callback delays this one.
         self._group = MutuallyExclusiveCallbackGroup()
 
     def update(self) -> bool:
         """
-        Find other publishers; subscribe while there are any.
+        Find publishers of other programs, and subscribe while there are any.
 
         :returns: whether there are any
         """
@@ -83,15 +86,22 @@ class ForeignMessages:
         return bool(self._names)
 
     def has_recent(self, now: float) -> bool:
-        """Return whether a message of others came within FOREIGN_MESSAGE_MAX_AGE before a time."""
+        """
+        Return whether another program has sent a message recently.
+
+        :param now: the time [s on the steady clock]
+        :returns: whether the newest message is not older than FOREIGN_MESSAGE_MAX_AGE
+        """
         return now - self._newest <= FOREIGN_MESSAGE_MAX_AGE
 
     def detect(self, check: Callable[[], None] = lambda: None) -> bool:
         """
-        Wait for a message of others, up to FOREIGN_CHECK_TIME; not at all without a publisher.
+        Wait for a message of another program, for at most FOREIGN_CHECK_TIME.
 
-        :param check: called while waiting; what it raises ends the wait
-        :returns: whether one came
+        Do not wait if no other program has a publisher.
+
+        :param check: called while waiting; an exception from it ends the wait
+        :returns: whether a message came
         """
         if not self.update():
             return False
@@ -103,29 +113,29 @@ class ForeignMessages:
 
     def require_none(self, check: Callable[[], None]) -> None:
         """
-        Check that no other program drives the robot, before it is taken.
+        Check that no other program drives the robot, before this program takes it.
 
-        :param check: called while waiting; what it raises ends the wait
-        :raises RobotTakenError: if one does
+        :param check: called while waiting; an exception from it ends the wait
+        :raises RobotTakenError: if another program drives the robot
         """
         if self.detect(check):
-            # Discovery delivers node names last, and nothing moves yet.
+            # Discovery delivers node names last.  The wait is safe: the robot does not move yet.
             wait_until(
                 lambda: UNKNOWN_NODE not in self._other_publishers(), FOREIGN_CHECK_TIME, check)
             raise self.taken(self.describe_sender())
 
     def taken(self, sender: str) -> RobotTakenError:
         """
-        Return the error for a robot that another program drives before it is taken.
+        Return the error that another program drives the robot, so this program cannot take it.
 
-        :param sender: what ``describe_sender`` returned
+        :param sender: the description of the other program, from ``describe_sender``
         """
         return RobotTakenError(
             f'{sender} sends velocities on {self._publisher.topic_name}; nothing was sent. Stop '
             'that program, or set the parameter allow_other_publishers to true')
 
     def describe_sender(self) -> str:
-        """Return who may have sent the messages of others, as far as the graph knows."""
+        """Return a text that names the nodes that may have sent the foreign messages."""
         if UNKNOWN_NODE in self._names:
             self._names = self._other_publishers() or self._names  # discovery delivers names last
         names = sorted({

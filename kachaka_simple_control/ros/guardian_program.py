@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The guardian's program: it stops the robot when the driving process cannot."""
+"""The program of the guardian: it stops the robot if the driving process cannot."""
 
 from __future__ import annotations
 
@@ -29,7 +29,11 @@ from kachaka_simple_control.control.guardian import shared_state
 from kachaka_simple_control.control.processes import boottime, is_stopped
 from kachaka_simple_control.control.signals import wakeup_pipe
 from kachaka_simple_control.control.stop import send_stop
-from kachaka_simple_control.control.timing import DISCOVERY_RETRY_TIMEOUTS, POLL_PERIOD
+from kachaka_simple_control.control.timing import (
+    DISCOVERY_RETRY_TIMEOUTS,
+    GUARDIAN_EXIT_TIMEOUT,
+    POLL_PERIOD,
+)
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.control.watchdog import GuardianMessage, Watchdog
 from kachaka_simple_control.errors import HELD_UP_ADVICE
@@ -39,19 +43,19 @@ from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.context import Context
 from rclpy.node import Node
 
-#: How many messages are read from the pipe at once [bytes]: more than a minute's.
+#: How many messages are read from the pipe at once [bytes]: more than arrive in a minute.
 READ_SIZE = 65536
 
 
 class GuardianNode:
     """
-    A hidden node with a DDS participant and a publisher of velocities of its own.
+    The hidden node of the guardian, with its own DDS participant and velocity publisher.
 
-    :param topic: the topic, resolved already
+    :param topic: the velocity topic, after remapping
     :param message_type: Twist or TwistStamped
     :param frame: the frame in the header of a stamped message
     :param domain: the ROS domain
-    :param on_participant: called with its DDS participant before the publisher can be seen
+    :param on_participant: called with the DDS participant before the publisher is created
     """
 
     def __init__(
@@ -68,11 +72,11 @@ class GuardianNode:
 
     @property
     def is_matched(self) -> bool:
-        """Whether its publisher has a subscriber."""
+        """Whether the velocity publisher has a subscriber."""
         return bool(self.publisher.get_subscription_count() > 0)
 
     def end(self) -> None:
-        """Leave the graph."""
+        """Destroy the node and shut down its context."""
         self._node.destroy_node()
         self._context.try_shutdown()
 
@@ -80,14 +84,18 @@ class GuardianNode:
 def create_matched_node(
         create: Callable[[], GuardianNode], is_needed: Callable[[], bool]) -> GuardianNode:
     """
-    Create the node, and another one each time that no robot is discovered soon; keep the matched.
+    Create nodes until one is matched with a robot, and return the matched node.
 
-    Fast DDS announces a participant before it listens.  A robot on the same machine may answer
-    before that, answers each newcomer once, and is next discovered when it announces itself, up to
-    3 s later.  This happened to every second or fourth participant (measured).
+    If a node is not matched within a timeout, the next node is created.  All other nodes are
+    destroyed at the end.  If no node is matched, the newest node is returned.
+
+    The reason: Fast DDS announces a participant before it listens.  A robot on the same machine
+    answers each new participant once.  If the answer comes too early, it is lost.  Then the robot
+    is discovered at its next announcement, up to 3 s later.  This happened to every second or
+    fourth participant (measured).
 
     :param create: creates a node
-    :param is_needed: returns whether there is something to do, so that the newest node must stay
+    :param is_needed: returns whether the guardian has work to do; then no further node is created
     """
     nodes: list[GuardianNode] = []
     for timeout in DISCOVERY_RETRY_TIMEOUTS:
@@ -104,11 +112,11 @@ def create_matched_node(
 
 class GuardianProgram:
     """
-    Reads the node's messages, and publishes zeros on request or when heartbeats fail.
+    Reads the messages of the node, and publishes zeros on request or if heartbeats stop.
 
-    :param publisher: the publisher of zeros
-    :param shared: memory shared with the node, which holds the ``shared_state``
-    :param command_timeout: how long the robot keeps a velocity [s]
+    :param publisher: the publisher of the zeros
+    :param shared: the memory that is shared with the node and holds the ``shared_state``
+    :param command_timeout: the command timeout: how long the robot keeps a velocity [s]
     """
 
     def __init__(
@@ -123,10 +131,10 @@ class GuardianProgram:
 
     def serve(self, messages: int, signals: int) -> None:
         """
-        Serve until the node is gone or has closed the pipe.
+        Run until the node has ended or has closed the pipe.
 
-        :param messages: the descriptor to read the node's messages from
-        :param signals: a descriptor that becomes readable when this program is to end
+        :param messages: the file descriptor from which the messages of the node are read
+        :param signals: a file descriptor that becomes readable when this program must end
         """
         while not self._watchdog.is_over:
             readable, _, _ = select.select([messages, signals], [], [], self._timeout())
@@ -142,7 +150,7 @@ class GuardianProgram:
             self._report_match()
 
     def _node_is_publishing(self) -> bool:
-        # A node that was frozen while it published only seems to publish.
+        # If the node was frozen while it published, its flag is still set: it does not publish.
         return self._publishing.is_set and not is_stopped(self._node_pid)
 
     def _timeout(self) -> float | None:
@@ -186,8 +194,8 @@ def main(args: Sequence[str] | None = None) -> int:
     """
     Run the guardian.
 
-    :param args: topic, ROS domain, command timeout [s], type of message and its frame, and two
-        descriptors: the node's messages and the memory shared with it
+    :param args: the topic, the ROS domain, the command timeout [s], the message type, its frame,
+        and two file descriptors: the messages of the node, and the memory shared with the node
     :returns: the exit code
     """
     parser = argparse.ArgumentParser()
@@ -207,18 +215,26 @@ def main(args: Sequence[str] | None = None) -> int:
         program = GuardianProgram(node.publisher, shared, options.command_timeout)
         program.serve(options.messages, signals)
     finally:
+        # Measured: 1 of 80 guardians never returned from Fast DDS here after its node was killed,
+        # and kept the claim on the robot.  The alarm ends the process.
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_REAL, GUARDIAN_EXIT_TIMEOUT)
         node.end()
     return 0
 
 
 def _report(line: str) -> None:
-    # Not print(): the node may be gone, and its end of the pipe with it.
+    # Not print(): the node may have ended, and then its end of the pipe is closed.
     with contextlib.suppress(OSError):
         os.write(sys.stdout.fileno(), f'{line}\n'.encode())
 
 
 def _handle_signals() -> int:
-    """Make SIGTERM readable on the returned descriptor, and leave Ctrl+C to the node."""
+    """
+    Handle SIGTERM, and ignore SIGINT and SIGHUP: the node handles them.
+
+    :returns: a file descriptor that becomes readable at SIGTERM
+    """
     reader, _ = wakeup_pipe()
     signal.signal(signal.SIGTERM, lambda *_: None)
     for signum in (signal.SIGINT, signal.SIGHUP):

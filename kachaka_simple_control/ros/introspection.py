@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The topics on which a node shows what it does: paths, commanded velocity, diagnostics."""
+"""Publish debug topics: paths, commanded velocity, speed factor and diagnostics."""
 
 from __future__ import annotations
 
@@ -52,21 +52,23 @@ from rclpy.publisher import Publisher
 if TYPE_CHECKING:
     from kachaka_simple_control.ros.path_topics import PlannedPathPublisher
 
-#: How often a diagnosis is made [s].
+#: Time between two diagnoses [s].
 DIAGNOSTICS_PERIOD = 1.0
 
-#: Takes a frame or an event.
+#: A function that is called with a frame or an event.
 Handler = Callable[[Any], None]
 
 
 class IntrospectionPublishers:
     """
-    The topics on which a node shows what it does.
+    The publishers of all debug topics of a node.
 
-    If one fails, that is logged once and it publishes nothing from then on; the drive goes on.
+    If one publisher fails, the error is logged once, and this publisher publishes nothing more.
+    The drive goes on.
 
-    :param velocities: the publisher that moves the robot
-    :raises UsageError: if a topic is remapped to where it would move the robot
+    :param velocities: the publisher of the velocities that move the robot
+    :param profile: the kind of robot
+    :raises UsageError: if a debug topic is remapped to the velocity topic
     """
 
     def __init__(self, node: Node, velocities: VelocityPublisher, profile: RobotProfile) -> None:
@@ -75,9 +77,9 @@ class IntrospectionPublishers:
         self._thread = PublisherThread(lambda: self._is_open, self._log_error)
         self._failed: set[str] = set()
         self._on_frame: list[Handler] = []
-        #: by type of event; called only while the session is open
+        #: the handlers by type of event; called only while the session is open
         self._on_event: dict[type, list[Handler]] = {}
-        #: called with all events, at any time: they return at once
+        #: the handlers that are called with all events, at any time; they return at once
         self._always: list[EventHandler] = [self._failing_once(
             COMMANDED_VELOCITY, CommandedVelocityPublisher(
                 node, velocities, self._thread, profile.frame).on_sent)]
@@ -88,19 +90,19 @@ class IntrospectionPublishers:
         self._add_diagnostics(velocities, profile.name)
 
     def attach(self, event_bus: EventBus, status_reader: StatusReader) -> None:
-        """Publish what happens from now on."""
+        """Start publishing: subscribe to the session's events, and publish a speed factor of 1."""
         self._status_reader = status_reader
         for handler in (*self._always, self._handle):
             event_bus.subscribe(handler)
         self._speed_factor.publish(1.0)
 
     def set_frame(self, frame: str) -> None:
-        """Use the frame that odometry is in."""
+        """Use the frame of odometry for the paths."""
         for handler in self._on_frame:
             handler(frame)
 
     def close(self) -> None:
-        """Publish nothing more."""
+        """Publish the messages in the queue, then stop publishing."""
         self._thread.close()
 
     @property
@@ -114,7 +116,7 @@ class IntrospectionPublishers:
                 handler(event)
 
     def _add_paths(self, velocities: VelocityPublisher) -> None:
-        # Optional: without nav_msgs a drive works, and only shows less of itself.
+        # Optional: without nav_msgs a drive works, but the path topics are not published.
         try:
             from kachaka_simple_control.ros.path_topics import (
                 DrivenPathPublisher,
@@ -139,13 +141,13 @@ class IntrospectionPublishers:
             publisher.on_plan(plan)
 
     def _add_diagnostics(self, velocities: VelocityPublisher, robot: str) -> None:
-        # Optional, as for the paths.
+        # Optional, like the paths: diagnostic_msgs may be missing.
         try:
             diagnostics = DiagnosticsPublisher(
                 self._node, velocities, self._thread, robot, self._diagnose)
         except ImportError:
             return
-        # A timer would otherwise follow /clock, which may stand still while the robot drives.
+        # With the default clock, the timer may follow /clock, and /clock may stop during a drive.
         self._timer = self._node.create_timer(
             DIAGNOSTICS_PERIOD,
             self._failing_once(DIAGNOSTICS, lambda _: diagnostics.publish()),
@@ -158,7 +160,11 @@ class IntrospectionPublishers:
             self._status_reader.progress, self._status_reader.read(time.monotonic()))
 
     def _failing_once(self, name: str, handler: Handler) -> Handler:
-        """Return a handler that logs its first error, and does nothing from then on."""
+        """
+        Return a handler that calls another handler until it fails.
+
+        The returned handler logs the first error as a warning, and does nothing after it.
+        """
         has_failed = False
 
         def guarded(argument: Any = None) -> None:
@@ -167,7 +173,7 @@ class IntrospectionPublishers:
                 return
             try:
                 handler(argument)
-            except Exception as error:  # whatever it is, it must not end the drive
+            except Exception as error:  # any error: it must not end the drive
                 has_failed = True
                 self._node.get_logger().warning(
                     f'{name} is no longer published: {type(error).__name__}: {error}')

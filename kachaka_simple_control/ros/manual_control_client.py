@@ -30,30 +30,30 @@ from std_srvs.srv import SetBool
 
 
 class ManualControlResponse:
-    """The response to one request, from the future that rclpy returned for it."""
+    """The response to one manual control request; wraps the future of the service call."""
 
     def __init__(self, future: Any) -> None:
         self._future = future
 
     @property
     def done(self) -> bool:
-        """Whether it has come."""
+        """Whether the response has arrived."""
         return bool(self._future.done())
 
     @property
     def refusal(self) -> str | None:
-        """Why the request was refused; None if it was granted."""
+        """Return why the request was refused; None if it was accepted."""
         response = self._future.result()
         return None if response.success else escaped(response.message) or 'no reason given'
 
 
 class ManualControlClient:
     """
-    Switches manual control of one robot.
+    Switches the manual control of one robot on and off.
 
     :param service: the name of the service; None for a robot that needs no manual control
-    :param check: called while waiting; what it raises ends the wait
-    :param timeout: how long manual control lasts after a request [s]
+    :param check: called while waiting; an exception from it ends the wait
+    :param timeout: how long manual control stays on after a request [s]
     """
 
     def __init__(
@@ -61,10 +61,10 @@ class ManualControlClient:
             timeout: float = math.inf) -> None:
         self._service = service
         self._timeout = timeout
-        #: time of the newest request [s on the steady clock]; None if it was released since
+        #: time of the newest request [s on the steady clock]; None if it was released later
         self._requested: float | None = None
-        # A group of its own: after Ctrl+C in a callback that callback's group stays blocked, and
-        # the response to the release has to be received all the same.
+        # A separate callback group: after Ctrl+C in a callback, the group of this callback stays
+        # blocked, but the response to the release must still be received.
         self._client = node.create_client(
             SetBool, service, callback_group=MutuallyExclusiveCallbackGroup()) if service else None
         self._check = check
@@ -73,22 +73,23 @@ class ManualControlClient:
 
     @property
     def is_needed(self) -> bool:
-        """Whether this robot takes velocities only under manual control."""
+        """Whether this robot accepts velocities only while manual control is on."""
         return self._client is not None
 
     @property
     def is_available(self) -> bool:
-        """Whether the service has a server, where it is needed."""
+        """Whether the service has a server; also true if the robot needs no manual control."""
         return self._client is None or bool(self._client.service_is_ready())
 
     def enable(self, timeout: float) -> None:
         """
         Switch manual control on, and wait for the response.
 
-        Requests are repeated, with growing pauses; the first response to any of them counts.
+        The request is repeated, with increasing pauses.  The first response to any of the requests
+        counts.
 
-        :param timeout: how long [s]
-        :raises RobotNotFoundError: if no response comes, or it is a refusal
+        :param timeout: how long to wait [s]
+        :raises RobotNotFoundError: if no response comes, or the robot refuses
         """
         end = time.monotonic() + timeout
         responses: list[ManualControlResponse] = []
@@ -109,7 +110,12 @@ class ManualControlClient:
             'somebody spins the executor this node is in')
 
     def request(self, enabled: bool) -> ManualControlResponse:
-        """Send a request without waiting, and return its response, which is still to come."""
+        """
+        Send a request, and return without waiting for the response.
+
+        :param enabled: whether to switch manual control on or off
+        :returns: the response, which arrives later
+        """
         assert self._client is not None
         self.was_requested = True
         self._requested = time.monotonic() if enabled else None
@@ -117,7 +123,7 @@ class ManualControlClient:
 
     def state(self, now: float) -> str:
         """
-        Describe the state of manual control, as far as this side knows.
+        Describe the state of manual control: not needed, off, or the age of the newest request.
 
         :param now: the time [s on the steady clock]
         """
@@ -133,7 +139,7 @@ class ManualControlClient:
         Switch manual control off.
 
         :param timeout: how long to wait for the response [s]
-        :returns: whether it came
+        :returns: whether the response came
         """
         response = self.request(False)
         return wait_until(lambda: response.done, timeout)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Names of ROS: those of one robot and of the node, and what a name or a namespace may be."""
+"""ROS names: the topics and service of a robot, the topics of the node, and checks of names."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.text import quoted
 
-#: The longest name of a topic or a service: RMW_TOPIC_MAX_NAME_LENGTH, which is what DDS takes
-#: (255) minus the prefixes of ROS [characters].
+#: The longest name of a topic or a service [characters]: RMW_TOPIC_MAX_NAME_LENGTH.  This is the
+#: limit of DDS (255) minus the prefixes of ROS.
 MAX_NAME_LENGTH = 247
-#: The longest namespace: RMW_NAMESPACE_MAX_LENGTH, which leaves room for a name in it.
+#: The longest namespace [characters]: RMW_NAMESPACE_MAX_LENGTH.  It leaves space for a name.
 MAX_NAMESPACE_LENGTH = 245
-#: The topics on which a node shows what it does.
+#: The debug topics of the node.
 COMMANDED_VELOCITY, SPEED_FACTOR = '~/commanded_velocity', '~/speed_factor'
 PLANNED_PATH, DRIVEN_PATH = '~/planned_path', '~/driven_path'
 DIAGNOSTICS = '/diagnostics'
@@ -39,11 +39,11 @@ _NAMESPACE = re.compile('(/+[A-Za-z_][A-Za-z0-9_]*)*/*')
 @dataclass(frozen=True)
 class RobotNames:
     """
-    Absolute names of one robot, before remapping.
+    The absolute ROS names of one robot, before remapping.
 
-    :param velocity: the topic on which it takes velocities
-    :param odometry: the topic of its odometry; None if it has none
-    :param manual_control: the service that switches manual control; None if it needs none
+    :param velocity: the topic on which the robot receives velocities
+    :param odometry: the topic of the odometry; None if the robot has no odometry
+    :param manual_control: the service that switches manual control; None if it is not used
     """
 
     velocity: str
@@ -53,12 +53,12 @@ class RobotNames:
 
 def names_of(profile: RobotProfile, namespace: str, manual_control: bool) -> RobotNames:
     """
-    Return the names of a robot.
+    Return the absolute ROS names of a robot.
 
     :param profile: the kind of robot
     :param namespace: the ROS namespace of this robot
-    :param manual_control: whether to use its manual control, if it has one
-    :raises UsageError: if the namespace is invalid, or so long that a name in it is too long
+    :param manual_control: whether to use the manual control of the robot, if it has one
+    :raises UsageError: if the namespace is invalid or too long
     """
     longest = max(len(name) for name in (
         profile.velocity_topic, profile.odometry_topic, profile.manual_control_service) if name)
@@ -76,12 +76,13 @@ def names_of(profile: RobotProfile, namespace: str, manual_control: bool) -> Rob
 
 def require_length(text: str, name: str, longest: int, what: str = 'name') -> None:
     """
-    Check the length of a name.
+    Check the length of a ROS name.
 
-    :param text: the beginning of the message, with the name in it
-    :param longest: how many characters ROS takes
-    :param what: what should be shorter
-    :raises UsageError: if it is too long
+    :param text: the start of the error message, which contains the name
+    :param name: the name to check
+    :param longest: the largest number of characters that ROS accepts
+    :param what: the word for the name in the advice ``take a shorter ...``
+    :raises UsageError: if the name is too long
     """
     if len(name) > longest:
         raise UsageError(
@@ -91,13 +92,14 @@ def require_length(text: str, name: str, longest: int, what: str = 'name') -> No
 
 def require_namespace(namespace: str, what: str, longest: int) -> None:
     """
-    Check that a namespace is one that ROS takes.
+    Check that ROS accepts a namespace.
 
-    :param what: what it is called in the message
-    :param longest: how many characters it may have, from its first slash on
-    :raises UsageError: if it is not
+    :param namespace: the namespace to check
+    :param what: the word for the namespace in the error message
+    :param longest: the largest number of characters, including the first slash
+    :raises UsageError: if the namespace is invalid or too long
     """
-    # fullmatch: a line break at the end would pass otherwise.
+    # fullmatch, because match with $ would accept a line break at the end.
     if not _NAMESPACE.fullmatch(namespace):
         raise UsageError(
             f'{what} is {quoted(namespace, 60)}; a namespace begins with a slash and has words '

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The subscription of the robot's odometry."""
+"""Subscribe to the odometry of the robot."""
 
 from __future__ import annotations
 
@@ -34,18 +34,20 @@ def subscribe_to_odometry(
         on_odometry: Callable[[float, Pose, Velocity, bool], None],
         on_frame: Callable[[str], None]) -> bool:
     """
-    Subscribe to odometry, unless the robot has none or nav_msgs is not installed.
+    Subscribe to odometry, unless the robot has no odometry or nav_msgs is not installed.
 
-    :param on_odometry: called with the time of arrival [s on the steady clock], the pose, the
-        velocity, and whether its stamp is later than that of the message before, or is not set
-    :param on_frame: called with the frame of the poses, before the first pose in it
-    :returns: whether it subscribed
-    :raises UsageError: if a parameter asks for an invalid quality of service
+    :param names: the names of the robot, before remapping
+    :param on_odometry: called for each message, with the time of arrival [s on the steady clock],
+        the pose, the velocity, and whether the message is new: its stamp is later than the stamp
+        of the previous message, or is not set
+    :param on_frame: called with the frame of the poses, before the first pose in this frame
+    :returns: whether a subscription was created
+    :raises UsageError: if a parameter requests an invalid quality of service
     """
     topic = names.odometry
     if topic is None:
         return False
-    # Optional: without nav_msgs a drive works, and only knows less of how it went.
+    # Optional: without nav_msgs a drive works, but without the checks by odometry.
     try:
         from nav_msgs.msg import Odometry
     except ImportError:
@@ -61,11 +63,11 @@ def subscribe_to_odometry(
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         is_new, newest = stamp > newest or not stamp, stamp
         at, speed = pose(message), velocity(message.twist.twist)
-        # A message with a value that is not finite counts as none.
+        # Ignore a message with a value that is NaN or infinite.
         if math.isfinite(at.x + at.y + at.theta + speed.linear_x + speed.angular_z):
             on_odometry(time.monotonic(), at, speed, is_new)
 
-    # Best effort, as the robot publishes it: a reliable subscription would not match.
+    # Best effort, like the publisher of the robot: a reliable subscription would not match.
     with_qos_overrides(lambda options: node.create_subscription(
         Odometry, topic, on_message, copy(qos_profile_sensor_data),
         qos_overriding_options=options))

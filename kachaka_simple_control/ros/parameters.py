@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The node's parameters, and the event with which a session starts."""
+"""The parameters of the node, and the first event of a session."""
 
 from __future__ import annotations
 
@@ -52,9 +52,10 @@ def _parameter(
 @dataclass(frozen=True)
 class NodeParameters:
     """
-    The parameters of the node, as it starts.
+    The values of the node's parameters at its start.
 
-    All but ``speed_factor`` are read-only, so that a run keeps those it was planned with.
+    All parameters except ``speed_factor`` are read-only.  So the parameters of a plan do not
+    change while it runs.
     """
 
     robot: str = _parameter(
@@ -95,10 +96,11 @@ class NodeParameters:
 
 def parameter_arguments(arguments: Sequence[str]) -> dict[str, str]:
     """
-    Return the parameters of this node on the command line, by their names, as they were written.
+    Return the parameters of this node that are set on the command line.
 
     :param arguments: the ROS arguments, from ``--ros-args`` on
-    :raises UsageError: if there is no such parameter; ROS ignores unknown ones
+    :returns: the values as written, by parameter name
+    :raises UsageError: if a parameter is unknown; ROS itself ignores unknown parameters
     """
     own = [parameter.name for parameter in fields(NodeParameters)]
     known = [*own, *ROS_PARAMETERS]
@@ -114,18 +116,21 @@ def parameter_arguments(arguments: Sequence[str]) -> dict[str, str]:
 def _assignments(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
     for option, assignment in pairwise(arguments):
         name, is_assigned, value = assignment.partition(':=')
-        # For one node of several they are written NODE:NAME:=VALUE.
+        # NODE:NAME:=VALUE sets a parameter of one node of several; such arguments are skipped.
         if option in ('-p', '--param') and is_assigned and ':' not in name:
             yield name, value
 
 
 def require_parameters_only(option: str, arguments: Sequence[str]) -> None:
     """
-    Refuse arguments of ROS that what is shown without ROS cannot follow.
+    Refuse ROS arguments that an option without ROS cannot use.
 
-    :param option: the option that shows it, for the message
+    Such an option shows a plan and does not start ROS.  It accepts only ``-p NAME:=VALUE``.
+
+    :param option: the name of the option, for the error message
     :param arguments: the ROS arguments, from ``--ros-args`` on
-    :raises UsageError: if one is not ``-p NAME:=VALUE``, or is a speed factor, which no plan has
+    :raises UsageError: if an argument is not ``-p NAME:=VALUE``, or sets ``speed_factor``, because
+        a plan is always shown at full speed
     """
     if 'speed_factor' in dict(_assignments(arguments)):
         raise UsageError(f'{option} shows a plan at full speed: leave out speed_factor')
@@ -142,11 +147,13 @@ def require_parameters_only(option: str, arguments: Sequence[str]) -> None:
 def declare_parameters(
         node: Node, defaults: Mapping[str, Any]) -> tuple[RobotProfile, NodeParameters]:
     """
-    Declare the parameters on a node, and read them.
+    Declare the parameters on a node, and read their values.
 
-    :param defaults: values of those that nothing else sets
-    :returns: the profile of the robot, which gives some defaults and ranges, and the values
-    :raises UsageError: if a value has the wrong type or is out of range, or there is no such robot
+    The profile of the robot sets some defaults and ranges.
+
+    :param defaults: default values that replace the usual defaults, by parameter name
+    :returns: the profile of the robot, and the values of the parameters
+    :raises UsageError: if a value has the wrong type or is out of range, or the robot is unknown
     """
     robot, *others = fields(NodeParameters)
     name = str(_declare(node, robot, defaults.get('robot', robot.default), None))
@@ -170,7 +177,7 @@ def _declare(
     if bounds:
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
-        # People write rate:=20, and rclpy would refuse an integer for a double.
+        # Users write rate:=20, and rclpy would refuse an integer for a double parameter.
         descriptor.dynamic_typing = True
     try:
         value = node.declare_parameter(parameter.name, default, descriptor).value
@@ -195,11 +202,13 @@ def session_started(
         node: Node, title: str, profile: RobotProfile, names: RobotNames,
         parameters: NodeParameters, **about: Any) -> SessionStarted:
     """
-    Return the first event of a session.
+    Return the first event of a session: the robot, its limits, topics, settings and versions.
 
-    :param title: what is driven, for displays and reports
-    :param names: the names of the robot before remapping
-    :param about: fields of the event that only the command knows
+    :param title: the name of the motion, for displays and reports
+    :param profile: the kind of robot
+    :param names: the names of the robot, before remapping
+    :param parameters: the parameters of the node
+    :param about: further fields of the event, set by the command
     """
     return SessionStarted(
         title=title,

@@ -27,18 +27,20 @@ from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-#: The frame of poses before odometry has named one.
+#: The frame of the poses until odometry arrives and gives its frame.
 FRAME = 'odom'
-#: The driven path is not published more often than this [s].
+#: The shortest time between two messages of the driven path [s].
 MIN_PUBLISH_PERIOD = 0.5
 
 
 class PlannedPathPublisher:
     """
-    Publishes where the newest plan goes, before the robot moves; kept for late subscribers.
+    Publishes the path of the newest plan before the robot moves.
 
-    :param velocities: the publisher that moves the robot
-    :raises UsageError: if the topic is remapped to where it would move the robot
+    A late subscriber gets the newest path.
+
+    :param velocities: the publisher of the velocities that move the robot
+    :raises UsageError: if the topic is remapped to the velocity topic
     """
 
     def __init__(self, node: Node, velocities: VelocityPublisher, thread: PublisherThread) -> None:
@@ -49,25 +51,25 @@ class PlannedPathPublisher:
         self._clock = node.get_clock()
         self._serializer = PathSerializer(FRAME)
         self._pose: Pose | None = None
-        #: published from the origin, because the robot's pose was unknown
+        #: the plan that was published from the origin, because the robot's pose was unknown
         self._plan_from_origin: Plan | None = None
 
     def set_frame(self, frame: str) -> None:
-        """Use the frame of odometry."""
+        """Use the frame of odometry for the published path."""
         self._serializer = PathSerializer(frame)
 
     def on_plan(self, plan: Plan) -> None:
-        """Publish where a plan that is driven next goes."""
+        """Publish the path of the plan that is driven next."""
         self._plan_from_origin = plan if self._pose is None else None
         self._publish(plan, self._pose or ORIGIN)
 
     def on_motion_started(self, event: MotionStarted) -> None:
-        """Leave the plan as it was published: the robot moves."""
+        """Keep the published path from now on, because the robot moves."""
         del event
         self._plan_from_origin = None
 
     def on_odometry(self, event: OdometryReceived) -> None:
-        """Publish the plan anew from the robot's pose, if it was published from the origin."""
+        """Publish the path again from the robot's pose, if it was published from the origin."""
         self._pose = event.pose
         plan, self._plan_from_origin = self._plan_from_origin, None
         if plan is not None:
@@ -81,10 +83,10 @@ class PlannedPathPublisher:
 
 class DrivenPathPublisher:
     """
-    Publishes where odometry showed the robot, from its first pose on, if there are subscribers.
+    Publishes the path that odometry has measured since the first pose, if there are subscribers.
 
-    :param velocities: the publisher that moves the robot
-    :raises UsageError: if the topic is remapped to where it would move the robot
+    :param velocities: the publisher of the velocities that move the robot
+    :raises UsageError: if the topic is remapped to the velocity topic
     """
 
     def __init__(self, node: Node, velocities: VelocityPublisher, thread: PublisherThread) -> None:
@@ -96,13 +98,13 @@ class DrivenPathPublisher:
         self.set_frame(FRAME)
 
     def set_frame(self, frame: str) -> None:
-        """Begin anew in the frame of odometry."""
+        """Start a new path in the frame of odometry."""
         self._serializer = PathSerializer(frame)
         self._history = PoseHistory(
             MAX_POSES, lambda pose: self._serializer.pose(pose, self._clock.now().nanoseconds))
 
     def on_odometry(self, event: OdometryReceived) -> None:
-        """Add a pose, and publish the path if that is due."""
+        """Add a pose to the path, and publish the path at most once per MIN_PUBLISH_PERIOD."""
         self._history.add(event.pose)
         if (event.time - self._publish_time >= MIN_PUBLISH_PERIOD
                 and self._publisher.get_subscription_count()):

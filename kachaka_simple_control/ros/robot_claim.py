@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The claim on a robot: one program drives it, or is its bridge; others are refused."""
+"""The claim on a robot: only one program may drive a robot, and only one may be its bridge."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-#: Message for the program that is refused, by role.
+#: The error message for a refused program, by role.
 TAKEN = {
     'driver': '{who} drives the robot on {topic}, so nothing was sent; wait until it ends, or '
               'stop it',
@@ -59,15 +59,16 @@ class RobotClaim:
     """
     The claim of one program on one robot, on this machine and between machines.
 
-    On one machine the kernel decides.  Between machines, programs publish their claims on a topic
-    next to that of the velocities.  Discovery takes time, so for a moment two programs may hold
-    the claim: each reports the conflict as soon as it receives the other's.
+    On one machine the kernel decides which program gets the claim.  Between machines, programs
+    publish their claims on a topic next to the velocity topic.  Discovery takes time, so two
+    programs may hold the claim for a moment.  Each of them reports the conflict as soon as it
+    receives the claim of the other program.
 
-    :param node: the node that claims; its claim topic is served by the node's executor
-    :param topic: where the robot takes velocities, resolved
-    :param role: what is claimed: ``driver`` or ``bridge``
-    :param on_conflict: called in the executor's thread with who else holds the claim, for each
-        message of that program
+    :param node: the node that claims the robot; its executor serves the claim topic
+    :param topic: the velocity topic of the robot, after remapping
+    :param role: the claimed role: ``driver`` or ``bridge``
+    :param on_conflict: called in the executor's thread with a description of the other program
+        that holds the claim, for each message of that program
     """
 
     def __init__(
@@ -82,17 +83,17 @@ class RobotClaim:
             node, _claim_topic(topic, role), on_conflict)
 
     def fileno(self) -> int:
-        """Return the descriptor that keeps the claim, for a child process to inherit."""
+        """Return the file descriptor that keeps the claim; a child process may inherit it."""
         return self._machine.fileno()
 
     def take(self, check: Callable[[], None]) -> None:
         """
-        Take the claim on this machine, and ask for it on the network.
+        Take the claim on this machine, and request it on the network.
 
-        Does nothing if it is held already.  ``hold`` or ``withdraw`` has to follow.
+        Do nothing if this program holds the claim already.  Call ``hold`` or ``withdraw`` next.
 
-        :param check: called while waiting; what it raises ends the wait
-        :raises RobotTakenError: if another program holds the claim, with who that is
+        :param check: called while waiting; an exception from it ends the wait
+        :raises RobotTakenError: if another program holds the claim; the message names this program
         """
         who = f'{self._node_name} (process {os.getpid()}'
         since = f'since {time.strftime("%H:%M:%S")})'
@@ -113,21 +114,21 @@ class RobotClaim:
             self._network.hold()
 
     def withdraw(self) -> None:
-        """Publish that the claim is not wanted any more; one that is held stays held."""
+        """Cancel the request for the claim on the network; a claim that is held stays held."""
         if self._network is not None:
             self._network.withdraw()
 
     def require(self) -> None:
         """
-        Check that no other program holds the claim as well.
+        Check that no other program holds the claim.
 
-        :raises RobotTakenError: if one does
+        :raises RobotTakenError: if another program holds it
         """
         if self._network is not None and (holder := self._network.holder()) is not None:
             raise self._taken(holder)
 
     def release(self) -> None:
-        """Release the claim; it cannot be taken again."""
+        """Release the claim; this object cannot take it again."""
         if self._network is not None:
             self._network.release()
         self._machine.release()
@@ -145,7 +146,7 @@ def _claim_topic(velocity_topic: str, role: str) -> str:
 
 
 class _NetworkClaim:
-    """A claim that is published to other machines, and the claims received from them."""
+    """The network part of a claim: it publishes the claim, and receives the claims of others."""
 
     def __init__(self, node: Node, topic: str, on_conflict: Callable[[str], None]) -> None:
         self._joined = time.monotonic()
@@ -157,8 +158,8 @@ class _NetworkClaim:
         self._conflict_found: float | None = None
         self._publisher = node.create_publisher(
             String, topic, QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-        # The depth is for many that publish at the same moment.  In a callback group of its own:
-        # claims must be received even if another callback of the node blocks.
+        # The depth allows for several programs that publish at the same moment.  A separate
+        # callback group: claims must be received even if another callback of the node blocks.
         node.create_subscription(
             String, topic, self._on_message,
             QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL),
@@ -169,7 +170,13 @@ class _NetworkClaim:
             target=self._publish_periodically, name='claim', daemon=True)
 
     def take(self, who: str, check: Callable[[], None]) -> str | None:
-        """Publish that the claim is wanted; return who blocks it, None if it may be held."""
+        """
+        Publish that the claim is wanted, and wait until it is decided.
+
+        :param who: the description of this program
+        :param check: called while waiting; an exception from it ends the wait
+        :returns: the description of the program that blocks the claim; None if it may be held
+        """
         if self._state == HELD:
             return self.holder()
         self._who = who
@@ -202,12 +209,16 @@ class _NetworkClaim:
             self._set_state(RELEASED)
 
     def holder(self) -> str | None:
-        """Return who else holds the claim."""
+        """Return a description of the other program that holds the claim; None without one."""
         claim = self._claims.holder(time.monotonic())
         return None if claim is None else claim.who
 
     def release(self) -> None:
-        """Release the claim; after a conflict, not before the other program has received ours."""
+        """
+        Release the claim.
+
+        After a conflict, wait first until the other program has received our claim.
+        """
         if self._conflict_found is not None:
             time.sleep(max(0.0, self._conflict_found + CLAIM_CONFLICT_TIME - time.monotonic()))
         self._stopped.set()

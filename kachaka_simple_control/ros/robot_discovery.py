@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Find the robot on the ROS graph, and check that it is the only one and stays the same."""
+"""Find the robot in the ROS graph, and check that there is one robot and it is not replaced."""
 
 from __future__ import annotations
 
@@ -33,16 +33,17 @@ HINT = ('. Is its bridge running, in the same ROS_DOMAIN_ID? Compare the name wi
 
 class RobotDiscovery:
     """
-    Checks of the graph: who subscribes to the velocities, and who publishes odometry.
+    Checks the subscribers of velocities and the publishers of odometry in the ROS graph.
 
-    A robot is one participant that publishes odometry; of one without odometry only the
-    subscription is known.
+    A robot is one DDS participant that publishes odometry.  If a robot has no odometry, only its
+    subscription to the velocities identifies it.
 
-    :param node: whose view of the graph is used
-    :param names: the robot's names before remapping
+    :param node: the node whose graph is read
+    :param names: the names of the robot, before remapping
     :param publisher: the publisher of velocities
-    :param manual_control: its service has to be available where the robot needs it
-    :param guardian: its publisher is one of ours, and has to be matched before a run
+    :param manual_control: the client whose service must be available if the robot needs it
+    :param guardian: the guardian; its publisher belongs to this program, and must be matched
+        before a run
     """
 
     def __init__(
@@ -56,25 +57,25 @@ class RobotDiscovery:
         self._odometry_topic = node.resolve_topic_name(names.odometry) if names.odometry else None
         self._participant = own_participant(node)
         self._required_participant: Callable[[], bytes | None] | None = None
-        #: participants that are the robot, as ``remember_robot`` found them
+        #: the participants of the robot, set by ``remember_robot``
         self._robot: set[bytes] = set()
         self._counts: list[int] = []
 
     @property
     def is_subscribed(self) -> bool:
-        """Whether a subscription to our velocities is matched."""
+        """Whether our velocity publisher has a matched subscription."""
         return self.subscriber_count > 0
 
     @property
     def subscriber_count(self) -> int:
-        """Return the number of matched subscriptions to our velocities."""
+        """Return the number of matched subscriptions of our velocity publisher."""
         return int(self._publisher.get_subscription_count())
 
     def require_participant(self, participant: Callable[[], bytes | None]) -> None:
         """
-        Accept no other robot than one participant.
+        Accept only the robot with a given DDS participant.
 
-        :param participant: returns it; None as long as it is not known
+        :param participant: returns the participant; None while it is not known
         """
         self._required_participant = participant
 
@@ -82,56 +83,61 @@ class RobotDiscovery:
         """
         Wait until a robot can be driven.
 
-        :param timeout: how long [s]
-        :param check: called while waiting; what it raises ends the wait
-        :raises RobotNotFoundError: after the timeout, with what is missing and what to try
+        :param timeout: how long to wait [s]
+        :param check: called while waiting; an exception from it ends the wait
+        :raises RobotNotFoundError: after the timeout; the message says what is missing
         """
         if not wait_until(lambda: not self._problem(), timeout, check):
             raise RobotNotFoundError(self._not_found(timeout))
 
     def wait_for_guardian(self, timeout: float, check: Callable[[], None]) -> None:
         """
-        Wait until the robot can be driven and the guardian's publisher is matched as well.
+        Wait until the robot can be driven and the guardian's publisher is matched.
 
-        :param timeout: how long [s]
-        :param check: called while waiting; what it raises ends the wait
+        :param timeout: how long to wait [s]
+        :param check: called while waiting; an exception from it ends the wait
         :raises RobotNotFoundError: after the timeout
         """
         if not wait_until(
                 lambda: self._guardian.is_matched and not self._problem(), timeout, check):
-            # If discovery has found a problem meanwhile, that explains more.
+            # If discovery has found a problem meanwhile, report this problem: it explains more.
             raise RobotNotFoundError(self._not_found(timeout) if self._problem() else (
                 f'the guardian has matched no subscriber within {timeout:g} s, so nothing moved; '
                 'the parameter guardian:=false drives without one'))
 
     def check_subscribed(self) -> None:
         """
-        Check that the robot still subscribes.
+        Check that the robot still subscribes to the velocities.
 
-        :raises RunFaultError: if no subscription is left
+        :raises RunFaultError: if there is no subscription
         """
         if not self.is_subscribed:
             raise self._subscriber_left()
 
     def has_changed(self) -> bool:
         """
-        Return whether a number of endpoints has changed since the last call.
+        Return whether the number of publishers or subscribers has changed since the last call.
 
-        A robot that was replaced by another within that time is not seen here.
+        This does not detect a robot that was replaced by another robot between two calls.
         """
         before, self._counts = self._counts, self._endpoint_counts()
         return self._counts != before
 
     def remember_robot(self) -> None:
-        """Remember who subscribes to velocities and, if any of those does, publishes odometry."""
+        """
+        Remember the DDS participants of the robot, for ``check_identity``.
+
+        These are the subscribers of velocities that also publish odometry.  If no subscriber
+        publishes odometry, these are all subscribers of velocities.
+        """
         subscribers = self._subscribers()
         self._robot = subscribers & set(self._odometry_publishers()) or subscribers
 
     def check_identity(self) -> None:
         """
-        Check that the robot is the remembered one, and not one that came in its place.
+        Check that the robot is still the robot that ``remember_robot`` found.
 
-        :raises RunFaultError: if it is another, or has left
+        :raises RunFaultError: if the robot was replaced by another robot, or has left
         """
         subscribers = self._subscribers()
         if not subscribers:
@@ -142,22 +148,22 @@ class RobotDiscovery:
 
     def check_exclusive(self) -> None:
         """
-        Check that there is one robot.
+        Check that there is not more than one robot.
 
-        :raises RunFaultError: if there are more, as soon as discovery has found them
+        :raises RunFaultError: if discovery has found more than one publisher of odometry
         """
         if (count := len(self._odometry_publishers())) > 1:
             raise RunFaultError(self._several_robots(count))
 
     def other_publishers(self) -> list[str]:
-        """Return the node names of the publishers of velocities that are not ours."""
+        """Return the node names of velocity publishers that belong to other programs."""
         infos = self._node.get_publishers_info_by_topic(self._publisher.topic_name)
         return [escaped(info.node_name, 60)
                 for info, participant in zip(infos, participants(infos))
                 if not self._is_own(participant)]
 
     def _is_own(self, participant: bytes) -> bool:
-        # A participant that the guardian had and left may be listed for a while.
+        # An earlier participant of the guardian may stay in the graph for a while.
         return participant == self._participant or participant in self._guardian.participants
 
     def _endpoint_counts(self) -> list[int]:
@@ -176,7 +182,7 @@ class RobotDiscovery:
             if self._odometry_topic else [])
 
     def _problem(self) -> str:
-        """Return why no robot can be driven; empty if one can."""
+        """Return why no robot can be driven; empty if a robot can be driven."""
         return self._robot_problem() if self.is_subscribed else self._subscriber_problem()
 
     def _robot_problem(self) -> str:
@@ -197,7 +203,7 @@ class RobotDiscovery:
         return ''
 
     def _subscriber_problem(self) -> str:
-        """Return why no subscription is matched."""
+        """Return why no subscription matches our velocity publisher."""
         own_type = self._publisher.msg_type.__name__
         topic = self._publisher.topic_name
         infos = self._node.get_subscriptions_info_by_topic(topic)
@@ -205,7 +211,7 @@ class RobotDiscovery:
         same_type = [info for info in infos if info.topic_type.endswith('/' + own_type)]
         if types and not same_type:
             return f'its subscriber takes {escaped(", ".join(sorted(types)))}, not {own_type}'
-        # Both from the graph: a publisher itself returns 0 s for a deadline that is not set.
+        # Read both QoS profiles from the graph: a publisher returns 0 s for an unset deadline.
         publishers = self._node.get_publishers_info_by_topic(topic)
         offered = [info.qos_profile
                    for info, participant in zip(publishers, participants(publishers))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A session with one robot: connect, drive, stop, release."""
+"""A session with one robot: connect to it, drive it, stop it and release it."""
 
 from __future__ import annotations
 
@@ -31,10 +31,9 @@ from kachaka_simple_control.control.events import (
     VelocityKind,
 )
 from kachaka_simple_control.control.guardian import Guardian, NullGuardian
-from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.robot_drive import RobotDrive
-from kachaka_simple_control.control.run_monitor import RunMonitor
+from kachaka_simple_control.control.run_monitor import LeaseRenewer, RunMonitor
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
@@ -61,10 +60,9 @@ from kachaka_simple_control.errors import (
     RunFaultError,
 )
 from kachaka_simple_control.files.robot_profile import RobotProfile
-from kachaka_simple_control.motion.drive_order import DriveOrder
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import Plan
+from kachaka_simple_control.motion.plan import DriveOrder, Plan
 from kachaka_simple_control.ros.executors import BackgroundExecutor
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
@@ -80,15 +78,16 @@ from rclpy.node import Node
 
 class Session:
     """
-    Connects a node with a robot; every way out of it stops the robot.
+    Connects a node with a robot and drives it.
 
+    The session stops the robot at the end of each drive, after an error, and when it is closed.
     Plans run in the thread that calls ``drive``, one at a time.  ``stop``, ``stop_permanently``
     and ``close`` may be called from any thread.
 
     :param node: the node that publishes
-    :param publisher: its publisher of velocities; only the velocity gate uses it from now on
+    :param publisher: the node's publisher of velocities; only the velocity gate uses it
     :param profile: the kind of robot
-    :param names: the names of this robot
+    :param names: the ROS names of this robot
     :param parameters: the node's parameters
     :param publish: puts an event into a queue, and returns at once
     """
@@ -106,7 +105,7 @@ class Session:
             profile.feedback_delay(), profile.odometry_calibration) if (
                 parameters.closed_loop) else None
         self._feedback_topic = names.odometry
-        #: what odometry shows of the robot's velocity
+        #: detects by odometry whether the robot moves
         self.odometry = StandstillDetector()
         self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._on_conflict)
         self._publisher = publisher
@@ -123,7 +122,7 @@ class Session:
         self._foreign = ForeignMessages(
             node, publisher,
             list if parameters.allow_other_publishers else self._discovery.other_publishers,
-            # A permanent stop of this node sets the latch, too; the guardian sends nothing then.
+            # A permanent stop of this node also sets the latch; the guardian then sends nothing.
             lambda: self._guardian.latch.is_set and self._stopped_by is None,
             self._on_foreign_message)
         self._stopper = StopController(
@@ -132,13 +131,13 @@ class Session:
         self._lease = LeaseRenewer(
             lambda: self._manual_control.request(True),
             response_timeout=profile.command_timeout - 1.0 / parameters.rate)
-        #: the speed relative to the plan, and who wants it slower
+        #: the speed relative to the plan: the product of named factors
         self.speed_factor = SpeedFactor()
         self._monitor = RunMonitor(
             self._guardian, self._lease if self._manual_control.is_needed else None,
             self._discovery, self._foreign, self.odometry, parameters, self.speed_factor)
         self._monitor.on_kept_hold = node.get_logger().warning
-        #: the newest run: what is driven, how far it is, why it ended
+        #: the newest run: its plan, its progress, and why it ended
         self.robot_drive = RobotDrive(
             self.gate, self._monitor, self.speed_factor, profile.command_timeout)
         self._loop = DriveLoop()
@@ -147,15 +146,15 @@ class Session:
         self._requests = DriveRequests(self.gate, 1.0 / parameters.rate)
         self._request: DriveRequest | None = None
         self._publish = publish
-        #: the run whose stop was logged; itself before the first
+        #: the run whose stop was logged last; this session before the first stop
         self._logged_stop_of: object = self
         self._closing, self._logging = threading.Lock(), threading.Lock()
-        #: why no motion may start again; None as long as one may
+        #: why no motion may start again; None while motions may start
         self._stopped_by: ControlError | None = None
         self._stopped = threading.Event()
         self._is_connected = False
         self._is_closed = False
-        #: whether an error said already that the last stop is unconfirmed
+        #: whether the failure of the last stop was already reported
         self._has_reported = False
         #: the state of the session, for diagnostics
         self.status_reader = StatusReader(
@@ -164,12 +163,14 @@ class Session:
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
         """
-        Request a drive; a stop ends it from now on, whatever it waits for.
+        Request a drive.
+
+        After this call a stop ends the drive, even if the drive has not begun yet.
 
         :param elsewhere: whether another thread will drive
         :returns: the request, for ``drive``
-        :raises ControlError: if another drive is under way, no motion may start again, or this is
-            a thread that must not drive
+        :raises ControlError: if another drive is under way, no motion may start again, or the
+            calling thread must not drive
         """
         if self._stopped_by is not None:
             raise type(self._stopped_by)(
@@ -185,11 +186,11 @@ class Session:
         """
         Plan and drive a motion, and leave the robot at rest.
 
-        :param order: the motion, and what it is planned with
-        :param request: what ``request`` returned before, in another thread; None for a new one
+        :param order: the motion, with the limits and the rate of its plan
+        :param request: the request that ``request`` returned; None to make a new request
         :returns: the plan, which was driven to its end
-        :raises InvalidMotionError: if the robot cannot do it; nothing has moved
-        :raises ControlError: if the robot cannot be taken or the run could not go on
+        :raises InvalidMotionError: if the robot cannot do the motion; the robot has not moved
+        :raises ControlError: if the robot could not be taken, or the run ended before its end
         """
         request = request or self.request()
         is_complete = False
@@ -208,7 +209,7 @@ class Session:
                 self._guardian.report_stopping()
                 self._stopper.stop_after_idle(run, within=plan.period)
             except BaseException as error:
-                # KeyboardInterrupt and SystemExit as well: no way out leaves the robot moving.
+                # KeyboardInterrupt and SystemExit as well: the robot must stop in every case.
                 ended = self._end_early(error)
                 if ended is error:
                     raise
@@ -221,12 +222,13 @@ class Session:
         return plan
 
     def _prepare(self, order: DriveOrder, plan: Plan, request: DriveRequest) -> None:
-        """Take the robot, and have everything ready for a run."""
+        """Take the robot, and prepare the feedback, the stopper and the monitor for a run."""
         self._request, self._has_reported = request, False
         self._take()
         feedback = None if order.corrected is None else (
             self._begin_feedback(plan, order.corrected))
-        # Not before: the stop of the movement before must not wait until the robot is taken.
+        # Only now: the pending stop of the previous movement must still be sent if the wait for
+        # the robot is long.
         self._stopper.cancel_pending()
         self._monitor.begin(feedback)
         if self.speed_factor.is_hold:
@@ -240,7 +242,7 @@ class Session:
     def _end_early(self, error: BaseException) -> BaseException:
         """Stop the robot after an error in a drive, and return the error to raise."""
         self._is_connected = False
-        # A failure of this stop is not logged: the error itself is raised.
+        # A failure of this stop is not logged, because the error of the drive is raised.
         self._stopper.stop(control_error(error))
         if isinstance(error, PauseTimeoutError):
             self._release_manual_control()
@@ -255,18 +257,22 @@ class Session:
 
     def stop(self, caller: str) -> str:
         """
-        Stop the robot, and return when that is done; nothing is sent if it never moved.
+        Stop the robot, and return when the stop is complete.
 
-        :param caller: who ends a drive in another thread, running or waiting
-        :returns: what it did
-        :raises RunFaultError: if the stop could not be sent, or odometry still sees the robot move
+        This also ends a drive of another thread, even if it has not begun yet.  Nothing is sent if
+        the robot was not taken, or was stopped before.
+
+        :param caller: the name of the caller, for the error that the other thread raises
+        :returns: a text that says what was done
+        :raises RunFaultError: if the stop could not be sent, or odometry shows that the robot
+            still moves
         """
         reason = MotionStoppedError(f'the movement was ended by {caller}')
         was_stopped = self._stopper.is_stopped
         self._requests.on_stop(reason)
         failure = self._stopper.stop(reason) or self._unconfirmed()
         if failure is not None:
-            # After a signal the program ends by that, whatever is raised: nobody prints an error.
+            # After a signal, the program ends, and nobody prints the error: log it here.
             if self._stopped_by is None:
                 self._has_reported = True
             else:
@@ -285,7 +291,7 @@ class Session:
         """
         Stop the robot, and refuse every later motion.
 
-        :param reason: what later motions are refused with
+        :param reason: the error that a later motion raises
         """
         self._stopped_by = self._stopped_by or reason
         self._stopped.set()
@@ -293,7 +299,7 @@ class Session:
         self._stop(reason)
 
     def _log_once(self, failure: str) -> None:
-        """Log what went wrong with a stop, unless an error has said so; from any thread."""
+        """Log the failure of a stop, unless it was reported before; any thread may call this."""
         with self._logging:
             has_reported, self._has_reported = self._has_reported, True
         if not has_reported:
@@ -302,10 +308,12 @@ class Session:
     def on_odometry(
             self, now: float, pose: Pose, velocity: Velocity, is_new: bool = True) -> None:
         """
-        Take note of where the robot is.
+        Process one odometry message.
 
-        :param now: when it arrived [s on the steady clock]
-        :param is_new: whether it is stamped later than the message before
+        :param now: the time of arrival [s on the steady clock]
+        :param pose: the pose of the robot
+        :param velocity: the velocity of the robot
+        :param is_new: whether its stamp is later than the stamp of the previous message
         """
         self.odometry.on_odometry(now, velocity)
         if self._feedback is not None and is_new:
@@ -314,10 +322,10 @@ class Session:
 
     def check_resume(self, even_if_moved: bool) -> None:
         """
-        Check whether a run that is held may go on; without a run there is nothing to check.
+        Check whether a held run may go on; without a run check only that motions are allowed.
 
-        :param even_if_moved: whether to go on from where somebody moved the robot to
-        :raises ControlError: if it may not
+        :param even_if_moved: whether the run may go on from the new pose if the robot was moved
+        :raises ControlError: if the run may not go on
         """
         self._require_not_stopped()
         if not self._requests.is_busy or not self._is_connected:
@@ -329,7 +337,7 @@ class Session:
             self._monitor.pause_pose.require_not_moved()
 
     def close(self) -> None:
-        """Stop the robot, release it and end the executor; nothing is sent afterwards."""
+        """Stop the robot, release it and end the executor; after this nothing is sent."""
         with self._closing:
             if not self._is_closed:
                 self.stop_permanently(MotionRefusedError('the node is closed'))
@@ -343,32 +351,36 @@ class Session:
 
     def serve_until_stopped(self) -> None:
         """
-        Serve the node's callbacks in the background until no motion may start again.
+        Serve the node's callbacks in a background thread, and wait for a permanent stop.
 
-        :raises ControlError: the reason
+        :raises ControlError: the reason of the permanent stop
         """
         self._executor.ensure_spinning()
-        # Not served in this thread: a signal that interrupts rclpy while it makes a message for a
-        # callback appears as a TypeError, and leaves the node's callbacks blocked.
+        # Do not serve them in this thread: if a signal interrupts rclpy while it creates a message
+        # for a callback, a TypeError is raised, and the node's callbacks stay blocked.
         self._stopped.wait()
         self._require_not_stopped()
 
     def require_robot(self, participant: Callable[[], bytes | None]) -> None:
         """
-        Accept no other robot than the one that the command has started.
+        Accept only the robot that the command has started.
 
-        :param participant: returns its DDS participant; None until it is known
+        :param participant: returns the DDS participant of this robot; None while it is not known
         """
         self._discovery.require_participant(participant)
 
     @property
     def guardian_file(self) -> int | None:
-        """Return a descriptor of what is shared with the guardian; None without one."""
+        """
+        Return the file descriptor of the memory that is shared with the guardian.
+
+        The value is None without a guardian.
+        """
         return self._guardian.shared_file
 
     @property
     def is_driving(self) -> bool:
-        """Whether a motion is under way, or waits for the robot."""
+        """Whether a drive is under way; this includes a drive that waits for the robot."""
         return self._requests.is_busy
 
     @property
@@ -378,12 +390,16 @@ class Session:
 
     @property
     def stop_confirmed_after(self) -> float | None:
-        """Time from the start of the last stop until odometry showed standstill [s], or None."""
+        """
+        Return the time from the start of the last stop until odometry showed standstill [s].
+
+        The value is None before the first stop, or if odometry does not show standstill.
+        """
         started, still = self._stopper.stop_started, self.odometry.still_since(time.monotonic())
         return None if started is None or still is None else max(0.0, still - started)
 
     def _take(self) -> None:
-        """Connect with the robot and enable manual control, unless that is still so."""
+        """Connect with the robot and enable manual control, unless both are done already."""
         self._require_not_stopped()
         self._executor.ensure_spinning()
         self._claim.require()
@@ -395,7 +411,7 @@ class Session:
     def _connect(self) -> None:
         timeout = self._parameters.robot_timeout
         self._discovery.wait_for_robot(timeout, self._require_wanted)
-        # The claim comes before any message and any request.
+        # Take the claim before any message or request is sent.
         self._claim.take(self._require_wanted)
         try:
             self._foreign.require_none(self._require_wanted)
@@ -419,11 +435,13 @@ class Session:
 
     def _require_at_rest(self) -> None:
         """
-        Check that odometry, as far as it is received, sees no motion: nothing of ours moves yet.
+        Check by odometry that the robot is at rest before this program drives it.
 
-        Discovery may find another program's publisher seconds later than its robot.
+        If the robot moves now, another program drives it, or somebody pushes it.  Discovery may
+        find the publisher of the other program some seconds later than the robot.  Without
+        odometry nothing is checked.
 
-        :raises RobotTakenError: if it sees motion for REST_TIMEOUT
+        :raises RobotTakenError: if odometry shows motion for REST_TIMEOUT
         """
         topic, began = self._odometry_topic, time.monotonic()
         if topic is None:
@@ -432,7 +450,7 @@ class Session:
         def is_at_rest_or_unknown() -> bool:
             now = time.monotonic()
             if self.odometry.age(now) is None:
-                # Its odometry is discovered a moment later than its subscription.
+                # The odometry of a robot is discovered a moment later than its subscription.
                 return not self._node.count_publishers(topic) and now - began > ODOMETRY_WAIT_TIME
             return not self.odometry.is_moving(now)
 
@@ -449,14 +467,14 @@ class Session:
         self._lease.granted(requested)
 
     def _begin_feedback(self, plan: Plan, limits: Limits) -> PoseFeedback:
-        """Wait until odometry shows the robot at rest, and begin to correct a plan by it."""
+        """Wait until odometry shows the robot at rest, then start the closed loop for a plan."""
         assert self._feedback is not None
         feedback = self._feedback
 
         def is_at_rest() -> bool:
             self._require_wanted()
             now = time.monotonic()
-            # A stamp that stands still is new once.
+            # A stamp that never changes counts as new only once.
             return (feedback.sample_count > 1 and feedback.age(now) <= FEEDBACK_MAX_AGE
                     and self.odometry.still_since(now) is not None)
 
@@ -476,7 +494,12 @@ class Session:
         return feedback
 
     def _prime(self) -> None:
-        """Send zeros for ``prime_time``: a reader matches later than its writer."""
+        """
+        Send zeros for the parameter ``prime_time`` before the first motion.
+
+        The reason: the robot's reader matches later than our writer, and until then messages are
+        lost.
+        """
         end, count = time.monotonic() + self._parameters.prime_time, self._guardian.prime_count
         while time.monotonic() < end:
             self._require_wanted()
@@ -485,7 +508,7 @@ class Session:
             self._guardian.prime()
             count += 1
             time.sleep(STOP_REPEAT_PERIOD)
-        # A late zero of the guardian would fall into the motion.
+        # A late zero of the guardian would disturb the motion.
         if not wait_until(lambda: self._guardian.prime_count >= count, GUARDIAN_PRIME_TIMEOUT):
             raise RunFaultError(f'the guardian did not answer within {GUARDIAN_PRIME_TIMEOUT:g} s')
 
@@ -494,7 +517,7 @@ class Session:
         if not (wanted and self._node.context.ok()):
             return
         self._executor.ensure_spinning(take_over=True)
-        # Another program may drive the robot by now, under manual control.
+        # Another program may now drive the robot with manual control.
         if self._foreign.has_recent(time.monotonic()) or self._foreign.detect():
             return
         if not self._manual_control.release(RELEASE_TIMEOUT):
@@ -505,20 +528,21 @@ class Session:
     def _is_still_moving(self) -> bool:
         """Return whether more zeros are needed: the robot moves, or its odometry is lost."""
         now = time.monotonic()
-        # A dead link keeps messages in the kernel for 3 s, velocities included.  They must be gone
-        # before our publisher is: a reader drops the zeros that follow them with the publisher.
+        # After a link failure, the kernel keeps messages for 3 s, including velocities.  They must
+        # be gone before our publisher is destroyed: after that, a reader drops the zeros that
+        # follow them.
         needed = self.odometry.is_moving(now) or self._monitor.has_lost_robot(now)
         return needed and not self._foreign.has_recent(now)
 
     def _stop(self, reason: ControlError) -> None:
-        """Stop the robot, and log what went wrong with that."""
+        """Stop the robot, and log an error if the stop fails or is unconfirmed."""
         if (failure := self._stopper.stop(reason) or self._unconfirmed()) is not None:
             self._log_once(failure)
 
     def _unconfirmed(self) -> str | None:
-        """Return an error text if odometry shows motion after a stop; None otherwise."""
+        """Return an error text if odometry still shows motion after a stop; None otherwise."""
         now = time.monotonic()
-        # Another robot's motion, or one that another program drives, is no failure of ours.
+        # Before the gate is open, or while another program drives, motion is not our failure.
         is_ours = self.gate.state is GateState.OPEN and not self._foreign.has_recent(now)
         if is_ours and self.odometry.is_moving(now):
             return ('the stop is unconfirmed: zeros were sent, and odometry still sees the robot '
@@ -526,7 +550,7 @@ class Session:
         return None
 
     def _require_wanted(self) -> None:
-        """Raise the reason if the drive that waits for the robot was stopped."""
+        """Check that the drive was not stopped while it waits for the robot; raise the reason."""
         self._require_not_stopped()
         if self._request is not None and self._request.run.ended_by is not None:
             raise self._request.run.ended_by
@@ -535,14 +559,14 @@ class Session:
         if self._stopped_by is not None:
             raise self._stopped_by
         if self._guardian.stopped_because is not None:
-            # Its latch blocks all motion of this program.
+            # The latch of the guardian blocks all motion of this program.
             raise RunFaultError(
                 'nothing moves until this program is started again, for the guardian stopped the '
                 f'robot: {self._guardian.stopped_because}')
 
     def _on_foreign_message(self, sender: str) -> None:
         if self.gate.state is GateState.NOT_OPENED:
-            # Its publisher was found while we waited for something else.
+            # The publisher of the other program was found while this program waited.
             self._end_run(self._foreign.taken(sender))
             return
         self._end_run(RunFaultError(
@@ -554,8 +578,8 @@ class Session:
             f'another program drives the robot as well: {holder}; both stop'))
 
     def _end_run(self, reason: ControlError) -> None:
-        """End the run at once, with one zero; the thread that drives sends the whole stop."""
-        # Without a drive nothing of ours moves, and another program is not to be disturbed.
+        """End the run at once with one zero; the thread that drives then sends the full stop."""
+        # Without a drive this program moves nothing, and it must not disturb another program.
         if not self._requests.is_busy:
             return
         self.robot_drive.end(reason)
@@ -566,7 +590,7 @@ class Session:
 
 
 def _text(error: BaseException) -> str:
-    """Return why a drive ended, as it is shown and logged."""
+    """Return the text that says why a drive ended, for displays and logs."""
     if signal_dispatcher.signum is not None:
         return f'stopped by {signal.Signals(signal_dispatcher.signum).name}'
     return str(error) or type(error).__name__
@@ -576,9 +600,11 @@ def _start_guardian(
         node: Node, publisher: VelocityPublisher, profile: RobotProfile,
         parameters: NodeParameters, claim: int) -> Guardian | NullGuardian:
     """
-    Start the guardian of a publisher, if the parameters want one.
+    Start the guardian of a velocity publisher, unless the parameter ``guardian`` is false.
 
-    :param claim: a descriptor that it keeps open as long as it runs: the claim on the robot
+    :param claim: the file descriptor of the claim on the robot; the guardian keeps it open while
+        it runs
+    :returns: the guardian, or a NullGuardian
     """
     if not parameters.guardian:
         return NullGuardian()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The state of a session for diagnostics: snapshot, tick statistics, level."""
+"""The state of a session for diagnostics, and the diagnosis with its level."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 from kachaka_simple_control.telemetry.diagnosis import Diagnosis, Level
 
-#: Odometry older than this is worth a warning [s]: it comes 10 times a second and more.
+#: Odometry older than this causes a warning [s]: it usually arrives 10 times per second or more.
 ODOMETRY_WARN_AGE = 1.0
 
 
@@ -36,13 +36,13 @@ class SessionStatus:
     """
     The state of a session at one time.
 
-    :param subscriber_count: how many take the node's velocities
+    :param subscriber_count: the number of subscribers of the node's velocities
     :param other_publishers: the names of other nodes that publish velocities
     :param guardian: the state of the guardian
-    :param odometry_age: how old the newest odometry is [s]; None if there was none
-    :param manual_control: whether manual control is on, as far as this node knows
-    :param speed: who asks for less speed
-    :param stopped_by: why no motion can start again; None if one can
+    :param odometry_age: the age of the newest odometry [s]; None if none was received
+    :param manual_control: whether this node has switched manual control on
+    :param speed: the speed factors that reduce the speed
+    :param stopped_by: why no motion can start again; None if motions can start
     """
 
     subscriber_count: int
@@ -56,9 +56,9 @@ class SessionStatus:
 
 class StatusReader:
     """
-    Reads the state of the parts of a session, from any thread, and changes nothing.
+    Reads the state of a session without changing it; any thread may call it.
 
-    :param stopped_by: returns why no motion can start again; None if one can
+    :param stopped_by: returns why no motion can start again; None if motions can start
     """
 
     def __init__(
@@ -74,19 +74,19 @@ class StatusReader:
 
     @property
     def is_closed(self) -> bool:
-        """Whether the robot was released: nothing may be published from then on."""
+        """Whether the robot was released; after this nothing may be published."""
         return self._drive.gate.state is GateState.CLOSED
 
     @property
     def progress(self) -> RunProgress:
-        """Return the newest run as it is now."""
+        """Return the current progress of the newest run."""
         return self._drive.progress
 
     def read(self, now: float) -> SessionStatus:
         """
-        Return the state now.
+        Return the current state of the session.
 
-        :param now: the time [s on the steady clock]
+        :param now: the current time [s on the steady clock]
         """
         stopped_by = self._stopped_by()
         return SessionStatus(
@@ -109,9 +109,10 @@ def _guardian(guardian: Guardian | NullGuardian) -> str:
 
 def diagnose(progress: RunProgress, status: SessionStatus) -> Diagnosis:
     """
-    Return the diagnosis of a drive.
+    Return the diagnosis of a drive: its level, its message and its values.
 
-    :param progress: the newest run
+    :param progress: the progress of the newest run
+    :param status: the state of the session
     """
     state = 'stopped permanently' if status.stopped_by is not None else progress.state.value
     level, message = _worst(progress, status, state)

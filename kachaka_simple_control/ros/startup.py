@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Start ROS and create a node; what cannot work is an error of one line."""
+"""Start ROS and create a node, with error messages of one line."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-#: The highest domain that DDS has ports for.
+#: The highest ROS domain for which DDS has ports.
 MAX_DOMAIN = 232
-#: The longest name of a node that ROS takes [characters].
+#: The longest name of a node that ROS accepts [characters].
 MAX_NODE_NAME_LENGTH = 255
-#: Values of environment variables that ROS accepts; others it misunderstands, or refuses in dozens
-#: of lines.
+#: The values of environment variables that ROS accepts.  ROS misunderstands other values, or
+#: refuses them with an error message of dozens of lines.
 VARIABLES = {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': ('SUBNET', 'LOCALHOST', 'OFF', 'SYSTEM_DEFAULT'),
     **dict.fromkeys(('RCUTILS_COLORIZED_OUTPUT', 'RCUTILS_LOGGING_USE_STDOUT',
                      'RCUTILS_LOGGING_BUFFERED_STREAM'), ('0', '1')),
 }
-#: What to write instead, by the first word of what ROS could not parse.
+#: The advice for an argument that ROS could not parse, by the first word of its kind.
 HINTS = {
     'remap': 'write -r FROM:=TO, with names as in /kachaka/cmd_vel',
     'parameter': 'write -p NAME:=VALUE, with a value as in YAML',
@@ -67,12 +67,13 @@ SERVICES = (
 
 def start_ros(arguments: Sequence[str]) -> None:
     """
-    Initialise ROS, without signal handlers of its own.
+    Initialise ROS without its signal handlers.
 
-    To be called before the program has other threads: standard error is redirected meanwhile.
+    Call this function before the program has other threads: it redirects standard error for a
+    moment.
 
-    :param arguments: the ROS arguments, from ``--ros-args`` on; others are ignored
-    :raises UsageError: if ROS does not understand them or its environment
+    :param arguments: the ROS arguments, from ``--ros-args`` on; other arguments are ignored
+    :raises UsageError: if ROS does not understand the arguments or the environment variables
     """
     with _checked(arguments):
         rclpy.init(args=[*arguments], signal_handler_options=SignalHandlerOptions.NO)
@@ -82,7 +83,7 @@ def strip_ros_arguments(arguments: Sequence[str]) -> list[str]:
     """
     Return the arguments of a process that are not for ROS.
 
-    :raises UsageError: if ROS does not understand those that are, or its environment
+    :raises UsageError: if ROS does not understand its arguments or the environment variables
     """
     with _checked(arguments):
         return list(remove_ros_args([*arguments]))
@@ -90,7 +91,11 @@ def strip_ros_arguments(arguments: Sequence[str]) -> list[str]:
 
 @contextlib.contextmanager
 def _checked(arguments: Sequence[str]) -> Iterator[None]:
-    """Check arguments and environment, and turn an error of rclpy into one line."""
+    """
+    Check the ROS arguments and environment variables, and run a block of rclpy calls.
+
+    An error of rclpy in the block is raised as a UsageError with a message of one line.
+    """
     _check_environment()
     _check_remaps(arguments)
     try:
@@ -114,7 +119,7 @@ def _check_environment() -> None:
 
 
 def _check_remaps(arguments: Sequence[str]) -> None:
-    """Check the names in remap rules; the errors of ROS do not say what is wrong."""
+    """Check the names in remap rules, because the errors of ROS do not say what is wrong."""
     is_for_ros = False
     for option, rule in pairwise([*arguments, '']):
         is_for_ros = (is_for_ros or option == '--ros-args') and option != '--'
@@ -132,7 +137,7 @@ def _check_remaps(arguments: Sequence[str]) -> None:
 
 
 def _explanation(text: str) -> str:
-    """Return an error of rclpy without places in its source, and with what to do."""
+    """Return an error text of rclpy without source locations, and with advice for the user."""
     if text.startswith('['):
         return (f'ROS does not know {escaped(text.strip("[]"), 100)} among its arguments: after '
                 '--ros-args stand -p NAME:=VALUE, -r FROM:=TO, --params-file FILE and the like; '
@@ -147,10 +152,10 @@ def _explanation(text: str) -> str:
 @contextlib.contextmanager
 def one_line_errors(name: str) -> Iterator[None]:
     """
-    Turn an error of a node that is created in the block into one line.
+    Raise an error with a message of one line if a node cannot be created in the block.
 
     :param name: the name of the node
-    :raises UsageError: if there can be no such node
+    :raises UsageError: if the node cannot be created
     """
     try:
         with print_only_on_success():
@@ -158,7 +163,7 @@ def one_line_errors(name: str) -> Iterator[None]:
     except (NameValidationException, ParameterException, RuntimeError, UnicodeError) as error:
         text = escaped(str(error).splitlines()[0])
         if 'Failed to construct ~' in text or 'should not exceed' in text:
-            # The longest name is that of a service which every node has.
+            # The longest name is the name of a service that every node has.
             text = (f'with its namespace, one of its names has more than {MAX_NAME_LENGTH} '
                     f'characters; ROS takes {MAX_NAME_LENGTH} at most: take a shorter namespace '
                     'or name')
@@ -169,13 +174,13 @@ def check_node_names(
         node: Node, robot: RobotNames, topics: Iterable[str], services: Iterable[str],
 ) -> None:
     """
-    Check that no name of a node is too long, or is remapped to another name of the node.
+    Check that no topic or service name of a node is too long, or is equal to another after remaps.
 
-    :param node: the node, before it has created any of them
+    :param node: the node, before it has created its topics and services
     :param robot: the names of the robot
-    :param topics: the node's own topics, besides those of every node
-    :param services: the node's own services, likewise
-    :raises UsageError: if one is
+    :param topics: the node's own topics, without the topics that every node has
+    :param services: the node's own services, without the services that every node has
+    :raises UsageError: if a name is too long, or two names are equal after remapping
     """
     roles = {robot.velocity: 'which moves the robot', robot.odometry: "the robot's odometry",
              robot.manual_control: "the robot's manual control"}
@@ -190,7 +195,7 @@ def _check_distinct(
         resolved = _resolved(node, name, kind)
         other = taken.setdefault(resolved, name)
         if other != name:
-            # The message names the one that was remapped.
+            # The message names the topic or service that was remapped.
             moved, other = (other, name) if name == resolved else (name, other)
             role = roles.get(other, f'where {escaped(other, 60)} is')
             advice = ('what is shown needs a topic of its own' if kind == 'topic' else
@@ -200,7 +205,7 @@ def _check_distinct(
 
 
 def _resolved(node: Node, name: str, kind: str) -> str:
-    """Return a name of a topic or a service with namespace and remapping."""
+    """Return the full name of a topic or service, after namespace and remapping; check it."""
     resolve = node.resolve_topic_name if kind == 'topic' else node.resolve_service_name
     try:
         resolved, is_valid = resolve(name), True

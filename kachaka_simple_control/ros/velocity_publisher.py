@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The publisher of velocities, and the messages it sends."""
+"""The publisher of velocities, and its messages."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ DEPTH = 10
 
 
 def is_zero(data: bytes) -> bool:
-    """Return whether a serialized Twist or TwistStamped has only zero components."""
-    # In both, the six doubles of the velocity come last.
+    """Return whether all velocity components of a serialized Twist or TwistStamped are zero."""
+    # In both message types, the six doubles of the velocity come last.
     return not any(data[-48:])
 
 
 class VelocityPublisher:
     """
-    A publisher that may be inspected, but sends for the velocity gate and the guardian alone.
+    A velocity publisher through which only the velocity gate and the guardian can send.
 
-    All other attributes of a publisher (``topic_name``, ``get_subscription_count()``, ...) are
-    those of the rclpy publisher inside.
+    The usual method ``publish`` refuses every message.  All other attributes (``topic_name``,
+    ``get_subscription_count()``, ...) are the attributes of the wrapped rclpy publisher.
 
     :param topic: where velocities are published
     :param message_type: Twist or TwistStamped
@@ -53,11 +53,11 @@ class VelocityPublisher:
     def __init__(self, node: Node, topic: str, message_type: str, frame: str) -> None:
         self._publisher = node.create_publisher(TYPES[message_type], topic, DEPTH)
         self._messages = _MessageCache(node, message_type, frame)
-        #: what was sent, to distinguish it from the messages of other publishers
+        #: the sent messages, to distinguish them from the messages of other publishers
         self.sent = SentMessages()
 
     def transmit(self, velocity: Velocity) -> None:
-        """Publish a velocity; for the velocity gate and the guardian alone."""
+        """Publish a velocity; only the velocity gate and the guardian may call this."""
         data = self._messages.serialized(velocity)
         self.sent.record(time.monotonic(), data)
         self._publisher.publish(data)
@@ -66,14 +66,14 @@ class VelocityPublisher:
         """
         Refuse to publish outside the velocity gate.
 
-        :raises MotionRefusedError: always, with what to call instead
+        :raises MotionRefusedError: always; the message says which functions to call instead
         """
         raise MotionRefusedError(
             'nothing was published: velocities are timed, limited and stopped by move_robot() '
             'and stop_robot(); use those')
 
     def __getattr__(self, name: str) -> Any:
-        """Return an attribute of the rclpy publisher."""
+        """Return an attribute of the wrapped rclpy publisher."""
         return getattr(self._publisher, name)
 
 
@@ -81,8 +81,9 @@ class _MessageCache:
     """
     Serializes velocities, and keeps the newest message.
 
-    A plan repeats the same velocity object, and to make a message takes longer than to publish
-    it.  A stamped message is serialized each time, for its stamp changes.
+    A plan repeats the same velocity object, and creating a message takes longer than publishing
+    it.  So the same velocity is not serialized again.  A stamped message is serialized each time,
+    because its stamp changes.
     """
 
     def __init__(self, node: Node, message_type: str, frame: str) -> None:

@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Events of a drive, published in process and to processes that never delay it."""
+"""Pass the events of a drive to this process and to others; they never delay the drive."""

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""ROS 2 messages as CDR, written without ROS: velocities, odometry, paths and numbers."""
+"""Serialize ROS 2 messages as CDR without ROS: velocities, odometry, paths and numbers."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity
 
 #: The encapsulation of plain little-endian CDR (CDR_LE in DDSI-RTPS); alignment starts after it.
 ENCAPSULATION = b'\x00\x01\x00\x00'
-#: The frames of poses and of velocities, by REP-105.
+#: The frames of poses and of velocities, according to REP-105.
 ODOM, BASE = 'odom', 'base_link'
-#: Size of a stamp, and of the position and orientation of a pose [bytes].
+#: Size of a time stamp, and of the position and orientation of a pose [bytes].
 STAMP_SIZE, POSE_SIZE = 8, 56
 NANO = 1_000_000_000
 #: A covariance of zeros means that it is unknown.
@@ -39,11 +39,11 @@ class CdrWriter:
         self.data = bytearray()
 
     def message(self) -> bytes:
-        """Return what was written as a message, with its encapsulation."""
+        """Return the written data as a message, with the encapsulation header."""
         return ENCAPSULATION + bytes(self.data)
 
     def append(self, data: bytes, alignment: int = 1) -> CdrWriter:
-        """Append bytes at the next multiple of the alignment."""
+        """Append bytes; pad first, so that they start at a multiple of the alignment [bytes]."""
         self.data += bytes(-len(self.data) % alignment) + data
         return self
 
@@ -69,7 +69,7 @@ class CdrWriter:
         return self.doubles(velocity.linear_x, 0.0, 0.0, 0.0, 0.0, velocity.angular_z)
 
     def pose(self, pose: Pose) -> CdrWriter:
-        """Append a geometry_msgs/Pose; the quaternion is that of a turn about z."""
+        """Append a geometry_msgs/Pose with the quaternion of a rotation about the z axis."""
         half = pose.theta / 2.0
         return self.doubles(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
 
@@ -90,7 +90,7 @@ def float64(value: float) -> bytes:
 
 
 def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:
-    """Return odometry that arrived at a time [ns] as ``nav_msgs/msg/Odometry``."""
+    """Return odometry with its arrival time [ns] as ``nav_msgs/msg/Odometry``."""
     return (CdrWriter().header(time, ODOM).string(BASE)
             .pose(pose).doubles(*COVARIANCE)
             .velocity(velocity).doubles(*COVARIANCE).message())
@@ -98,10 +98,9 @@ def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:
 
 class PathSerializer:
     """
-    Serializes poses once, and paths of serialized poses as ``nav_msgs/msg/Path``.
+    Serializes single poses, and builds ``nav_msgs/msg/Path`` messages from serialized poses.
 
-    A path that grows by a pose is then no new serialization of all poses.
-
+    So each pose is serialized only once, even if it occurs in many messages of a growing path.
     :param frame: the frame of all poses
     """
 
@@ -110,23 +109,24 @@ class PathSerializer:
 
     def pose(self, pose: Pose, time: int = 0) -> bytes:
         """
-        Return a pose as ``path`` takes it.
+        Return a serialized pose, for a later call of ``path``.
 
-        :param time: when the robot is there [ns of ROS time]; 0 if that is not known
+        :param pose: the pose
+        :param time: when the robot is at the pose [ns of ROS time]; 0 if unknown
         """
         return bytes(CdrWriter().header(time, self._frame).pose(pose).data)
 
     def path(self, poses: Sequence[bytes], time: int) -> bytes:
         """
-        Return a path as a message.
+        Return a path as a serialized message.
 
-        :param poses: its serialized poses
-        :param time: when this was the path [ns of ROS time]
+        :param poses: the serialized poses of the path
+        :param time: the time stamp of the path [ns of ROS time]
         """
         writer = CdrWriter().header(time, self._frame).uint32(len(poses))
         if not poses:
             return writer.message()
-        # The first may start at any multiple of 4; each one after it starts at a multiple of 8.
+        # The first pose may start at any multiple of 4; each later pose starts at a multiple of 8.
         writer.append(poses[0][:STAMP_SIZE], 4).string(self._frame)
         writer.append(poses[0][-POSE_SIZE:], 8)
         return b''.join((writer.message(), *poses[1:]))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The diagnosis of one thing, as ``diagnostic_msgs`` has it, without ROS: shared by all layers."""
+"""The diagnosis of one component, as in ``diagnostic_msgs``, but without ROS; for all layers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 
 class Level(IntEnum):
-    """Levels of ``diagnostic_msgs/msg/DiagnosticStatus``, those that are used here."""
+    """The levels of ``diagnostic_msgs/msg/DiagnosticStatus`` that this package uses."""
 
     OK = 0
     WARN = 1
@@ -29,11 +29,11 @@ class Level(IntEnum):
 
 class Diagnosis(NamedTuple):
     """
-    One diagnosis of one thing.
+    The diagnosis of one component, such as the connection to the robot.
 
     :param level: the level
     :param message: the most severe finding, in one sentence
-    :param values: all figures, by name
+    :param values: all values, by name
     """
 
     level: Level

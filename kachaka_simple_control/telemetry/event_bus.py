@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Pass events on to their readers: in one thread of its own, in order, whatever a reader does."""
+"""Pass events to readers in order, in a separate thread; a faulty reader delays nothing."""
 
 from __future__ import annotations
 
@@ -23,22 +23,23 @@ import time
 
 from kachaka_simple_control.control.events import Event, EventHandler
 
-#: How many events may wait; a reader that lets more wait is detached.  Chosen: 10 s at the highest
-#: rate of velocities.
+#: How many events may wait in the queue.  If more wait, the slowest reader is detached.  Chosen:
+#: 10 s at the highest rate of velocities.
 MAX_WAITING = 10_000
-#: How long the thread lets events gather before it passes them on [s]: one wake-up for several.
+#: How long the thread collects events before it passes them on [s]: one wake-up for several.
 BATCH_PERIOD = 0.02
-#: How long an exit waits until all events are passed on [s].
+#: How long ``close`` waits until all events are passed on [s].
 CLOSE_TIMEOUT = 0.5
 
 
 @dataclass(eq=False)
 class _Reader:
     """
-    A handler of events.
+    A reader of events.
 
-    :param on_detached: called with the reason when it gets no more events
-    :param busy: how long it has taken since no event waited [s]
+    :param handle: called with each event
+    :param on_detached: called with the reason when the reader is detached: it gets no more events
+    :param busy: how long its handler has run since the queue was last empty [s]
     """
 
     handle: EventHandler
@@ -48,13 +49,17 @@ class _Reader:
 
 @dataclass(frozen=True)
 class _Detached:
-    """A reader that gets no more events, and why; told by the bus's thread, not by a publisher."""
+    """
+    A detached reader, and the reason: it gets no more events.
+
+    The thread of the bus reports this object, because a publisher must not be delayed.
+    """
 
     reader: _Reader
     reason: str
 
     def tell(self, log: Callable[[str], None]) -> None:
-        """Tell the reader, and log it."""
+        """Report the detachment to the reader and to the log."""
         handle = self.reader.handle
         name = getattr(handle, '__qualname__', type(handle).__name__)
         self.reader.on_detached(self.reason)
@@ -63,20 +68,20 @@ class _Detached:
 
 @dataclass(eq=False)
 class _Call:
-    """An event that a thread of the bus passes on, and the readers that have yet to get it."""
+    """An event that a thread of the bus passes on, and the readers that have not got it yet."""
 
     event: Event
     readers: list[_Reader]
-    #: who has it now, and since when [s on the steady clock]
+    #: the reader that handles the event now, and since when [s on the steady clock]
     current: _Reader | None = None
     since: float = 0.0
     #: whether another thread has taken over, because the current reader takes too long
     is_abandoned: bool = False
-    #: excludes that both threads take a reader
+    #: prevents that both threads take the next reader at the same time
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     def next_reader(self) -> _Reader | None:
-        """Return who gets the event next; None if there is nobody, or another thread goes on."""
+        """Return the next reader; None if no reader is left, or another thread has taken over."""
         with self.lock:
             if self.is_abandoned or not self.readers:
                 return None
@@ -86,12 +91,12 @@ class _Call:
 
 class EventBus:
     """
-    Passes events on to readers, in order, in a thread of its own.
+    Passes events to readers, in order, in a separate thread.
 
-    ``publish`` only puts an event into a queue: no reader can hold up the thread that drives, or
-    a stop.  A reader that raises is detached, and so is one that lets MAX_WAITING events wait;
-    the drive and the other readers go on.  A bus is true if it has readers.
-
+    ``publish`` only puts an event into a queue, so no reader can delay the thread that drives, or
+    a stop.  A reader that raises an error is detached.  If more than MAX_WAITING events wait, the
+    slowest reader is detached.  The drive and the other readers continue.  ``bool(bus)`` is True
+    if the bus has readers.
     :param on_detached: called with the reason when a reader is detached
     """
 
@@ -103,13 +108,13 @@ class EventBus:
         self._call: _Call | None = None
         self._thread: threading.Thread | None = None
         self._lock = threading.Lock()
-        #: how many events may wait; more after a reader was detached, until none waits
+        #: how many events may wait; increased after a reader was detached, until none waits
         self._limit = MAX_WAITING
-        #: why readers were detached
+        #: the errors for which readers were detached
         self.failures: list[Exception] = []
 
     def __bool__(self) -> bool:
-        """Return whether there are readers."""
+        """Return whether the bus has readers."""
         return bool(self._readers)
 
     def subscribe(
@@ -118,13 +123,15 @@ class EventBus:
         """
         Call a handler with each event that is published from now on.
 
-        :param on_detached: called with the reason if it is detached: what it wrote is incomplete
+        :param handler: the handler
+        :param on_detached: called with the reason if the handler is detached and gets no more
+            events; its output is then incomplete
         """
         with self._lock:
             self._readers = (*self._readers, _Reader(handler, on_detached))
 
     def publish(self, event: Event) -> None:
-        """Put an event into the queue, and return at once; from any thread."""
+        """Put an event into the queue, and return at once; any thread may call this."""
         if not self._readers:
             return
         self._queue.put(event)
@@ -138,10 +145,10 @@ class EventBus:
 
     def flush(self, timeout: float = CLOSE_TIMEOUT) -> bool:
         """
-        Wait until all events that were published before are passed on.
+        Wait until all events that were published before this call are passed on.
 
-        :param timeout: how long at most [s]
-        :returns: whether they are
+        :param timeout: how long to wait at most [s]
+        :returns: whether all were passed on in time
         """
         if self._thread is None:
             return True
@@ -151,7 +158,7 @@ class EventBus:
         return marker.wait(timeout)
 
     def close(self) -> None:
-        """Pass on what was published, for up to CLOSE_TIMEOUT, and nothing more."""
+        """Pass on the waiting events for up to CLOSE_TIMEOUT, then detach all readers."""
         self.flush()
         with self._lock:
             self._readers = ()
@@ -186,7 +193,7 @@ class EventBus:
                 self._hurry.wait(BATCH_PERIOD)
 
     def _pass_on(self, call: _Call) -> bool:
-        """Call the readers with an event; return whether this thread is still the bus's."""
+        """Call the readers with an event; return False if another thread has taken over."""
         self._call = call
         while (reader := call.next_reader()) is not None:
             try:
@@ -197,7 +204,7 @@ class EventBus:
         return not call.is_abandoned
 
     def _detach_slowest_reader(self) -> None:
-        """Detach the reader that took longest; if it has not returned, go on in another thread."""
+        """Detach the slowest reader; if its handler still runs, continue in a new thread."""
         call, now = self._call, time.monotonic()
         if call is None:
             return

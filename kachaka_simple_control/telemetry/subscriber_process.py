@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Events, over pipes from the process that drives to those that show, record or keep them."""
+"""Send events over pipes from the process that drives to processes that show or record them."""
 
 from __future__ import annotations
 
@@ -41,27 +41,27 @@ from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.telemetry.event_bus import EventBus
 
-#: The largest write that a pipe takes whole or not at all [bytes]: PIPE_BUF of Linux, and POSIX's
-#: least on others.
+#: The largest write that a pipe accepts completely or not at all [bytes]: PIPE_BUF of Linux.
 ATOMIC_WRITE_SIZE = 4096
-#: Data in one chunk of a larger event [bytes]; the rest of the write is for pickle's frame.
+#: Size of the data in one chunk of a larger event [bytes]; the rest of the write is for pickle.
 CHUNK_SIZE = 3500
-#: Room for what a subscriber has not read yet [bytes]: about a minute of a drive at 50 Hz.
+#: Room for data that a subscriber has not read yet [bytes]: about a minute of a drive at 50 Hz.
 PIPE_SIZE = 1 << 20
-#: How long the start of a session or a plan may wait for room [s]; nothing else waits, for only
-#: these come before motion.
+#: How long a ``SessionStarted`` or ``MotionPlanned`` may wait for room [s].  No other event waits,
+#: because only these two are sent before the robot moves.
 PLAN_WRITE_TIMEOUT = 2.0
-#: How long a subscriber may take to end, mostly for its report [s].
+#: How long a subscriber may take to end, mostly to write its report [s].
 FINISH_TIMEOUT = 60.0
-#: One that is suspended for so long meanwhile is killed [s]; how often that is checked [s].
+#: A subscriber that is suspended for this time while it should end is killed [s].  The second
+#: value is the period of this check [s].
 FROZEN_TIMEOUT, CLOSE_PERIOD = 2.0, 0.1
-#: How long it may delay a program that a signal ended [s]; it goes on by itself.
+#: How long a subscriber may delay a program that a signal ends [s]; then it continues alone.
 FINISH_TIMEOUT_WHEN_STOPPED = 1.0
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """A part of a pickled event that is too large for one write."""
+    """A part of a pickled event, used if the event is too large for one write."""
 
     data: bytes
     is_last: bool
@@ -69,11 +69,11 @@ class Chunk:
 
 def encode(event: object) -> list[bytes]:
     """
-    Return an event as packets for a pipe, mostly one.
+    Return an event as packets to write to a pipe; most events are one packet.
 
-    A pipe takes each packet whole or not at all, so that several threads may write.
+    A pipe accepts each packet completely or not at all, so several threads may write packets.
 
-    :param event: anything that can be pickled
+    :param event: an object that can be pickled
     """
     data = pickle.dumps(event, pickle.HIGHEST_PROTOCOL)
     if len(data) <= ATOMIC_WRITE_SIZE:
@@ -85,7 +85,9 @@ def encode(event: object) -> list[bytes]:
 
 def decode(stream: BinaryIO) -> Iterator[Any]:
     """
-    Yield the events written to a pipe, in order, until its end; an incomplete one is dropped.
+    Yield the events that were written to a pipe, in order, until its end.
+
+    An incomplete event at the end is dropped.
 
     :param stream: the reading end of the pipe
     """
@@ -105,15 +107,16 @@ def decode(stream: BinaryIO) -> Iterator[Any]:
 
 class SubscriberProcess:
     """
-    A process that receives events over a pipe; this is the sending side.
+    Starts a process and sends events to it over a pipe.
 
-    It runs in a session of its own, which Ctrl+C does not reach, and sees from the end of the
-    pipe that the sender ended, whatever ended it.  Sending never blocks: to a process that does
-    not read, or is gone, nothing more is sent.
+    The process runs in its own session, so Ctrl+C does not reach it.  When this process ends for
+    any reason, the pipe ends too, and the other process detects this.  During a drive, sending
+    never blocks.  If the other process does not read fast enough, or has ended, no more events are
+    sent to it.
 
-    :param command: what to run; it reads events from its standard input
-    :param stdout: the file that it prints to; None for that of this process
-    :param pass_fds: descriptors of this process that it keeps
+    :param command: the command to run; it reads events from its standard input
+    :param stdout: the file for its standard output; None: the standard output of this process
+    :param pass_fds: descriptors of this process that the new process inherits
     """
 
     def __init__(
@@ -121,7 +124,7 @@ class SubscriberProcess:
             pass_fds: Sequence[int] = ()) -> None:
         reader, self._pipe = os.pipe()
         os.set_blocking(self._pipe, False)
-        # Linux alone can enlarge a pipe, and may refuse to; a smaller one does as well.
+        # Only Linux can enlarge a pipe, and it may refuse.  A smaller pipe also works.
         with contextlib.suppress(AttributeError, OSError):
             fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         os.register_at_fork(after_in_child=self._close)
@@ -130,15 +133,20 @@ class SubscriberProcess:
             start_new_session=True, pass_fds=pass_fds)
         os.close(reader)
         self._plan_lock, self._counting = threading.Lock(), threading.Lock()
-        #: how much it was sent [bytes]
+        #: amount of data written to the pipe [bytes]
         self.sent_bytes = 0
-        #: why nothing more is sent; None as long as all is
+        #: why no more events are sent; None while all events are sent
         self.failure: str | None = None
-        #: how it ended; None while it runs
+        #: exit code of the process; None while it runs
         self.exit_code: int | None = None
 
     def send(self, event: Event) -> None:
-        """Send an event; return at once, but for what is sent before a robot moves."""
+        """
+        Send an event to the process, and return at once.
+
+        Only ``SessionStarted`` and ``MotionPlanned`` may wait for room in the pipe: they are sent
+        before the robot moves.
+        """
         if self.failure is not None:
             return
         try:
@@ -153,16 +161,16 @@ class SubscriberProcess:
             self.failure = f'it is gone ({error.strerror})'
 
     def fail(self, reason: str) -> None:
-        """Send nothing more."""
+        """Send no more events, and keep the first reason in ``failure``."""
         self.failure = self.failure or reason
 
     def close(self, timeout: float) -> int | None:
         """
         Close the pipe and wait for the process to exit.
 
-        :param timeout: how long to wait [s]; a process that takes longer is left running, one that
-            is suspended is killed
-        :returns: its exit code; None if it still runs
+        :param timeout: how long to wait [s]; a process that takes longer continues to run, but a
+            process that is suspended is killed
+        :returns: the exit code of the process; None if it still runs
         """
         self._close()
         end, frozen = time.monotonic() + timeout, 0.0
@@ -202,9 +210,9 @@ class SubscriberProcess:
 
 class SubscriberProcesses:
     """
-    The subscriber processes of one program, a context manager.
+    Manages the subscriber processes of one program; it is a context manager.
 
-    Its end sends them ``SessionEnded`` and waits until they have exited.
+    At the end of the block it sends ``SessionEnded`` to the processes and waits for their exit.
     """
 
     def __init__(self, event_bus: EventBus) -> None:
@@ -215,26 +223,28 @@ class SubscriberProcesses:
 
     def start(
             self, module: str, *arguments: str, pass_fds: Sequence[int] = ()) -> SubscriberProcess:
-        """Start a module's ``main`` in a process of its own and subscribe it."""
+        """Start the function ``main`` of a module in a new process, and send events to it."""
         subscriber = SubscriberProcess(
             [*processes.python_command(module), *arguments], pass_fds=pass_fds)
         self.add(subscriber)
         return subscriber
 
     def add(self, subscriber: SubscriberProcess) -> None:
-        """Subscribe a process that was started; they are closed in the order of their adding."""
+        """Subscribe a started process; processes are closed in the order of the ``add`` calls."""
         self._subscribers.append(subscriber)
         self._event_bus.subscribe(subscriber.send, subscriber.fail)
 
     def __enter__(self) -> SubscriberProcesses:
-        """Return itself."""
+        """Return this object."""
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         """
-        Tell the processes how the program ended, and wait for them.
+        Send ``SessionEnded`` to all processes, and wait for their exit.
 
-        :param error: why the program failed; None if it did not
+        :param kind: not used
+        :param error: the error that ended the block; None without one
+        :param traceback: not used
         """
         self._event_bus.flush()
         ended = SessionEnded(
@@ -243,7 +253,7 @@ class SubscriberProcesses:
         timeout = (FINISH_TIMEOUT if signal_dispatcher.signum is None
                    else FINISH_TIMEOUT_WHEN_STOPPED)
         for subscriber in self._subscribers:
-            # Not by the bus: the bus of a destroyed node is closed.
+            # Do not use the event bus: the bus of a destroyed node is closed.
             subscriber.send(ended)
             subscriber.close(timeout)
             if subscriber.failure is not None:
@@ -256,23 +266,23 @@ def _print_error(text: str) -> None:
         print(f'kachaka_simple_control: {text}', file=sys.stderr, flush=True)
 
 
-#: Copies standard input to a file; it needs no module of ours, and keeps nothing.
+#: A program that copies standard input to standard output; it imports no module of this package.
 COPY = """
 import os
 while data := os.read(0, 1 << 16):
     while data:
         data = data[os.write(1, data):]
 """
-#: How long the process may take to write what was sent [s].
+#: How long the copy process may take to write all sent data to the file [s].
 WRITE_TIMEOUT = 5.0
 
 
 class EventFile:
     """
-    A file without a name that events are written to as they come.
+    An unnamed temporary file that stores the events of a drive; another process writes it.
 
-    What a drive sends and receives would grow in the memory of the process that drives, and
-    Python would search it for garbage in mid-motion: 58 ms after 38 s at 200 Hz (measured).
+    The events are not kept in the memory of the process that drives.  There, Python's garbage
+    collector would search them during the motion: 58 ms after 38 s at 200 Hz (measured).
     """
 
     def __init__(self) -> None:
@@ -283,17 +293,17 @@ class EventFile:
 
     @property
     def failure(self) -> str | None:
-        """Return why later events are missing; None as long as none is."""
+        """Return why later events are missing in the file; None if no event is missing."""
         return self._process.failure
 
     def close(self) -> None:
-        """Write what was sent, and no more; harmless if that is done."""
+        """Write all sent events to the file, and accept no more; a second call has no effect."""
         self._process.close(WRITE_TIMEOUT)
 
     def events(self) -> Iterator[Event]:
-        """Yield the events so far, in order."""
+        """Yield all events sent so far, in order."""
         descriptor = self._file.fileno()
         wait_until(
             lambda: os.fstat(descriptor).st_size >= self._process.sent_bytes, WRITE_TIMEOUT)
-        # By position: the process goes on writing at the end of the open file.
+        # Read with ``pread``: the other process continues to write at the file position.
         yield from decode(io.BytesIO(os.pread(descriptor, os.fstat(descriptor).st_size, 0)))

@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.message_timing import due_times, Quantiles, quantiles, timing
-from kachaka_simple_control.analysis.sleep_loop import estimate_sleep_loop, LOOP_OVERHEAD
+from kachaka_simple_control.analysis.plan_view import estimate_sleep_loop, LOOP_OVERHEAD
 from kachaka_simple_control.control.events import (
     MotionEnded,
     MotionPlanned,

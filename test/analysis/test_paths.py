@@ -25,8 +25,7 @@ from kachaka_simple_control.analysis.paths import (
 )
 from kachaka_simple_control.motion.geometry import front_point, ORIGIN, outline, Pose
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat
-from kachaka_simple_control.report.plot_style import round_step
-from kachaka_simple_control.report.time_series import velocity_steps
+from kachaka_simple_control.report.plot_style import round_step, velocity_steps
 from plans import BACK, BOX, DISC, HOUR, preview, QUARTER, SQUARE
 import pytest
 from strategies import LIMITS, MOTIONS, RATES

@@ -19,7 +19,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.analysis.paths import simplify
-from kachaka_simple_control.report.time_series import min_max_decimate
+from kachaka_simple_control.report.plot_style import min_max_decimate
 import pytest
 
 POINTS = st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=60)

@@ -22,18 +22,18 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.analysis.calibration_fit import CalibrationError
-from kachaka_simple_control.analysis.odometry_fit import reported_path
-from kachaka_simple_control.analysis.umbmark_fit import (
+from kachaka_simple_control.analysis.odometry_fit import (
     closed_form,
     fit_umbmark,
+    reported_path,
     Square,
     worst_systematic_error,
 )
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK as TRACK
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
+from kachaka_simple_control.motion.calibration import OdometryCalibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose
-from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 import pytest
 from simulated_drive import SimulatedDrive
 

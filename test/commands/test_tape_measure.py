@@ -25,9 +25,8 @@ from kachaka_simple_control.commands.calibrate_options import MAX_ATTEMPTS
 from kachaka_simple_control.errors import MotionStoppedError, RunFaultError
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import find_robot
-from kachaka_simple_control.motion.calibration import Calibration
+from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN
-from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.plan import plan
 from program import call, program
 import pytest

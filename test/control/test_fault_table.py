@@ -35,10 +35,9 @@ from kachaka_simple_control.control.events import (
     VelocitySent,
 )
 from kachaka_simple_control.control.guardian import NullGuardian
-from kachaka_simple_control.control.manual_control_lease import LeaseRenewer
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.robot_drive import RobotDrive
-from kachaka_simple_control.control.run_monitor import RunMonitor
+from kachaka_simple_control.control.run_monitor import LeaseRenewer, RunMonitor
 from kachaka_simple_control.control.speed_factor import PAUSE, SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.stop import StopController

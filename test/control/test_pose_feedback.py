@@ -29,7 +29,7 @@ from kachaka_simple_control.control.timing import FEEDBACK_MAX_AGE
 from kachaka_simple_control.errors import InvalidMotionError, RunFaultError
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.simulator.drive_model import IDEAL, SimulationParameters
-from kachaka_simple_control.motion.calibration import Calibration
+from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import (
     advance,
     compose,
@@ -39,7 +39,6 @@ from kachaka_simple_control.motion.geometry import (
     ZERO,
 )
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE
-from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Forward, Motion, Move, Settle, Turn, Wait
 import pytest

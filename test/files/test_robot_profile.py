@@ -32,10 +32,9 @@ from kachaka_simple_control.files.robot_profile import (
     RobotProfile,
     robots,
 )
-from kachaka_simple_control.motion.calibration import Calibration
+from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import Box, Disc, Velocity
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 import pytest
 
 pytestmark = pytest.mark.needs('yaml', 'jsonschema')

@@ -26,7 +26,7 @@ from waiting import wait_until
 with optional_imports():
     from geometry_msgs.msg import Twist
     from kachaka_simple_control.kachaka.bridge_command import _spinning
-    from kachaka_simple_control.kachaka.bridge_executors import NodeExecutor, SubscriptionExecutor
+    from kachaka_simple_control.ros.executors import NodeExecutor, SubscriptionExecutor
     import rclpy
     from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
     from rclpy.qos import qos_profile_sensor_data

@@ -23,10 +23,9 @@ from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA, KACHAKA_TRACK
 from kachaka_simple_control.kachaka.simulator.drive_model import DriveModel, SimulationParameters
-from kachaka_simple_control.motion.calibration import Calibration
+from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
-from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Turn
 import pytest

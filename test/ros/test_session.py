@@ -18,7 +18,7 @@ import time
 from types import SimpleNamespace
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
-from kachaka_simple_control.control import manual_control_lease
+from kachaka_simple_control.control import run_monitor
 from kachaka_simple_control.control.processes import is_running
 from kachaka_simple_control.errors import (
     InvalidMotionError,
@@ -258,8 +258,8 @@ def test_callbacks_are_served_while_it_moves(listener, make):
 
 def test_manual_control_is_renewed_while_it_moves(listener, make, monkeypatch):
     """In simulated minutes: what takes 40 s on a robot takes 0.4 s here."""
-    monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_AT_REST', 0.2)
-    monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_LATEST', 0.4)
+    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_AT_REST', 0.2)
+    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_LATEST', 0.4)
     make().move_robot(0.1, 0.0, 2.0)
     assert 4 <= len(listener.enabled) <= 7
     assert [move.count for move in listener.moves()] == [20]
@@ -269,7 +269,7 @@ def test_an_old_lease_of_manual_control_is_renewed_before_a_movement(
         listener, make, monkeypatch):
     node = make()
     node.move_robot(0.1, 0.0, 0.2)
-    monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_AT_REST', 0.5)
+    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_AT_REST', 0.5)
     time.sleep(1.0)
     node.move_robot(0.2, 0.0, 0.2)
     assert len(listener.enabled) == 2
@@ -306,8 +306,8 @@ def test_between_two_movements_that_follow_at_once_one_zero_is_sent(listener, ma
 
 def test_a_renewal_slower_than_the_command_timeout_is_a_fault(make, monkeypatch):
     from listener import Listener
-    monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_AT_REST', 0.5)
-    monkeypatch.setattr(manual_control_lease, 'LEASE_RENEW_LATEST', 1.0)
+    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_AT_REST', 0.5)
+    monkeypatch.setattr(run_monitor, 'LEASE_RENEW_LATEST', 1.0)
     with Listener(delay=0.4) as listener:
         with pytest.raises(RunFaultError, match='not renewed within 200 ms'):
             make().move_robot(0.1, 0.0, 5.0)

@@ -39,19 +39,19 @@ import time
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 FAILED = re.compile(r'^(?:FAILED|ERROR) (test/[^\s:]+::[^\s\[]+)', re.MULTILINE)
-#: How long the tests of one mutant may take [s]; a mutant that hangs them is noticed, too.
+#: The timeout of the tests of one mutant [s]; a mutant that hangs the tests counts as killed.
 TIMEOUT = 900.0
-#: How many names of tests a diff lists.
+#: The largest number of test names in a diff.
 LISTED = 4
 
 
 @dataclass(frozen=True)
 class Mutant:
     """
-    A mutant.
+    A mutant: a change that breaks one place of the package.
 
     :param file: its diff
-    :param reach: the files of the tests that reach its line
+    :param reach: the test files whose tests reach the changed line
     :param killers: the tests that failed with it
     """
 
@@ -61,25 +61,25 @@ class Mutant:
 
     @property
     def name(self) -> str:
-        """Return its name."""
+        """Return the name of the mutant."""
         return self.file.stem
 
     @property
     def is_pure(self) -> bool:
-        """Return whether no test that reaches it needs ROS."""
+        """Return whether no test that reaches the mutant needs ROS."""
         return not any(
             'pytest.mark.ros' in (ROOT / file).read_text() for file in self.reach)
 
 
 def load(file: Path) -> Mutant:
-    """Return the mutant of a diff."""
+    """Load a mutant from its diff."""
     head = file.read_text().partition('diff --git ')[0]
     fields = dict(re.findall(r'^(Reach|Killed by):(.*)$', head, re.MULTILINE))
     return Mutant(file, tuple(fields['Reach'].split()), tuple(fields['Killed by'].split(' ; ')))
 
 
 def copy_source(folder: Path) -> None:
-    """Copy the files of this repository that git knows or would add."""
+    """Copy the tracked and the untracked, not ignored files of this repository to a folder."""
     listing = subprocess.run(
         ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
         cwd=ROOT, capture_output=True, text=True, check=True)
@@ -93,14 +93,14 @@ def run_tests(folder: Path, tests: tuple[str, ...]) -> list[str] | None:
     """
     Run tests in a copy of the source until the first failure.
 
-    :returns: the tests that failed, empty if all passed; None if none could be run
+    :returns: the failed tests; empty if all passed; None if no test could be run
     """
     try:
         result = subprocess.run(
             [sys.executable, '-m', 'pytest', '-q', '-x', '-p', 'no:cacheprovider', *tests],
             cwd=folder, capture_output=True, text=True, timeout=TIMEOUT, check=False,
             stdin=subprocess.DEVNULL, env={
-                # Each session of pytest claims a ROS domain of its own.
+                # Each pytest session claims its own ROS domain.
                 **{name: value for name, value in os.environ.items() if name != 'ROS_DOMAIN_ID'},
                 'PYTHONPATH': os.pathsep.join(
                     filter(None, [str(folder), os.environ.get('PYTHONPATH')]))})
@@ -115,8 +115,9 @@ def judge(mutant: Mutant, is_mutated: bool = True) -> tuple[str, str]:
     """
     Run the tests that reach a mutant.
 
-    :param is_mutated: whether to apply it
-    :returns: ``killed``, ``survived`` or what went wrong; and the first test that failed
+    :param mutant: the mutant
+    :param is_mutated: whether to apply the mutant
+    :returns: ``killed``, ``survived`` or an error; and the first failed test
     """
     with tempfile.TemporaryDirectory(prefix='mutant-') as scratch:
         folder = Path(scratch)
@@ -170,7 +171,7 @@ def main() -> int:
 
 
 def record(mutant: Mutant, test: str) -> None:
-    """Add a test to those that killed a mutant."""
+    """Add a test to the list of tests that killed a mutant, in its diff."""
     names = [*filter(None, mutant.killers), test]
     names = [*dict.fromkeys(name.strip() for name in names)][:LISTED]
     text = re.sub(

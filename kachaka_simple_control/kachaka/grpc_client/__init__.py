@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The real robot: what is sent to it over gRPC and when, and what it answers."""
+"""The client of the real robot: gRPC calls, their order and timing, and the responses."""

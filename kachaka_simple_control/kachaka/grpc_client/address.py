@@ -23,7 +23,7 @@ from kachaka_simple_control.text import quoted
 
 #: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).
 PORT = 26400
-#: A host name of 253 characters, brackets and a port.
+#: The longest address: a host name of 253 characters, brackets and a port.
 MAX_ADDRESS_LENGTH = 261
 
 
@@ -32,8 +32,8 @@ class Address:
     """
     The address of a robot's gRPC service.
 
-    :param host: host name or IP address
-    :param port: TCP port
+    :param host: the host name or IP address
+    :param port: the TCP port
     """
 
     host: str
@@ -42,10 +42,10 @@ class Address:
     @classmethod
     def parse(cls, text: str) -> Address:
         """
-        Return the address in a text.
+        Return the address from a text.
 
-        :param text: ``HOST`` or ``HOST:PORT``; an IPv6 address with a port stands in brackets
-        :raises ValueError: if the text is no address, in one line
+        :param text: ``HOST`` or ``HOST:PORT``; an IPv6 address with a port needs brackets
+        :raises ValueError: if the text is not an address; the message has one line
         """
         host, port = _split(text.strip())
         if len(text) > MAX_ADDRESS_LENGTH or not text.isprintable():
@@ -61,7 +61,7 @@ class Address:
         return cls(host, int(port))
 
     def __str__(self) -> str:
-        """Return the address as gRPC expects it."""
+        """Return the address as text in the form that gRPC expects."""
         host = f'[{self.host}]' if ':' in self.host else self.host
         return f'{host}:{self.port}'
 
@@ -78,7 +78,7 @@ def _split(text: str) -> tuple[str, str]:
 
 
 def address_argument(text: str) -> Address:
-    """Return an address from a command line, with argparse's error; see ``Address.parse``."""
+    """Return the address from a command line argument; raise argparse's error if invalid."""
     try:
         return Address.parse(text)
     except ValueError as error:
@@ -90,7 +90,7 @@ SWITCH_ON = 'switch the Kachaka API on in the phone app (Settings, the robot, Ka
 
 
 class UnreachableError(RuntimeError):
-    """No robot responds; the text has advice for the user."""
+    """No robot responds at an address; the message has advice for the user."""
 
 
 def check_reachable(address: Address, timeout: float) -> None:
@@ -98,8 +98,8 @@ def check_reachable(address: Address, timeout: float) -> None:
     Open a TCP connection to an address and close it.
 
     :param address: the address
-    :param timeout: how long to try [s]
-    :raises UnreachableError: if that fails
+    :param timeout: the longest time to try [s]
+    :raises UnreachableError: if the connection fails
     """
     try:
         with socket.create_connection((address.host, address.port), timeout):

@@ -22,7 +22,6 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.bridge_executors import ExecutorLoop, SubscriptionExecutor
 from kachaka_simple_control.kachaka.bridge_node import BridgeNode
 from kachaka_simple_control.kachaka.grpc_client.client import ConnectedRobot
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
@@ -40,6 +39,7 @@ from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions
+from kachaka_simple_control.ros.executors import ExecutorLoop, SubscriptionExecutor
 from kachaka_simple_control.ros.names import DIAGNOSTICS
 from kachaka_simple_control.telemetry.diagnosis import Level
 from nav_msgs.msg import Odometry
@@ -50,11 +50,11 @@ BILLION = 1_000_000_000
 
 def odometry(source: Any, now: Time, frame_prefix: str) -> Odometry:
     """
-    Return the robot's odometry as a ROS message.
+    Convert the robot's odometry to a ROS message.
 
     :param source: a RosOdometry of the robot
-    :param now: the stamp, if the robot sets none
-    :param frame_prefix: put before the names of the frames, without a separator
+    :param now: the time stamp to use if the robot sets none
+    :param frame_prefix: a prefix for the frame names, without a separator
     """
     message = Odometry()
     nanoseconds = source.header.stamp_nsec
@@ -80,17 +80,17 @@ def _copy(source: Any, target: Any, names: str) -> None:
 
 class GrpcBridge(BridgeNode):
     """
-    Shows a robot that is driven over gRPC.
+    The bridge node of a real robot, driven over gRPC.
 
-    Velocities have an executor and thread of their own, the rest of the node, the service for
-    example, another; odometry and diagnostics are published by the threads that poll them.
+    Velocities have their own executor and thread.  The rest of the node, for example the service,
+    has another executor.  Odometry and diagnostics are published by the threads that poll them.
 
-    :param robot: the robot, which has responded
-    :param namespace: the namespace of its topics and its service
-    :param frame_prefix: put before the names of the frames, without a separator
+    :param robot: the connected robot
+    :param namespace: the namespace of the topics and the service
+    :param frame_prefix: a prefix for the frame names, without a separator
     :param give_up: called with the reason when a motion is aborted
-    :param on_conflict: called when another bridge shows a robot under the same names
-    :raises RobotTakenError: if another bridge already does
+    :param on_conflict: called if another bridge with the same names is discovered
+    :raises RobotTakenError: if another bridge already uses the same names
     """
 
     def __init__(
@@ -117,18 +117,18 @@ class GrpcBridge(BridgeNode):
             poller.start()
 
     def executors(self) -> list[ExecutorLoop]:
-        """Return the executors to run, each in a thread of its own."""
+        """Return the executors of the node, each to run in its own thread."""
         return [
             SubscriptionExecutor(self, self._subscription, self.on_velocity),
             *super().executors()]
 
     @property
     def summary(self) -> str:
-        """Return what the bridge serves, in one line."""
+        """Return the robot, its address and the bridge's names as text, in one line."""
         return f'{self._identity} at {self._address}: {super().summary}'
 
     def drive(self, velocity: Velocity, now: float) -> None:
-        """Send a velocity; return at once.  One that is not finite is refused."""
+        """Send a velocity without waiting for the robot; refuse a velocity that is not finite."""
         try:
             command = velocity_command(velocity, KACHAKA.limits, now)
         except ValueError as error:
@@ -137,17 +137,17 @@ class GrpcBridge(BridgeNode):
         self._driver.drive(command)
 
     def set_manual_control(self, enabled: bool) -> str:
-        """Switch manual control; return why the robot refuses, empty if it does not."""
+        """Switch manual control on or off; return the reason for a refusal, or empty text."""
         result = self._driver.set_manual_control(enabled)
         if result.is_success:
             return ''
         return self._driver.describe(result) or 'no reason given'
 
     def close(self) -> None:
-        """Stop the robot, switch manual control off if it is ours, end the threads; bounded."""
+        """Stop the robot, release manual control and end all threads, in limited time."""
         for poller in self._pollers:
             poller.stop()
-        # The robot first; that also cancels the calls of the other threads.
+        # Close the driver first; this also cancels the calls of the other threads.
         self._driver.close()
         self._health.stop()
         for poller in self._pollers:
@@ -164,7 +164,7 @@ class GrpcBridge(BridgeNode):
             self._driver.on_result)
 
     def _publish_diagnostics(self) -> None:
-        # Several robots are told apart by their namespaces.
+        # The namespace in the name distinguishes several robots.
         driver, robot = self._driver, self.get_namespace().strip('/')
         self._diagnostics.publish(conversions.diagnostics(
             {f'{robot}: link': connection_status(
@@ -175,7 +175,7 @@ class GrpcBridge(BridgeNode):
             self.get_clock().now().to_msg(), self._identity))
 
     def _log(self, level: Level, text: str) -> None:
-        # A call each: rclpy refuses different levels from the same line of code.
+        # One call for each level: rclpy refuses different levels from the same line of code.
         if level is Level.OK:
             self.get_logger().info(text)
         elif level is Level.WARN:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The robot's calls over gRPC, and ``connect``; the only module that imports its SDK."""
+"""The gRPC calls to the robot, and ``connect()``; only this module imports the robot's SDK."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from kachaka_simple_control.kachaka.grpc_client.address import (
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 from kachaka_simple_control.text import escaped
 
-#: How long a robot may take to accept a connection, and to respond to each of three calls [s].
+#: The longest time for a robot to accept a connection, and to respond to each of three calls [s].
 CONNECT_TIMEOUT = 3.0
 IDENTIFY_TIMEOUT = 2.0
 CHANNEL_OPTIONS = (
-    # A lost velocity must not be sent again by gRPC.
+    # gRPC must not send a lost velocity again.
     ('grpc.enable_retries', 0),
-    # A robot in this network is not behind the proxy that leads out of it.
+    # Do not use a proxy: the robot is in the local network.
     ('grpc.enable_http_proxy', 0),
-    # The period is so long that no keep-alive is sent.  But with keep-alive on, the system closes
-    # a connection on which nothing was acknowledged for this timeout [ms], and drops the
-    # velocities that wait there.
+    # The period is so long that no keep-alive is sent.  But keep-alive must be on: then the
+    # operating system closes a connection if data is not acknowledged within the timeout [ms], and
+    # drops the velocities that wait to be sent.
     ('grpc.keepalive_time_ms', 3_600_000),
     ('grpc.keepalive_timeout_ms', 500),
     ('grpc.initial_reconnect_backoff_ms', 100),
@@ -58,9 +58,11 @@ FAILURES = {
 
 class RobotClient:
     """
-    One connection to a robot; thread-safe.  Each deadline is the time to respond [s].
+    One gRPC connection to a robot; thread-safe.
 
-    :param address: the robot's address; the first call connects
+    Each ``deadline`` is the longest time for the robot to respond [s].
+
+    :param address: the address of the robot; the first call connects
     """
 
     def __init__(self, address: Address) -> None:
@@ -68,16 +70,16 @@ class RobotClient:
         self._stub = KachakaApiStub(self._channel)
 
     def close(self) -> None:
-        """Close the connection and cancel every call in flight."""
+        """Close the connection and cancel all calls in progress."""
         self._channel.close()
 
     def set_velocity(self, linear: float, angular: float, deadline: float) -> RpcResult:
         """
-        Send a velocity.
+        Send a velocity to the robot.
 
-        :param linear: forward velocity as a part of the largest, -1 to 1
-        :param angular: turning velocity as a part of the largest, -1 to 1
-        :param deadline: how long the robot may take to respond [s]
+        :param linear: the forward velocity as a fraction of the largest, -1 to 1
+        :param angular: the turning velocity as a fraction of the largest, -1 to 1
+        :param deadline: the longest time for the robot to respond [s]
         """
         request = pb2.SetRobotVelocityRequest(linear=linear, angular=angular)
         return _call(self._stub.SetRobotVelocity, request, deadline)[0]
@@ -88,17 +90,17 @@ class RobotClient:
         return _call(self._stub.SetManualControlEnabled, request, deadline)[0]
 
     def errors(self, deadline: float) -> tuple[RpcResult, list[int]]:
-        """Return the codes of the robot's present errors."""
+        """Return the result of the call, and the codes of the robot's current errors."""
         result, response = _call(self._stub.GetError, pb2.GetRequest(), deadline)
         return result, [] if response is None else list(response.error_codes)
 
     def error_texts(self, deadline: float) -> tuple[RpcResult, str]:
-        """Return the list of error texts, which should be JSON."""
+        """Return the result of the call, and the robot's error texts (normally JSON)."""
         result, response = _call(self._stub.GetRobotErrorCodeJson, pb2.EmptyRequest(), deadline)
         return result, '' if response is None else str(response.json)
 
     def identity(self, deadline: float) -> tuple[RpcResult, str]:
-        """Return the serial number and the software release; two calls with a deadline each."""
+        """Return the result, and the serial number with the software release, by two calls."""
         result, serial = _call(self._stub.GetRobotSerialNumber, pb2.GetRequest(), deadline)
         if serial is None:
             return result, ''
@@ -113,13 +115,13 @@ class RobotClient:
         Return the first odometry that is newer than a cursor.
 
         :param cursor: the cursor of the last response; 0 for any odometry
-        :param deadline: how long to wait for it [s]
+        :param deadline: the longest time to wait [s]
         :returns: the result, and a GetRosOdometryResponse or None
         """
         return _call(self._stub.GetRosOdometry, _newer_than(cursor), deadline)
 
     def wheel_odometry(self, cursor: int, deadline: float) -> tuple[RpcResult, Any]:
-        """Return the same of the wheels, as a GetRosWheelOdometryResponse or None."""
+        """Return the first wheel odometry newer than a cursor; see ``odometry()``."""
         return _call(self._stub.GetRosWheelOdometry, _newer_than(cursor), deadline)
 
 
@@ -128,7 +130,7 @@ def _newer_than(cursor: int) -> pb2.GetRequest:
 
 
 def _call(method: Callable[..., Any], request: Any, deadline: float) -> tuple[RpcResult, Any]:
-    """Make a call; return its result, and the response or None."""
+    """Make a gRPC call; return its result, and the response or None."""
     try:
         response = method(request, timeout=deadline)
     except grpc.RpcError as error:
@@ -136,7 +138,7 @@ def _call(method: Callable[..., Any], request: Any, deadline: float) -> tuple[Rp
     except ValueError as error:  # the channel was closed
         return RpcResult(failure=RpcFailure.GONE, text=escaped(error)), None
     result = getattr(response, 'result', None)
-    # Some robots leave the code of an error at 0; that is no success.
+    # Some robots report an error with code 0; this is not a success.
     code = 0 if result is None or result.success else result.error_code or -1
     return RpcResult(code=code), response
 
@@ -147,7 +149,7 @@ def _failure(error: Any, deadline: float) -> RpcResult:
         return RpcResult(failure=failure, text=f'no answer within {deadline:.2g} s')
     text = ' '.join(str(error.details() or error.code()).split())
     if text.startswith('failed to connect'):
-        # The system's reason comes last, after names of layers and the address.
+        # The operating system's reason is the last part of the text.
         text = text.rpartition(': ')[2]
     return RpcResult(failure=failure, text=escaped(text))
 
@@ -157,10 +159,10 @@ class ConnectedRobot:
     """
     A robot that has responded.
 
-    :param address: its address
-    :param client: its calls
-    :param identity: its serial number and software release
-    :param texts: the texts of its errors, as far as it has them
+    :param address: the address of the robot
+    :param client: the client for calls to the robot
+    :param identity: the serial number and the software release
+    :param texts: the error texts of the robot; may be empty
     """
 
     address: Address
@@ -173,8 +175,8 @@ def connect(address: Address) -> ConnectedRobot:
     """
     Connect to a robot and identify it.
 
-    :param address: its address
-    :raises UnreachableError: if no robot responds there, with advice for the user
+    :param address: the address of the robot
+    :raises UnreachableError: if no robot responds; the message has advice for the user
     """
     check_reachable(address, CONNECT_TIMEOUT)
     client = RobotClient(address)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Decides which call to make next: stop first, newest command, command timeout, rearming."""
+"""Decide which gRPC call to make next: stops first, then only the newest velocity command."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from kachaka_simple_control.motion.limits import Limits
 @dataclass(frozen=True)
 class VelocityCommand:
     """
-    A velocity relative to the robot's limits.
+    A velocity command, relative to the robot's limits.
 
     :param linear: forward velocity, -1 to 1
     :param angular: turning velocity, -1 to 1, counter-clockwise positive
-    :param time: when it was received [s, steady clock]
+    :param time: the time at which the command was received [s, steady clock]
     """
 
     linear: float
@@ -48,7 +48,7 @@ class VelocityCommand:
 
     @property
     def is_stop(self) -> bool:
-        """Whether both velocities are zero."""
+        """Return whether both velocities are zero."""
         return self.linear == 0.0 and self.angular == 0.0
 
 
@@ -59,7 +59,7 @@ def velocity_command(velocity: Velocity, limits: Limits, now: float) -> Velocity
     :param velocity: the velocity
     :param limits: the largest velocities of the robot
     :param now: the time [s, steady clock]
-    :raises ValueError: if the velocity is not finite, in one line
+    :raises ValueError: if the velocity is not finite; the message has one line
     """
     if not (math.isfinite(velocity.linear_x) and math.isfinite(velocity.angular_z)):
         raise ValueError(
@@ -73,10 +73,9 @@ def velocity_command(velocity: Velocity, limits: Limits, now: float) -> Velocity
 
 class StreamTimeout:
     """
-    Detects the end of a stream of velocities.
+    A timeout that detects the end of a stream of velocities.
 
-    It measures the longest period of the present motion, so it expires only after at least two
-    velocities.
+    It applies after at least two velocities, if the longest period between them is short enough.
     """
 
     def __init__(self) -> None:
@@ -85,9 +84,9 @@ class StreamTimeout:
 
     def on_command(self, is_stop: bool, now: float) -> None:
         """
-        Update with a command.
+        Update the timeout with a command.
 
-        :param is_stop: whether it is a stop, which ends the motion
+        :param is_stop: whether the command is a stop; a stop ends the motion
         :param now: the time [s, steady clock]
         """
         if is_stop:
@@ -99,13 +98,13 @@ class StreamTimeout:
 
     @property
     def end(self) -> float | None:
-        """Return when the timeout expires without another command [s]; None if it does not."""
+        """Return the time at which the timeout expires without a new command [s], or None."""
         if self._last is None or self._longest is None or self._longest > MAX_STREAM_PERIOD:
             return None
         return self._last + STREAM_TIMEOUT
 
     def has_expired(self, now: float) -> bool:
-        """Return whether the stream has ceased; true once, then false until the next motion."""
+        """Return whether the stream has ended; true once, then false until the next motion."""
         if self.end is None or now < self.end:
             return False
         self._last = self._longest = None
@@ -114,25 +113,26 @@ class StreamTimeout:
 
 class LatestCommand:
     """
-    Holds the newest motion until the robot is free, or a pending stop.
+    Holds the newest motion command until the robot is free, or a pending stop.
 
-    A newer command replaces an older one, so no queue builds up before a slow robot.  A stop
-    replaces any motion and stays pending until it is taken.
+    A newer command replaces an older one, so commands do not queue up if the robot is slow.  A
+    stop replaces any motion and stays pending until it is taken.
 
-    :param max_age: how old a motion may be when it is taken [s]; older ones are dropped
+    :param max_age: the largest age of a motion command when it is taken [s]; older ones are
+        dropped
     """
 
     def __init__(self, max_age: float) -> None:
         self._max_age = max_age
         self._newest: VelocityCommand | None = None
         self._motion: VelocityCommand | None = None
-        #: whether a stop has to be sent before any motion
+        #: whether a stop must be sent before any motion
         self.stop_pending = False
-        #: how many motions were replaced, dropped for a stop, or too old
+        #: the number of motions that were replaced, dropped for a stop, or too old
         self.dropped = 0
 
     def put(self, command: VelocityCommand) -> None:
-        """Replace what is held by a command."""
+        """Hold a new command instead of the old one."""
         if command.is_stop:
             self.request_stop()
             return
@@ -140,17 +140,17 @@ class LatestCommand:
         self._newest = self._motion = command
 
     def requeue(self, command: VelocityCommand) -> None:
-        """Hold again a motion that was taken and refused, if there is no newer command."""
+        """Hold a refused motion again, if there is no newer command."""
         if command is self._newest:
             self._motion = command
 
     def request_stop(self) -> None:
-        """Drop the motion and hold a stop."""
+        """Drop the motion, if there is one, and hold a stop."""
         self.clear()
         self.stop_pending = True
 
     def clear(self) -> None:
-        """Drop the motion, also for ``requeue``."""
+        """Drop the motion; ``requeue()`` cannot restore it."""
         self.dropped += self._motion is not None
         self._newest = self._motion = None
 
@@ -160,7 +160,7 @@ class LatestCommand:
         return was_pending
 
     def has_motion(self, now: float) -> bool:
-        """Return whether a motion may be sent now; drop one that is too old."""
+        """Return whether a motion may be sent now; drop a motion that is too old."""
         if self._motion is not None and now - self._motion.time > self._max_age:
             self.clear()
         return self._motion is not None and not self.stop_pending
@@ -174,22 +174,22 @@ class LatestCommand:
 
 
 class RpcKind(Enum):
-    """The kind of a call."""
+    """The kind of a gRPC call."""
 
     MOTION = 'motion'
     STOP = 'stop'
-    #: manual control, for a motion that was refused without it
+    #: enable manual control, after a motion was refused without it
     ENABLE = 'enable'
 
 
 @dataclass(frozen=True, eq=False)
 class RpcRequest:
     """
-    A call to make now.
+    A gRPC call to make now.
 
-    :param kind: its kind
-    :param command: the velocity of a motion or a stop; None for ``ENABLE``
-    :param deadline: how long the robot may take to respond [s]
+    :param kind: the kind of the call
+    :param command: the velocity command of a motion or a stop; None for ``ENABLE``
+    :param deadline: the longest time for the robot to respond [s]
     """
 
     kind: RpcKind
@@ -199,14 +199,14 @@ class RpcRequest:
 
 class CommandArbiter:
     """
-    Turns incoming commands into calls, one motion at a time.
+    Converts incoming commands to gRPC calls, one motion at a time.
 
-    A motion is sent when no other call is in flight.  A stop is sent at once, beside a motion in
-    flight; and once more after that motion has ended, since the two may have arrived in either
-    order.  After a fault (connection lost, refusal, robot too slow) motions are blocked until the
-    publisher has come to rest: a zero, or no command for a while.
+    A motion is sent when no other call is in progress.  A stop is sent at once, even if a motion
+    call is in progress.  The stop is then sent again after the motion call, because the robot may
+    have received the two in the other order.  After a fault (connection lost, refusal, robot too
+    slow) motions are blocked until the publisher sends a zero, or no command for a while.
 
-    :param command_timeout: how long the robot keeps a velocity [s]
+    :param command_timeout: how long the robot keeps a velocity without a new one [s]
     """
 
     def __init__(self, command_timeout: float) -> None:
@@ -219,25 +219,25 @@ class CommandArbiter:
         self._is_connected = False
         self._timeouts = 0
         self._last_command = -math.inf
-        #: whether motions are blocked until the publisher comes to rest
+        #: whether motions are blocked until the publisher sends a zero or pauses
         self.is_blocked = False
-        #: whether a motion was sent, and no stop confirmed since
+        #: whether a motion was sent and no stop has been confirmed since then
         self.may_move = False
         #: whether manual control was switched on for a motion
         self.has_enabled = False
 
     @property
     def dropped(self) -> int:
-        """Return how many motions were never sent: replaced by newer ones, or too old."""
+        """Return the number of motions never sent: replaced by newer ones, or too old."""
         return self._latest.dropped
 
     @property
     def next_check(self) -> float | None:
-        """Return when to call ``next_request`` again without an event [s]; None for never."""
+        """Return the time to call ``next_request()`` again without an event [s], or None."""
         return self._stream.end
 
     def on_command(self, command: VelocityCommand) -> None:
-        """Update with the newest command."""
+        """Update the state with the newest command."""
         is_rest = command.is_stop or command.time - self._last_command > REARM_IDLE_TIME
         self._last_command = command.time
         if self._is_connected and is_rest:
@@ -248,7 +248,9 @@ class CommandArbiter:
 
     def next_request(self, now: float) -> RpcRequest | None:
         """
-        Return the next call, which is in flight from now on; repeat until there is none.
+        Return the next call to make, or None; repeat until it returns None.
+
+        The returned call counts as in progress until ``on_response()``.
 
         :param now: the time [s, steady clock]
         """
@@ -263,10 +265,10 @@ class CommandArbiter:
 
     def on_response(self, request: RpcRequest, result: RpcResult, now: float) -> None:
         """
-        Update with the result of a call.
+        Update the state with the result of a call.
 
         :param request: the call
-        :param result: its result
+        :param result: the result of the call
         :param now: the time [s, steady clock]
         """
         self._in_flight.remove(request)
@@ -278,22 +280,22 @@ class CommandArbiter:
             self._on_motion_response(request, result, now)
 
     def on_connected(self) -> None:
-        """Allow calls: the robot responds."""
+        """Allow calls, because the robot responds."""
         self._is_connected = True
 
     def on_connection_lost(self) -> None:
-        """Make no calls until ``on_connected``; then stop the robot if it may move."""
+        """Make no calls until ``on_connected()``; then stop the robot if it may be moving."""
         self._is_connected = False
         self.block_motion()
 
     def block_motion(self) -> None:
-        """Block motions until the publisher comes to rest; stop the robot if it may move."""
+        """Block motions until the publisher sends a zero or pauses; stop a moving robot."""
         self.is_blocked = True
         self.cancel_motion()
 
     def on_stall(self, now: float) -> None:
         """
-        Block motions after this process was suspended: queued commands may be old.
+        Block motions after this process was suspended, because queued commands may be old.
 
         :param now: the time [s, steady clock]
         """
@@ -301,7 +303,7 @@ class CommandArbiter:
         self.block_motion()
 
     def cancel_motion(self) -> None:
-        """Drop every motion received so far; stop the robot if it may move."""
+        """Drop all motions received so far; stop the robot if it may be moving."""
         self._must_enable = False
         self._stream = StreamTimeout()
         self._latest.clear()
@@ -348,7 +350,7 @@ class CommandArbiter:
         was_overtaken, self._overtaken = request is self._overtaken, None
         is_late = result.failure is RpcFailure.LATE
         self._timeouts = self._timeouts + 1 if is_late else 0
-        # The order in which stop and motion arrived is unknown.  A newer motion replaces both.
+        # The robot may have received stop and motion in any order.  A newer motion replaces both.
         if is_late or (was_overtaken and not self._latest.has_motion(now)):
             self._latest.request_stop()
         if result.code == ERROR_NO_MANUAL_CONTROL:

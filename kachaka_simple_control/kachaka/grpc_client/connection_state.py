@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Results of calls, the state of the connection, and diagnostics of it."""
+"""Results of gRPC calls, the state of the connection, and its diagnostics."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts, SUCCESS
 from kachaka_simple_control.telemetry.diagnosis import Diagnosis, Level
 
-#: A response to a velocity that takes longer [s] uses up half of the command timeout.
+#: A response to a velocity is slow after this time [s], half of the command timeout.
 SLOW_RESPONSE = 0.15
 
 
 class RpcFailure(Enum):
-    """Why there is no response."""
+    """The reasons for a missing or failed response."""
 
-    #: none came before the deadline; the robot may still execute the call
+    #: no response before the deadline; the robot may still execute the call
     LATE = 'late'
-    #: there is no connection
+    #: no connection
     GONE = 'gone'
-    #: the robot does not know the call, or failed to execute it
+    #: the robot does not know the call, or failed to execute the call
     FAILED = 'failed'
 
 
 @dataclass(frozen=True)
 class RpcResult:
     """
-    The robot's response to one call, or why there is none.
+    The result of one gRPC call: the robot's error code, or the reason for a missing response.
 
     :param code: the robot's error code, 0 for success; None without a response
-    :param failure: why there is no response
-    :param text: the same for the user
+    :param failure: the reason for a missing response; None with a response
+    :param text: the reason as text for the user
     """
 
     code: int | None = None
@@ -55,17 +55,17 @@ class RpcResult:
 
     @property
     def is_success(self) -> bool:
-        """Whether the robot executed the call."""
+        """Return whether the robot executed the call."""
         return self.code == SUCCESS
 
     @property
     def got_response(self) -> bool:
-        """Whether the robot responded, with an error or not."""
+        """Return whether the robot responded, with or without an error."""
         return self.failure in (None, RpcFailure.FAILED)
 
 
 class ConnectionEvent(Enum):
-    """A change of the connection."""
+    """A change of the connection to the robot."""
 
     FOUND = 'found'
     LOST = 'lost'
@@ -73,25 +73,25 @@ class ConnectionEvent(Enum):
 
 
 class ConnectionState:
-    """Whether the robot responds; computed from the results of calls."""
+    """The state of the connection to the robot, computed from the results of calls."""
 
     def __init__(self) -> None:
         self.is_up = False
-        #: why it was lost last
+        #: the reason for the last loss of the connection
         self.reason = ''
-        #: how often it was lost
+        #: the number of losses of the connection
         self.losses = 0
-        #: when it changed last [s, steady clock]
+        #: the time of the last change [s, steady clock]
         self.since = math.nan
         self._last_response = -math.inf
         self._failing_since: float | None = None
 
     def on_result(self, result: RpcResult, begun: float, now: float) -> ConnectionEvent | None:
         """
-        Update the state; return the change, None if there is none.
+        Update the state with a call; return the change, None if there is none.
 
-        :param result: the result of a call
-        :param begun: when the call began [s, steady clock]
+        :param result: the result of the call
+        :param begun: the start time of the call [s, steady clock]
         :param now: the time [s, steady clock]
         """
         if result.got_response:
@@ -115,11 +115,11 @@ def connection_status(
         connection: ConnectionState, address: str, round_trip: float, dropped: int,
         now: float) -> Diagnosis:
     """
-    Return the status of the connection.
+    Return the diagnosis of the connection.
 
-    :param connection: the connection
+    :param connection: the state of the connection
     :param address: the address of the robot
-    :param round_trip: the time of the last response to a velocity [s]; NaN if there was none
+    :param round_trip: the duration of the last velocity call [s]; NaN if there was none
     :param dropped: the number of velocities that were replaced by newer ones or too old
     :param now: the time [s, steady clock]
     """
@@ -139,11 +139,11 @@ def connection_status(
 def robot_status(
         connection: ConnectionState, codes: Sequence[int], texts: ErrorTexts) -> Diagnosis:
     """
-    Return the status of the robot: the errors that it reports.
+    Return the diagnosis of the robot: the errors that it reports.
 
-    :param connection: the connection, without which the status is unknown
+    :param connection: the state of the connection; if it is lost, the diagnosis is unknown
     :param codes: the error codes
-    :param texts: their texts
+    :param texts: the texts of the error codes
     """
     if not connection.is_up:
         return Diagnosis(Level.ERROR, 'unknown: the link is lost', {})

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Threads that poll odometry and health, and one that logs."""
+"""Threads that poll odometry and robot errors, and a thread that logs."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from kachaka_simple_control.telemetry.diagnosis import Level
 if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
 
-#: A text is logged again only after this time without it [s].
+#: A repeated text is logged again only after a gap of this time [s].
 LOG_REPEAT_PERIOD = 1.0
-#: How long ``close`` waits for the queue [s].
+#: The longest time that ``close()`` waits for the queue [s].
 LOG_EXIT_TIMEOUT = 0.5
 
 
 class LogThread:
     """
-    Logs in a thread of its own, so that the caller never waits; drops repeated texts.
+    Logs texts in a separate thread, so that the caller never waits; drops repeated texts.
 
     :param emit: logs a text; may block
     """
@@ -50,9 +50,9 @@ class LogThread:
         self._thread.start()
 
     def log(self, level: Level, text: str) -> None:
-        """Queue a text, unless it repeats a recent one."""
+        """Queue a text for the log, unless the same text is recent."""
         now = time.monotonic()
-        # Texts contain figures, so there may be many: keep the recent ones only.
+        # Texts contain numbers, so there may be many different ones: keep only recent ones.
         self._last_times = {
             known: at for known, at in self._last_times.items() if now - at < LOG_REPEAT_PERIOD}
         if text not in self._last_times:
@@ -60,7 +60,7 @@ class LogThread:
         self._last_times[text] = now
 
     def close(self) -> None:
-        """Log what is queued, and end the thread."""
+        """Log the queued texts, and end the thread."""
         self._queue.put(None)
         self._thread.join(LOG_EXIT_TIMEOUT)
 
@@ -69,7 +69,7 @@ class LogThread:
             self._emit(*entry)
 
 
-#: How long the robot may take to have newer odometry [s].
+#: The longest time to wait for newer odometry [s].
 ODOMETRY_DEADLINE = 1.0
 #: The shortest period of odometry [s], even if a robot ignores cursors.
 MIN_ODOMETRY_PERIOD = 0.01
@@ -81,14 +81,14 @@ Fetch = Callable[[int, float], tuple[RpcResult, Any]]
 
 class OdometryPoller:
     """
-    Fetches and publishes odometry in a thread of its own, from ``start`` on.
+    Fetches and publishes odometry in a separate thread, started by ``start()``.
 
     :param name: the name of the thread
-    :param fetch: returns what is newer than a cursor, within a deadline [s]
-    :param is_wanted: whether odometry has a subscriber
+    :param fetch: returns odometry newer than a cursor, within a deadline [s]
+    :param is_wanted: returns whether odometry has a subscriber
     :param publish: called with each new odometry
-    :param on_result: called with the result of a call and its begin; not after a call without
-        newer odometry, which says nothing about the connection
+    :param on_result: called with the result and the start time of each call, except a call that
+        times out, because this gives no information about the connection
     """
 
     def __init__(
@@ -107,15 +107,15 @@ class OdometryPoller:
         self._thread.start()
 
     def stop(self) -> None:
-        """Make the thread end after the call in flight."""
+        """Make the thread end after the current call."""
         self._over.set()
 
     def join(self) -> None:
-        """Wait until the thread has ended; it soon does once the client is closed."""
+        """Wait until the thread has ended; a closed client makes this fast."""
         self._thread.join(ODOMETRY_DEADLINE)
 
     def poll(self) -> float:
-        """Fetch and publish once if odometry has a subscriber; return the time to wait [s]."""
+        """Fetch and publish once if there is a subscriber; return the time to wait [s]."""
         if not self._is_wanted():
             self._cursor = 0
             return IDLE_PERIOD
@@ -141,22 +141,22 @@ class OdometryPoller:
                 self._over.wait(pause)
 
 
-#: The period of health checks [s], while the robot responds and while it does not.
+#: The period of the error polls [s], while the robot responds and while the connection is lost.
 HEALTH_PERIOD = 1.0
 HEALTH_PERIOD_WHEN_LOST = 0.3
-#: How long the robot may take to respond [s].
+#: The longest time for the robot to respond [s].
 HEALTH_DEADLINE = 1.0
 
 
 class HealthPoller:
     """
-    Polls the robot's errors in a thread of its own, from ``start`` on.
+    Polls the robot's errors in a separate thread, started by ``start()``.
 
-    Its calls also detect a lost connection, and its return.
+    The calls also detect when the connection is lost, and when it is back.
 
-    :param client: the robot's calls
-    :param robot: the driver, which is given the results
-    :param log: called with what the user should know
+    :param client: the client for calls to the robot
+    :param robot: the driver that receives the results of the calls
+    :param log: called with texts for the user
     :param on_poll: called after each poll
     """
 
@@ -177,12 +177,12 @@ class HealthPoller:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread; wait for a call in flight half of its deadline at most."""
+        """End the thread; wait for a running call at most half of its deadline."""
         self._over.set()
         self._thread.join(HEALTH_DEADLINE / 2.0)
 
     def poll(self) -> None:
-        """Poll once."""
+        """Poll the robot's errors once, and log changes."""
         begun = time.monotonic()
         result, codes = self._client.errors(HEALTH_DEADLINE)
         self._robot.on_result(result, begun)
@@ -198,7 +198,7 @@ class HealthPoller:
                 HEALTH_PERIOD if self._robot.connection.is_up else HEALTH_PERIOD_WHEN_LOST)
 
     def _fetch_texts(self, codes: list[int]) -> None:
-        """Fetch the error texts if a new code has none: a robot that starts may lack them."""
+        """Fetch the error texts if a new code has no text: a starting robot may have none yet."""
         new = set(codes) - set(self.codes)
         if any(not self._robot.texts.find(code).title for code in new):
             result, text = self._client.error_texts(HEALTH_DEADLINE)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Drives a robot over gRPC: threads that make the calls, and a stop at the end."""
+"""Drive a robot over gRPC: worker threads make the calls, and ``close()`` sends a stop."""
 
 from __future__ import annotations
 
@@ -42,25 +42,25 @@ from kachaka_simple_control.text import escaped
 if TYPE_CHECKING:
     from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
 
-#: One for a motion in flight, one for a stop that overtakes it.
+#: The number of worker threads: one for a motion call, one for a stop at the same time.
 WORKERS = 2
-#: How long it may take to switch manual control for a client of the service [s].
+#: The longest time to switch manual control for a client of the service [s].
 MANUAL_CONTROL_DEADLINE = 3.0
-#: How often an idle worker checks for work [s].
+#: The period at which an idle worker checks for work [s].
 WORKER_PERIOD = 0.1
 GOES_ON = 'moves again after a zero, or after 1 s without velocities'
 
 
 class RobotDriver:
     """
-    Threads that make the calls which a ``CommandArbiter`` decides on; thread-safe.
+    Drives a robot: worker threads make the calls that a ``CommandArbiter`` selects; thread-safe.
 
-    Nothing is sent before ``on_result`` was given a response of the robot.
+    No velocity is sent before ``on_result()`` has received a response of the robot.
 
-    :param client: the robot's calls
-    :param command_timeout: how long the robot keeps a velocity [s]
-    :param texts: the texts of its errors
-    :param log: called with what the user should know; must not block
+    :param client: the client for calls to the robot
+    :param command_timeout: how long the robot keeps a velocity without a new one [s]
+    :param texts: the error texts of the robot
+    :param log: called with texts for the user; must not block
     :param on_abort: called with the reason when a motion is aborted; must not block
     """
 
@@ -81,18 +81,18 @@ class RobotDriver:
             for number in range(WORKERS)]
         self.connection = ConnectionState()
         self.texts = texts
-        #: how long the robot took to respond to a velocity last [s]
+        #: the duration of the last velocity call [s]
         self.round_trip = math.nan
         for worker in self._workers:
             worker.start()
 
     @property
     def dropped(self) -> int:
-        """Return how many motions were never sent: replaced by newer ones, or too old."""
+        """Return the number of motions never sent: replaced by newer ones, or too old."""
         return self._arbiter.dropped
 
     def drive(self, command: VelocityCommand) -> None:
-        """Send a command as soon as the robot is free; return at once."""
+        """Queue a command to send as soon as the robot is free; do not wait."""
         with self._changed:
             self._arbiter.on_command(command)
             self._changed.notify()
@@ -100,7 +100,7 @@ class RobotDriver:
     def set_manual_control(self, enabled: bool) -> RpcResult:
         """Switch manual control on or off; return the robot's response."""
         if not enabled:
-            # Earlier commands must not switch it on again.
+            # Earlier commands must not switch manual control on again.
             with self._changed:
                 self._arbiter.cancel_motion()
                 self._changed.notify()
@@ -114,20 +114,20 @@ class RobotDriver:
 
     def on_result(self, result: RpcResult, begun: float) -> None:
         """
-        Update the state of the connection with a call that another thread has made.
+        Update the connection state with a call made by another thread.
 
-        :param result: its result
-        :param begun: when it began [s, steady clock]
+        :param result: the result of the call
+        :param begun: the start time of the call [s, steady clock]
         """
         with self._changed:
             self._update_connection(result, begun)
 
     def describe(self, result: RpcResult) -> str:
-        """Return why a call failed: the error's code and text, or why there is no response."""
+        """Return why a call failed, as text: the robot's error, or why there is no response."""
         return result.text if result.code is None else self.texts.describe(result.code)
 
     def close(self) -> None:
-        """Stop the robot, switch manual control off if it is ours, disconnect; within 2 s."""
+        """Stop the robot, switch off manual control if enabled here, and disconnect within 2 s."""
         with self._changed:
             self._is_over = True
             self._changed.notify_all()
@@ -137,7 +137,7 @@ class RobotDriver:
         for worker in self._workers:
             worker.join(SHUTDOWN_RPC_TIMEOUT)
         if may_move:
-            # A second stop, since a motion may have been in flight.
+            # Stop again, because a motion call may have been in progress.
             self._client.set_velocity(0.0, 0.0, SHUTDOWN_RPC_TIMEOUT)
         if has_control:
             self._client.set_manual_control(False, SHUTDOWN_RPC_TIMEOUT)
@@ -154,7 +154,7 @@ class RobotDriver:
                 self._wait(now)
 
     def _wait(self, now: float) -> None:
-        """Wait for work; detect that this process was suspended meanwhile."""
+        """Wait for work; detect whether this process was suspended during the wait."""
         next_check = self._arbiter.next_check
         timeout = (WORKER_PERIOD if next_check is None
                    else max(0.0, min(next_check - now, WORKER_PERIOD)))
@@ -162,7 +162,7 @@ class RobotDriver:
         self._detect_stall(now, timeout)
 
     def _detect_stall(self, begun: float, allowed: float) -> None:
-        """Block motions if something took longer than possible: this process was suspended."""
+        """Block motions if too much time has passed: then this process was suspended."""
         now = time.monotonic()
         if now - begun > allowed + self._command_timeout and not self._is_over:
             if self._arbiter.may_move:
@@ -175,7 +175,7 @@ class RobotDriver:
         begun = time.monotonic()
         try:
             result = self._perform(request)
-        except Exception as error:  # any: a worker must live to send the next stop
+        except Exception as error:  # any: the worker must survive to send the next stop
             text = escaped(f'{type(error).__name__}: {error}')
             result = RpcResult(failure=RpcFailure.FAILED, text=text)
         finally:
@@ -189,7 +189,7 @@ class RobotDriver:
         self._update_connection(result, begun)
         if self._arbiter.is_blocked and not was_blocked and self.connection.is_up:
             self._report_abort(request, result)
-        # Commands received during a suspended call are as old as those during a suspended wait.
+        # Commands received while the process was suspended in the call may be old, too.
         self._detect_stall(begun, request.deadline)
         self._changed.notify()
 
@@ -201,7 +201,7 @@ class RobotDriver:
 
     def _update_connection(self, result: RpcResult, begun: float) -> None:
         if self._is_over:
-            return  # calls that close() cancels say nothing about the connection
+            return  # calls cancelled by close() give no information about the connection
         event = self.connection.on_result(result, begun, time.monotonic())
         if event is ConnectionEvent.LOST:
             moved = self._arbiter.may_move
@@ -226,7 +226,7 @@ class RobotDriver:
         self._on_abort(reason)
 
     def _set_control(self, enabled: bool) -> None:
-        # Clients repeat and renew their request: only a change is logged.
+        # Log changes only: clients repeat their request to renew it.
         now = time.monotonic()
         if enabled != (self._has_control and now < self._control_until):
             self._log(Level.OK, f"manual control {'enabled' if enabled else 'disabled'}")

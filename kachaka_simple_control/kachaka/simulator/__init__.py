@@ -12,15 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The simulated robot, over gRPC or in memory, without ROS.
+The simulated robot, with a gRPC server or in memory, without ROS.
 
-In a process of its own; its first line on standard output has the address::
+To run it in its own process; the first line on standard output has the address::
 
     kachaka_sim --grpc-port 0
     python -m kachaka_simple_control.kachaka.sim_command --grpc-port 0
     ready: simulated Kachaka at 127.0.0.1:40153
 
-Within this process, in a thread of its own::
+To run it in a thread of this process::
 
     from kachaka_simple_control.kachaka.simulator.grpc_server import serving
     from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
@@ -30,9 +30,9 @@ Within this process, in a thread of its own::
         ...
         pose, velocity = server.call(lambda robot, now: robot.state(now))
 
-``serving`` takes ``port`` (0: any free one), ``host`` and ``clock``.  A program that runs
-``grpc.aio`` in a thread of its own should use the process, or ``GrpcServer`` in its own event
-loop: two event loops with ``grpc.aio`` in one process disturb each other.
+``serving`` takes ``port`` (0: any free port), ``host`` and ``clock``.  A program that already runs
+``grpc.aio`` in a thread should use the separate process, or ``GrpcServer`` in its own event loop:
+two event loops with ``grpc.aio`` in one process disturb each other.
 
-Importing this package needs neither grpc nor kachaka_api; its modules ``grpc_*`` do.
+This package can be imported without grpc and kachaka_api; its modules ``grpc_*`` need both.
 """

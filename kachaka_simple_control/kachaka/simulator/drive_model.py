@@ -22,40 +22,40 @@ import random
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK
+from kachaka_simple_control.motion.calibration import OdometryCalibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
-from kachaka_simple_control.motion.odometry_calibration import OdometryCalibration
 
 
 @dataclass(frozen=True)
 class SimulationParameters:
     """
-    Deviations of a simulated robot from the ideal, and how it leaves its dock.
+    The deviations of a simulated robot from an ideal robot, and its undocking motion.
 
-    The maker publishes none of these figures: the defaults are those of an ideal robot, except
-    for undocking, which takes some time and is chosen.
+    The manufacturer publishes none of these values.  The defaults describe an ideal robot, with a
+    chosen undocking motion.
 
-    :param dead_time: how long after a command the drive begins to follow it [s]
-    :param lag: time constant of the drive, first order [s]
+    :param dead_time: the time from a command until the drive begins to follow it [s]
+    :param lag: time constant of the first-order drive [s]
     :param linear_acceleration: largest forward acceleration [m/s^2]
     :param angular_acceleration: largest turning acceleration [rad/s^2]
-    :param linear_gain: forward velocity, by odometry, over the commanded one
-    :param backward_gain: that gain backwards, over the one forwards
-    :param angular_gain: turning velocity, by odometry, over the commanded one
-    :param right_gain: that gain to the right, over the one to the left
-    :param veer: how much it turns to the left on each metre forwards, by odometry [rad/m]
-    :param odometry_scale: true over reported distance on a straight line
-    :param wheel_ratio: true diameter of the right wheel over that of the left one, which
-        odometry takes for equal
-    :param track_ratio: true track over the one that odometry uses
+    :param linear_gain: forward velocity in odometry divided by the commanded velocity
+    :param backward_gain: gain backwards divided by gain forwards
+    :param angular_gain: turning velocity in odometry divided by the commanded velocity
+    :param right_gain: gain to the right divided by gain to the left
+    :param veer: the unwanted turn to the left for each metre forwards, in odometry [rad/m]
+    :param odometry_scale: true distance divided by reported distance on a straight line
+    :param wheel_ratio: true diameter of the right wheel divided by the one of the left wheel;
+        odometry assumes 1
+    :param track_ratio: true track divided by the track that odometry uses
     :param velocity_noise: relative standard deviation of both velocities; drawn each millisecond
         of motion
     :param odometry_noise: standard deviation of x and of y in odometry [m]; drawn every 20 ms;
         odometry does not drift
-    :param heading_noise: the same of the heading [rad]
-    :param undock_distance: distance that the robot drives straight off its dock [m]
-    :param undock_velocity: velocity of that motion [m/s]
-    :raises ValueError: if a figure is not finite (an acceleration may be infinite), is negative
-        (a gain or the veer may be), or is 0 where nothing would ever move; if one of odometry is
+    :param heading_noise: standard deviation of the heading in odometry [rad]; drawn every 20 ms
+    :param undock_distance: the distance that the robot drives straight off its dock [m]
+    :param undock_velocity: the velocity of the undocking motion [m/s]
+    :raises ValueError: if a value is not finite (except an acceleration), is negative (except a
+        gain or the veer), or is 0 where the robot would never move; or if an odometry ratio is
         out of the range of ``OdometryCalibration``
     """
 
@@ -78,7 +78,7 @@ class SimulationParameters:
     undock_velocity: float = 0.1
 
     def __post_init__(self) -> None:
-        """Check each figure."""
+        """Check each value."""
         for field in fields(self):
             _check(field.name, getattr(self, field.name))
         try:
@@ -88,14 +88,14 @@ class SimulationParameters:
 
     @property
     def floor(self) -> OdometryCalibration | None:
-        """Return how motion on the floor differs from what odometry reports; None: it does not."""
+        """Return the difference between odometry and the true motion; None if there is none."""
         ratios = self.odometry_scale, self.wheel_ratio, self.track_ratio
         return None if ratios == (1.0, 1.0, 1.0) else OdometryCalibration(
             *ratios, KACHAKA_TRACK)
 
     @property
     def is_ideal(self) -> bool:
-        """Whether the velocity is constant between two commands."""
+        """Return whether the velocity is constant between two commands."""
         return (
             self.lag == 0.0 and self.velocity_noise == 0.0
             and math.isinf(self.linear_acceleration) and math.isinf(self.angular_acceleration))
@@ -117,8 +117,8 @@ def _check(name: str, value: float) -> None:
 IDEAL = SimulationParameters()
 
 
-#: While the velocity changes, the path consists of arcs of this duration [s].  The length of each
-#: arc is exact; its shape is approximate: a circle instead of a spiral.
+#: While the velocity changes, the path is a sequence of arcs of this duration [s].  The length of
+#: each arc is exact; its shape is approximate: a circular arc instead of a spiral.
 GRID_PERIOD = 0.001
 #: With a target of zero, a robot slower than this [m/s, rad/s] stands still.
 STANDSTILL = 1e-6
@@ -131,10 +131,10 @@ def first_order_response(
         lag: float,
         acceleration: float) -> tuple[float, float]:
     """
-    Return the exact response of the drive to a constant target.
+    Return the exact response of the drive to a constant commanded velocity.
 
-    With a = acceleration and T = lag: dv/dt = (target - v) / T, limited to [-a, a].  So the
-    velocity follows a ramp while |target - v| > a T, and an exponential after it.
+    With a = acceleration and T = lag: dv/dt = (target - v) / T, limited to [-a, a].  The velocity
+    follows a ramp while |target - v| > a T, and then an exponential.
 
     :param velocity: velocity at the start
     :param target: commanded velocity, constant
@@ -156,7 +156,7 @@ def first_order_response(
         velocity = target
     if lag == 0.0:
         return velocity, covered + velocity * duration
-    # The closed part of the gap; expm1 is exact for durations that are short beside the lag.
+    # The share of the gap that is closed; expm1() is exact if the duration is much below the lag.
     closed = -math.expm1(-duration / lag)
     gap = target - velocity
     return velocity + gap * closed, covered + target * duration - gap * lag * closed
@@ -165,24 +165,24 @@ def first_order_response(
 @dataclass(frozen=True)
 class _State:
     time: float
-    #: on the floor, and by odometry without its noise
+    #: the pose on the floor, and the odometry pose without noise
     pose: Pose
     reported: Pose
-    #: before gains and noise
+    #: the velocity before gains and noise
     velocity: Velocity
 
 
 class DriveModel:
     """
-    A unicycle that follows commanded velocities; starts at rest at the origin.
+    A unicycle model that follows commanded velocities; it starts at rest at the origin.
 
-    Each call takes the time [s], which must not decrease.  A query changes nothing: the state is
-    kept at commands and, while the velocity changes, on a grid of absolute times; a query in
-    between computes from there.  So results do not depend on how often the model is queried.
+    Each call takes the time [s]; the time must not decrease.  The state is stored at each command
+    and, while the velocity changes, on a fixed time grid.  A query computes its result from the
+    last stored state, so results do not depend on the times of the queries.
 
     :param parameters: the deviations from an ideal robot
-    :param start: the time now [s]; the grid begins here
-    :param seed: of the velocity noise
+    :param start: the current time [s]; the time grid starts here
+    :param seed: the seed of the velocity noise
     """
 
     def __init__(self, parameters: SimulationParameters, start: float, seed: int) -> None:
@@ -192,7 +192,7 @@ class DriveModel:
         self._random = random.Random(seed)
         self._state = _State(start, ORIGIN, ORIGIN, ZERO)
         self._target = ZERO
-        #: commands that the drive does not follow yet, and when it will [s]
+        #: commands that the drive does not follow yet, with the time at which it will [s]
         self._commands: deque[tuple[float, Velocity]] = deque()
         self._tick = 0
         self._noise = Velocity(1.0, 1.0)
@@ -208,19 +208,19 @@ class DriveModel:
         return state.pose, velocity if self._floor is None else self._floor.to_floor(velocity)
 
     def reported_at(self, now: float) -> tuple[Pose, Velocity]:
-        """Return the pose and the velocity by odometry, without its noise."""
+        """Return the odometry pose without noise, and the odometry velocity."""
         state, velocity = self._query(now)
         return state.reported, velocity
 
     def _query(self, now: float) -> tuple[_State, Velocity]:
-        """Return the state, and the velocity by odometry."""
+        """Return the state at a time, and the odometry velocity."""
         self._follow(now)
         self._advance(now)
         state = self._state_at(now)
         return state, self._reported(state.velocity.linear_x, state.velocity.angular_z)
 
     def _follow(self, now: float) -> None:
-        """Follow the commands whose dead time is over."""
+        """Apply the commands for which the dead time has passed."""
         while self._commands and self._commands[0][0] <= now:
             time, target = self._commands.popleft()
             self._advance(time)
@@ -228,7 +228,7 @@ class DriveModel:
             self._target = target
 
     def _reported(self, linear: float, angular: float) -> Velocity:
-        """Return what becomes of velocities, or of distance and angle, by odometry."""
+        """Apply gains, noise and veer to velocities, or to a distance and an angle."""
         parameters = self._parameters
         reported_linear = linear * (parameters.linear_gain * self._noise.linear_x)
         reported_angular = angular * (parameters.angular_gain * self._noise.angular_z)
@@ -243,7 +243,7 @@ class DriveModel:
         return self._target.is_zero and self._state.velocity.is_zero
 
     def _advance(self, now: float) -> None:
-        """Advance the state to the last grid point that is not in the future."""
+        """Advance the state to the last grid time before or at a time."""
         if self._parameters.is_ideal:
             return
         while not self._is_at_rest and (next_time := self._grid_time(self._tick + 1)) <= now:
@@ -257,7 +257,7 @@ class DriveModel:
             self._state = replace(self._state, time=now)
 
     def _grid_time(self, tick: int) -> float:
-        # A product, not a sum: rounding errors would add up.
+        # Use a product, because the rounding errors of a sum would accumulate.
         return self._start + tick * GRID_PERIOD
 
     def _settle(self) -> None:
@@ -288,20 +288,20 @@ class DriveModel:
         return _State(now, pose, reported, Velocity(linear_x, angular_z))
 
 
-#: The period of odometry [s]: the official bridge asks for it every 20 ms.
+#: The period of odometry [s]: the official bridge requests odometry every 20 ms.
 ODOMETRY_PERIOD = 0.02
-#: The frames of odometry (REP-105), as the official bridge names them.
+#: The frames of odometry (REP-105), with the names of the official bridge.
 ODOMETRY_FRAME = 'odom'
 ROBOT_FRAME = 'base_footprint'
 
 
 class NoisyOdometry:
     """
-    Adds noise to a pose; it depends on the time alone, not on how often it is read.
+    Adds noise to an odometry pose; the noise depends only on the time and the seed.
 
-    :param parameters: the standard deviations
-    :param start: the time now [s]
-    :param seed: of the noise
+    :param parameters: the parameters with the standard deviations
+    :param start: the current time [s]
+    :param seed: the seed of the noise
     """
 
     def __init__(self, parameters: SimulationParameters, start: float, seed: int) -> None:
@@ -310,7 +310,7 @@ class NoisyOdometry:
         self._seed = seed
 
     def read(self, pose: Pose, now: float) -> Pose:
-        """Return a pose with the noise of a time [s]."""
+        """Return a pose plus the noise at a time [s]."""
         parameters = self._parameters
         if parameters.odometry_noise == 0.0 and parameters.heading_noise == 0.0:
             return pose

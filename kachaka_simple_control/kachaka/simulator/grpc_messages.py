@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Protobuf messages of the simulated robot, and its map frame."""
+"""Protobuf messages of the simulated robot, and the transform from odometry to the map."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from kachaka_simple_control.motion.geometry import compose, ORIGIN, Pose, relati
 
 def result(code: int) -> pb2.Result:
     """
-    Return the result of a request.
+    Return the result message of a request.
 
     :param code: 0 for success, else the error code
     """
@@ -34,7 +34,7 @@ def result(code: int) -> pb2.Result:
 
 def rotation(angle: float) -> pb2.Quaternion:
     """
-    Return a rotation about the z axis.
+    Return the quaternion message of a rotation about the z axis.
 
     :param angle: the angle [rad], counter-clockwise positive
     """
@@ -42,15 +42,15 @@ def rotation(angle: float) -> pb2.Quaternion:
 
 
 def pose(value: Pose) -> pb2.Pose:
-    """Return a pose, with its heading wrapped to [-pi, pi]."""
+    """Return a pose message, with the heading wrapped to [-pi, pi]."""
     return pb2.Pose(x=value.x, y=value.y, theta=math.remainder(value.theta, math.tau))
 
 
 def odometry(where: Pose, velocity: Velocity, stamp: int) -> pb2.RosOdometry:
     """
-    Return an odometry message as ROS has it; all covariances are 0.
+    Return an odometry message in the layout of ROS; all covariances are 0.
 
-    :param where: the pose in odometry
+    :param where: the odometry pose
     :param velocity: the velocity
     :param stamp: the time of the sample [ns since 1970]
     """
@@ -71,10 +71,10 @@ def odometry(where: Pose, velocity: Velocity, stamp: int) -> pb2.RosOdometry:
 
 def transform(where: Pose, frame: str, child: str, stamp: int) -> pb2.RosTransformStamped:
     """
-    Return the transform from a frame to its child frame.
+    Return the transform message from a frame to its child frame.
 
-    :param where: the pose of the child frame in the frame
-    :param frame: the frame
+    :param where: the pose of the child frame in the parent frame
+    :param frame: the parent frame
     :param child: the child frame
     :param stamp: the time of the transform [ns since 1970]
     """
@@ -84,23 +84,23 @@ def transform(where: Pose, frame: str, child: str, stamp: int) -> pb2.RosTransfo
 
 
 class MapToOdom:
-    """The transform from odometry to the map: the identity until ``correct`` is called."""
+    """The transform from odometry to the map: the identity until ``correct()`` is called."""
 
     def __init__(self) -> None:
-        #: pose of the origin of odometry on the map
+        #: the pose of the odometry origin on the map
         self.offset = ORIGIN
 
     def to_map(self, pose: Pose) -> Pose:
-        """Return a pose given in odometry as a pose on the map."""
+        """Convert a pose in odometry to a pose on the map."""
         return compose(self.offset, pose)
 
     def to_odometry(self, pose: Pose) -> Pose:
-        """Return a pose given on the map as a pose in odometry."""
+        """Convert a pose on the map to a pose in odometry."""
         return relative_to(self.offset, pose)
 
     def correct(self, map_pose: Pose, odometry_pose: Pose) -> None:
         """
-        Set the transform so that both poses are the same place.
+        Set the transform so that it maps the odometry pose to the map pose.
 
         :param map_pose: the pose on the map
         :param odometry_pose: the pose in odometry

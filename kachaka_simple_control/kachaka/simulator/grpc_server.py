@@ -42,14 +42,14 @@ from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 #: The robot's port, and the loopback address: only this machine reaches the simulated robot.
 PORT = 26400
 LOOPBACK = '127.0.0.1'
-#: Without it, a second server on the same port would take every other call of the first.
+#: Without this option, a second server on the same port would take half of the calls.
 OPTIONS = (('grpc.so_reuseport', 0),)
 
 
 class SimulatedKachakaServicer(
         CommandService, DrivingService, EquipmentService, MapService, SensingService,
         StateService, TransformService, KachakaApiServicer):  # type: ignore[misc]
-    """The gRPC service of a Kachaka; calls that no part implements return UNIMPLEMENTED."""
+    """The gRPC service of a simulated Kachaka; other calls return UNIMPLEMENTED."""
 
 
 def _refuse(name: str) -> Callable[[Any, Any, Any], Awaitable[None]]:
@@ -59,7 +59,7 @@ def _refuse(name: str) -> Callable[[Any, Any, Any], Awaitable[None]]:
     return refuse
 
 
-#: Every call of the robot's service, and those that the simulated robot does not implement.
+#: All calls of the robot's service, and the calls that the simulated robot does not implement.
 CALLS = tuple(name for name in vars(KachakaApiServicer) if name[0].isupper())
 UNIMPLEMENTED = tuple(
     name for name in CALLS
@@ -70,10 +70,10 @@ for _name in UNIMPLEMENTED:
 
 class GrpcServer:
     """
-    The gRPC server of a robot; make and use it in one event loop.
+    The gRPC server of a simulated robot; create and use it in one event loop.
 
     :param robot: the robot; only the server may call it from now on
-    :param clock: its clock
+    :param clock: the clock of the robot
     """
 
     def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
@@ -84,11 +84,11 @@ class GrpcServer:
 
     async def start(self, host: str = LOOPBACK, port: int = PORT) -> str:
         """
-        Listen.
+        Start to listen at an address.
 
         :param host: the name or IP address of an interface of this machine
-        :param port: the port; 0 for any free one
-        :returns: the address to call, as HOST:PORT
+        :param port: the port; 0 for any free port
+        :returns: the address for clients, as HOST:PORT
         :raises OSError: if the port cannot be bound
         """
         _require_bindable(host, port)
@@ -102,7 +102,7 @@ class GrpcServer:
         return f'{name}:{port}'
 
     async def stop(self) -> None:
-        """Stop the server and cancel every pending call."""
+        """Stop the server and cancel all pending calls."""
         await self._server.stop(None)
         if self._state_task is not None:
             self._state_task.cancel()
@@ -111,7 +111,7 @@ class GrpcServer:
 
 
 def _require_bindable(host: str, port: int) -> None:
-    """Raise the system's error if a port cannot be bound: that of grpc has no reason."""
+    """Raise an OSError with the reason if a port cannot be bound; grpc gives no reason."""
     family, kind, protocol, _, address = socket.getaddrinfo(
         host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
     with socket.socket(family, kind, protocol) as trial:
@@ -124,11 +124,11 @@ T = TypeVar('T')
 
 class ServerThread:
     """
-    A running server, for use from other threads.
+    A running gRPC server, for use from other threads.
 
-    :param address: where it listens, as HOST:PORT
+    :param address: the address at which the server listens, as HOST:PORT
     :param server: the server
-    :param loop: its event loop
+    :param loop: the event loop of the server
     """
 
     def __init__(self, address: str, server: GrpcServer, loop: asyncio.AbstractEventLoop) -> None:
@@ -141,7 +141,7 @@ class ServerThread:
         Run a function in the server's event loop, between two gRPC calls.
 
         :param function: called with the robot and the steady time [s]
-        :returns: what it returned
+        :returns: the return value of the function
         """
         async def work() -> T:
             state = self._server.state
@@ -151,7 +151,7 @@ class ServerThread:
         return asyncio.run_coroutine_threadsafe(work(), self._loop).result()
 
     def wake(self) -> None:
-        """Make the server read its clock again, after the clock was set."""
+        """Make the server read its clock again, after a change of the clock."""
         self.call(lambda *_: None)
 
 
@@ -162,12 +162,12 @@ def serving(
         host: str = LOOPBACK,
         clock: Clock | None = None) -> Iterator[ServerThread]:
     """
-    Serve a robot over gRPC for the length of a ``with`` block.
+    Serve a simulated robot over gRPC during a ``with`` block.
 
-    :param robot: the robot; its time base is that of the clock
-    :param port: the port; 0 for any free one
+    :param robot: the robot; it must use the time base of the clock
+    :param port: the port; 0 for any free port
     :param host: the name or IP address of an interface of this machine
-    :param clock: the clock; that of this machine by default
+    :param clock: the clock; default: the clock of this machine
     :returns: a context manager for the running server
     :raises OSError: if the port cannot be bound
     """

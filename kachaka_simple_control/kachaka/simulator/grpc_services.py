@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The parts of the simulated robot's gRPC service, except for commands."""
+"""The parts of the simulated robot's gRPC service, except commands."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from kachaka_simple_control.motion.geometry import ORIGIN, Pose
 
 
 class DrivingService(Service):
-    """Manual control, velocities and the emergency stop."""
+    """The gRPC calls for manual control, velocities and the emergency stop."""
 
     def __init__(self, state: SimulatorState) -> None:
         super().__init__(state)
@@ -53,10 +53,10 @@ class DrivingService(Service):
     async def SetRobotVelocity(
             self, request: pb2.SetRobotVelocityRequest, context: Any
             ) -> pb2.SetRobotVelocityResponse:
-        """Drive with a velocity for the command timeout; it is clipped to the limits."""
+        """Drive with a velocity, clipped to the limits, until the command timeout."""
         code = self._state.robot.set_robot_velocity(
             request.linear, request.angular, self._state.now())
-        # No notify: no long poll depends on it, and this call has to be quick.
+        # No notify(): no long poll depends on the velocity, and this call must be fast.
         return pb2.SetRobotVelocityResponse(result=grpc_messages.result(code))
 
     async def SetManualControlEnabled(
@@ -69,7 +69,7 @@ class DrivingService(Service):
 
     async def SetEmergencyStop(
             self, request: pb2.EmptyRequest, context: Any) -> pb2.SetEmergencyStopResponse:
-        """Stop, and refuse to move until the power button is pressed."""
+        """Stop the robot, and refuse to move until the power button is pressed."""
         code = self._state.robot.set_emergency_stop(self._state.now())
         self._state.notify()
         return pb2.SetEmergencyStopResponse(result=grpc_messages.result(code))
@@ -83,7 +83,7 @@ class DrivingService(Service):
 
 
 class SensingService(Service):
-    """Odometry and poses, new every 20 ms (chosen: the period of the official bridge)."""
+    """The gRPC calls for odometry and poses, updated every 20 ms like the official bridge."""
 
     def __init__(self, state: SimulatorState) -> None:
         super().__init__(state)
@@ -92,14 +92,14 @@ class SensingService(Service):
 
     async def GetRosOdometry(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRosOdometryResponse:
-        """Return the pose in odometry and the velocity."""
+        """Return the odometry pose and the velocity."""
         cursor, odometry = await self._odometry.get(request.metadata.cursor)
         return pb2.GetRosOdometryResponse(
             metadata=pb2.Metadata(cursor=cursor), odometry=odometry)
 
     async def GetRosWheelOdometry(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRosWheelOdometryResponse:
-        """Return the same as ``GetRosOdometry`` (chosen)."""
+        """Return the same odometry as ``GetRosOdometry()``; this is an assumption."""
         cursor, odometry = await self._odometry.get(request.metadata.cursor)
         return pb2.GetRosWheelOdometryResponse(
             metadata=pb2.Metadata(cursor=cursor), odometry=odometry)
@@ -139,7 +139,7 @@ LASER, LASER_HEIGHT = Pose(0.156, 0.0, math.pi / 2.0), 0.1049
 
 
 class TransformService(Service):
-    """Transforms from the map to the robot, and from the robot to its parts."""
+    """The gRPC calls for transforms from the map to the robot, and from the robot to its parts."""
 
     def __init__(self, state: SimulatorState) -> None:
         super().__init__(state)
@@ -174,11 +174,11 @@ class TransformService(Service):
             grpc_messages.transform(pose, ODOMETRY_FRAME, ROBOT_FRAME, stamp)]
 
 
-#: Chosen: no real robot has it.
+#: A chosen serial number that no real robot has.
 SERIAL_NUMBER = 'SIMULATED'
-#: The release of the robot's software that belongs to the SDK we implement.
+#: The release of the robot's software for the implemented version of the SDK.
 VERSION = '3.17.5'
-#: The list of errors as the robot formats it; both of its languages are English here.
+#: The list of errors in the robot's format; the texts of both languages are English.
 ERRORS = json.dumps([
     {'code': code, 'error_type': kind, 'title': text, 'description': '',
      'title_en': text, 'description_en': '', 'ref_url': ''}
@@ -186,7 +186,7 @@ ERRORS = json.dumps([
 
 
 class StateService(Service):
-    """Serial number, version, readiness and errors."""
+    """The gRPC calls for serial number, version, readiness and errors."""
 
     def __init__(self, state: SimulatorState) -> None:
         super().__init__(state)
@@ -194,22 +194,22 @@ class StateService(Service):
 
     async def GetRobotSerialNumber(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRobotSerialNumberResponse:
-        """Return a serial number that no real robot has."""
+        """Return the serial number; no real robot has this number."""
         return pb2.GetRobotSerialNumberResponse(
             metadata=await self._constant_metadata(request), serial_number=SERIAL_NUMBER)
 
     async def GetRobotVersion(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetRobotVersionResponse:
-        """Return the release of the software."""
+        """Return the release of the robot's software."""
         return pb2.GetRobotVersionResponse(
             metadata=await self._constant_metadata(request), version=VERSION)
 
     async def IsReady(self, request: pb2.EmptyRequest, context: Any) -> pb2.IsReadyResponse:
-        """Return that the robot is ready."""
+        """Return that the robot is ready, always."""
         return pb2.IsReadyResponse(ready=True)
 
     async def GetError(self, request: pb2.GetRequest, context: Any) -> pb2.GetErrorResponse:
-        """Return the codes of the present errors."""
+        """Return the codes of the current errors."""
         cursor, codes = await self._errors.get(request.metadata.cursor)
         return pb2.GetErrorResponse(metadata=pb2.Metadata(cursor=cursor), error_codes=codes)
 
@@ -220,13 +220,13 @@ class StateService(Service):
             json=ERRORS, result=grpc_messages.result(SUCCESS))
 
 
-#: The ranges in protos/kachaka-api.proto begin at 0.
+#: The upper ends of the ranges in protos/kachaka-api.proto; the lower ends are 0.
 MAX_VOLUME = 10
 MAX_INTENSITY = 255
 
 
 class EquipmentService(Service):
-    """Speaker, torches, battery and auto homing; the simulated robot never homes by itself."""
+    """The gRPC calls for speaker, torches, battery and auto homing, simulated without effect."""
 
     def __init__(self, state: SimulatorState) -> None:
         super().__init__(state)
@@ -238,7 +238,7 @@ class EquipmentService(Service):
 
     async def GetBatteryInfo(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetBatteryInfoResponse:
-        """Return a full battery, which charges on the dock."""
+        """Return a full battery; it is charging if the robot is on the dock."""
         cursor, is_docked = await self._docked.get(request.metadata.cursor)
         return pb2.GetBatteryInfoResponse(
             metadata=pb2.Metadata(cursor=cursor), remaining_percentage=100.0,
@@ -248,14 +248,14 @@ class EquipmentService(Service):
 
     async def GetSpeakerVolume(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetSpeakerVolumeResponse:
-        """Return the volume."""
+        """Return the speaker volume."""
         cursor, volume = await self._volume_value.get(request.metadata.cursor)
         return pb2.GetSpeakerVolumeResponse(metadata=pb2.Metadata(cursor=cursor), volume=volume)
 
     async def SetSpeakerVolume(
             self, request: pb2.SetSpeakerVolumeRequest, context: Any
             ) -> pb2.SetSpeakerVolumeResponse:
-        """Set the volume, from 0 to 10; without effect but for ``GetSpeakerVolume``."""
+        """Set the volume, 0 to 10; the only effect is on ``GetSpeakerVolume()``."""
         code = _check(request.volume, MAX_VOLUME)
         if code == SUCCESS:
             self._volume = request.volume
@@ -265,20 +265,20 @@ class EquipmentService(Service):
     async def SetFrontTorchIntensity(
             self, request: pb2.SetFrontTorchIntensityRequest, context: Any
             ) -> pb2.SetFrontTorchIntensityResponse:
-        """Check an intensity, from 0 to 255; without effect."""
+        """Check a torch intensity, 0 to 255; there is no other effect."""
         return pb2.SetFrontTorchIntensityResponse(
             result=grpc_messages.result(_check(request.intensity, MAX_INTENSITY)))
 
     async def SetBackTorchIntensity(
             self, request: pb2.SetBackTorchIntensityRequest, context: Any
             ) -> pb2.SetBackTorchIntensityResponse:
-        """Check an intensity, from 0 to 255; without effect."""
+        """Check a torch intensity, 0 to 255; there is no other effect."""
         return pb2.SetBackTorchIntensityResponse(
             result=grpc_messages.result(_check(request.intensity, MAX_INTENSITY)))
 
     async def GetAutoHomingEnabled(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetAutoHomingEnabledResponse:
-        """Return what ``SetAutoHomingEnabled`` has set."""
+        """Return the value set by ``SetAutoHomingEnabled()``."""
         cursor, enabled = await self._auto_homing_value.get(request.metadata.cursor)
         return pb2.GetAutoHomingEnabledResponse(
             metadata=pb2.Metadata(cursor=cursor), enabled=enabled)
@@ -286,7 +286,7 @@ class EquipmentService(Service):
     async def SetAutoHomingEnabled(
             self, request: pb2.SetAutoHomingEnabledRequest, context: Any
             ) -> pb2.SetAutoHomingEnabledResponse:
-        """Store the setting; without effect but for ``GetAutoHomingEnabled``."""
+        """Store the setting; the only effect is on ``GetAutoHomingEnabled()``."""
         self._auto_homing = request.enable
         self._state.notify()
         return pb2.SetAutoHomingEnabledResponse(result=grpc_messages.result(SUCCESS))
@@ -297,7 +297,7 @@ def _check(value: int, highest: int) -> int:
 
 
 class MapService(Service):
-    """Locations, furniture and maps; the dock is the only one."""
+    """The gRPC calls for locations, furniture and maps; only the location of the dock exists."""
 
     def __init__(self, state: SimulatorState) -> None:
         super().__init__(state)
@@ -313,19 +313,19 @@ class MapService(Service):
 
     async def GetLocationsDigest(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetLocationsDigestResponse:
-        """Return that there is a dock."""
+        """Return the digest of the locations: the dock."""
         return pb2.GetLocationsDigestResponse(
             metadata=await self._constant_metadata(request),
             locations=[pb2.LocationDigest(id=HOME, name=HOME, type=pb2.LOCATION_TYPE_CHARGER)])
 
     async def GetShelves(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetShelvesResponse:
-        """Return an empty list."""
+        """Return an empty list of shelves."""
         return pb2.GetShelvesResponse(metadata=await self._constant_metadata(request))
 
     async def GetShelvesDigest(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetShelvesDigestResponse:
-        """Return an empty list."""
+        """Return an empty list of shelves."""
         return pb2.GetShelvesDigestResponse(metadata=await self._constant_metadata(request))
 
     async def GetMovingShelfId(
@@ -335,13 +335,13 @@ class MapService(Service):
 
     async def ResetShelfPose(
             self, request: pb2.ResetShelfPoseRequest, context: Any) -> pb2.ResetShelfPoseResponse:
-        """Reset all shelves, of which there are none; refuse an unknown one."""
+        """Do nothing, because there are no shelves; refuse a request with a shelf id."""
         code = ERROR_UNKNOWN_NAME if request.shelf_id else SUCCESS
         return pb2.ResetShelfPoseResponse(result=grpc_messages.result(code))
 
     async def GetMapList(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetMapListResponse:
-        """Return an empty list."""
+        """Return an empty list of maps."""
         return pb2.GetMapListResponse(metadata=await self._constant_metadata(request))
 
     async def GetCurrentMapId(

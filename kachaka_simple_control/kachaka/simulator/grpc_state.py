@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The state that the gRPC services share: the robot, its clock, and values to wait for."""
+"""The state shared by the gRPC services: the robot, its clock, and values for long polls."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 
 class Clock:
     """
-    The clocks of this machine.
+    The clocks of this machine: steady time and time of day.
 
-    Tests replace it by a clock that they set; they wake the server after each change.
+    Tests use a subclass with a clock that they set, and wake the server after each change.
     """
 
     def now(self) -> float:
-        """Return the steady time [s], the time base of the robot."""
+        """Return the time of the steady clock [s], the time base of the robot."""
         return time.monotonic()
 
     def stamp(self) -> int:
@@ -44,22 +44,22 @@ class Clock:
 
     def delay(self, until: float) -> float | None:
         """
-        Return how long to wait until a time.
+        Return the delay until a time.
 
-        :param until: the steady time [s]
-        :returns: the delay [s]; None for a clock whose owner wakes the server
+        :param until: the time [s, steady clock]
+        :returns: the delay [s]; None for a clock that is set by a test, which wakes the server
         """
         return max(until - self.now(), 0.0)
 
 
 class SimulatorState:
     """
-    The robot, its clock and its map frame; for one event loop, so it needs no lock.
+    The robot, its clock and its map transform; used in one event loop, so it needs no lock.
 
-    Code that changes the robot calls ``notify``, which wakes every waiting call.  ``run`` does the
-    same when the robot changes by itself.
+    Code that changes the robot must call ``notify()`` to wake all waiting calls.  ``run()`` does
+    this when the robot changes by itself.
 
-    :param robot: the robot; nothing else may pass it the time from now on
+    :param robot: the robot; no other code may call it with a time from now on
     :param clock: the clock
     """
 
@@ -71,25 +71,25 @@ class SimulatorState:
         self._cursor = 0
 
     def now(self) -> float:
-        """Return the steady time [s]."""
+        """Return the time of the steady clock [s]."""
         return self.clock.now()
 
     def notify(self) -> None:
-        """Wake every call that waits for a change."""
+        """Wake all calls that wait for a change."""
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
 
     def new_cursor(self) -> int:
-        """Return a number that no value had before, in this process or an earlier one."""
-        # The real robot's cursor is a time, too.
+        """Return a new cursor: a number never used before, in this process or an earlier one."""
+        # The cursor of the real robot is a time, too.
         self._cursor = max(self._cursor + 1, int(self.now() * 1e9))
         return self._cursor
 
     async def wait(self, until: float = math.inf) -> None:
         """
-        Return when something has changed, or at a time.
+        Wait for a change, or until a time.
 
-        :param until: the steady time [s]
+        :param until: the time [s, steady clock]
         """
         timeout = self.clock.delay(until) if math.isfinite(until) else None
         with contextlib.suppress(asyncio.TimeoutError):
@@ -98,7 +98,7 @@ class SimulatorState:
             await asyncio.sleep(0.0)
 
     async def run(self) -> None:
-        """Advance the robot at the time of each change of its own, and notify."""
+        """Advance the robot whenever it changes by itself, and notify; never return."""
         while True:
             change_time = self.robot.next_change(self.now())
             await self.wait(change_time)
@@ -112,14 +112,14 @@ T = TypeVar('T')
 
 class LongPollValue(Generic[T]):
     """
-    A value with a cursor, as docs/GRPC.md in pf-robotics/kachaka-api describes it.
+    A value with a cursor for long polls, as in docs/GRPC.md of pf-robotics/kachaka-api.
 
-    A client sends the cursor of the value it has.  If that is the newest one, the call waits for
-    a newer value; for any other cursor, and for 0, it returns the newest value at once.
+    A client sends the cursor of its last value.  If this is the newest value, the call waits for a
+    newer value.  For any other cursor, and for 0, the call returns the newest value at once.
 
     :param state: the robot and its clock
-    :param read: reads the value; called with the steady time [s]
-    :param period: the value is new each period [s]; 0: whenever it differs from the last one
+    :param read: returns the value; called with the time [s, steady clock]
+    :param period: the update period of the value [s]; 0: update when the value changes
     """
 
     def __init__(
@@ -134,9 +134,9 @@ class LongPollValue(Generic[T]):
 
     async def get(self, cursor: int) -> tuple[int, T]:
         """
-        Return cursor and value, once the value is newer than what the client has.
+        Return cursor and value as soon as the value is newer than the client's value.
 
-        :param cursor: the cursor of the client's value; 0 if it has none
+        :param cursor: the cursor of the client's value; 0 if the client has none
         """
         while True:
             self._refresh()
@@ -152,7 +152,7 @@ class LongPollValue(Generic[T]):
         now = self._state.now()
         if self._period:
             if now >= self._next_refresh:
-                # Exactly on time the quotient may be rounded down: the refresh would stay due.
+                # If rounding makes the quotient too small, the refresh would remain due.
                 self._index = max(self._index + 1, int((now - self._start) / self._period))
                 self._refresh_at(now)
         elif self._read(now) != self._value:
@@ -165,17 +165,17 @@ class LongPollValue(Generic[T]):
 
 class Service:
     """
-    Base of all parts of the robot's gRPC service; the servicer inherits from each of them.
+    The base class of all parts of the robot's gRPC service; the servicer inherits all parts.
 
     :param state: the robot and its clock
     """
 
     def __init__(self, state: SimulatorState) -> None:
         self._state = state
-        #: of values that never change
+        #: the cursor source for values that never change
         self._constant = LongPollValue(state, lambda _: None)
 
     async def _constant_metadata(self, request: pb2.GetRequest) -> pb2.Metadata:
-        """Return the metadata of a value that never changes, once that is new to the caller."""
+        """Return the metadata of a constant value; wait forever if the client has the value."""
         cursor, _ = await self._constant.get(request.metadata.cursor)
         return pb2.Metadata(cursor=cursor)

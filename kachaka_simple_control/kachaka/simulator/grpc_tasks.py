@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Commands that come over gRPC, as tasks of the simulated robot."""
+"""Convert commands received over gRPC to tasks of the simulated robot."""
 
 from __future__ import annotations
 
@@ -46,19 +46,19 @@ from kachaka_simple_control.kachaka.simulator.tasks import (
 )
 from kachaka_simple_control.motion.geometry import Pose
 
-#: The duration of a speak command, whatever the text [s]; chosen.  It makes no sound.
+#: The duration of a speak command with any text [s] (assumed).  The command makes no sound.
 SPEAK_DURATION = 1.0
-#: The location of the dock, which every Kachaka has; the name is that of the maker's examples.
+#: The location of the dock, which every Kachaka has; the manufacturer's examples use this name.
 HOME = 'home'
 
 
 @dataclass(frozen=True)
 class ReceivedCommand:
     """
-    A command of a client.
+    A command received from a client.
 
     :param command: the command
-    :param time: when it was received [s since 1970]
+    :param time: the time of receipt [s since 1970]
     """
 
     command: pb2.Command
@@ -68,11 +68,11 @@ class ReceivedCommand:
 def task_from_request(
         request: pb2.StartCommandRequest, state: SimulatorState, identity: str) -> Task | int:
     """
-    Return the task that a request asks for, or an error code.
+    Return the task for a request, or an error code.
 
     :param request: the request
     :param state: the robot and its clock
-    :param identity: the name of the task
+    :param identity: the unique name for the task
     """
     name = request.command.WhichOneof('command')
     if name is None:
@@ -125,7 +125,7 @@ def _return_shelf(command: pb2.ReturnShelfCommand, state: SimulatorState) -> int
     return ERROR_UNKNOWN_NAME if command.target_shelf_id else ERROR_NO_FURNITURE
 
 
-#: The actions of each command, or an error code: there is no furniture.
+#: For each command, a function that returns its actions, or an error code if it needs furniture.
 ACTIONS: dict[str, Callable[[Any, SimulatorState], tuple[Action, ...] | int]] = {
     'move_forward_command': lambda command, state: (
         DriveStraight(command.distance_meter, command.speed),),
@@ -143,7 +143,7 @@ ACTIONS: dict[str, Callable[[Any, SimulatorState], tuple[Action, ...] | int]] = 
 
 
 class CommandService(Service):
-    """Commands: start, cancel, state and results."""
+    """The gRPC calls for commands: start, cancel, state and results."""
 
     def __init__(self, state: SimulatorState) -> None:
         super().__init__(state)
@@ -152,7 +152,7 @@ class CommandService(Service):
 
     async def StartCommand(
             self, request: pb2.StartCommandRequest, context: Any) -> pb2.StartCommandResponse:
-        """Start a command; unless it cancels the others, it waits for them."""
+        """Start a command; it waits for earlier commands, or cancels them on request."""
         state = self._state
         identity = f'{state.new_cursor():016x}'
         task = task_from_request(request, state, identity)
@@ -173,7 +173,7 @@ class CommandService(Service):
 
     async def GetCommandState(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetCommandStateResponse:
-        """Return the running command."""
+        """Return the state and the running command, if there is one."""
         cursor, task = await self._task.get(request.metadata.cursor)
         return pb2.GetCommandStateResponse(
             metadata=pb2.Metadata(cursor=cursor),
@@ -183,7 +183,7 @@ class CommandService(Service):
 
     async def GetLastCommandResult(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetLastCommandResultResponse:
-        """Return the result of the last command that has ended."""
+        """Return the result of the last ended command."""
         cursor, results = await self._results.get(request.metadata.cursor)
         if not results:
             return pb2.GetLastCommandResultResponse(metadata=pb2.Metadata(cursor=cursor))
@@ -194,27 +194,27 @@ class CommandService(Service):
 
     async def GetHistoryList(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetHistoryListResponse:
-        """Return the results of all commands, newest last (chosen)."""
+        """Return the results of all commands, newest last; this order is an assumption."""
         cursor, results = await self._results.get(request.metadata.cursor)
         return pb2.GetHistoryListResponse(
             metadata=pb2.Metadata(cursor=cursor),
             histories=[_history(result) for result in results])
 
     async def Proceed(self, request: pb2.EmptyRequest, context: Any) -> pb2.ProceedResponse:
-        """End a lock."""
+        """End the current lock, a standstill that waits for the client."""
         code = self._state.robot.end_standstill(self._state.now())
         self._state.notify()
         return pb2.ProceedResponse(result=grpc_messages.result(code))
 
     async def GetShortcuts(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetShortcutsResponse:
-        """Return an empty list."""
+        """Return an empty list of shortcuts."""
         return pb2.GetShortcutsResponse(metadata=await self._constant_metadata(request))
 
     async def StartShortcutCommand(
             self, request: pb2.StartShortcutCommandRequest, context: Any
             ) -> pb2.StartShortcutCommandResponse:
-        """Refuse: there are no shortcuts."""
+        """Refuse the request, because there are no shortcuts."""
         return pb2.StartShortcutCommandResponse(result=grpc_messages.result(ERROR_UNKNOWN_NAME))
 
 

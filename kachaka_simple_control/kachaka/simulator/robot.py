@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The simulated robot: manual control, velocities, tasks, docking, pause."""
+"""The simulated robot: manual control, velocities, tasks, docking and pause."""
 
 from __future__ import annotations
 
@@ -45,29 +45,30 @@ from kachaka_simple_control.motion.geometry import Pose, Velocity, ZERO
 
 
 class TimedState(Enum):
-    """A state that ends by itself after a time."""
+    """The states of the robot that end by themselves after a time."""
 
     MANUAL_CONTROL = 'manual control'
-    #: the last velocity is kept, up to the command timeout
+    #: the last velocity is held until the command timeout
     VELOCITY = 'velocity'
     #: the robot leaves its dock and ignores velocities
     UNDOCKING = 'undocking'
-    #: a task is running; the state ends with its next control period
+    #: a task is running; the state ends with the next control period
     TASK = 'task'
 
 
 class SimulatedKachaka:
     """
-    The robot as its gRPC service shows it.
+    A simulated Kachaka that behaves like the robot behind its gRPC service.
 
-    Each call takes the time: ``now`` is of a steady clock [s] and should not decrease; an earlier
-    time counts as the latest one.  Not thread-safe.  Methods that change the robot return 0, or
-    an error code.  What the maker does not document is chosen, and says so.
+    Each call takes the time ``now`` of a steady clock [s].  The time should not decrease; a time
+    before the latest one counts as the latest one.  Not thread-safe.  Methods that change the
+    robot return 0 or an error code.  Behaviour marked as assumed is not documented by the
+    manufacturer.
 
-    :param start: the time now [s]
-    :param parameters: deviations of the drive and of odometry from the ideal
+    :param start: the current time [s]
+    :param parameters: the deviations of drive and odometry from an ideal robot
     :param docked: whether the robot starts on its charging dock
-    :param seed: of all noise: the same calls at the same times return the same values
+    :param seed: the seed of all noise: the same calls at the same times give the same values
     """
 
     def __init__(
@@ -83,15 +84,15 @@ class SimulatedKachaka:
         self._is_docked = docked
         self._is_paused = False
         self._tasks = TaskQueue(KACHAKA.limits, parameters)
-        # Off its dock, the robot starts where undocking would have taken it.
+        # If not docked, the robot starts at the end of the undocking motion.
         self.dock = Pose(0.0 if docked else -parameters.undock_distance)
         self._until: dict[TimedState, float] = {}
 
     def set_manual_control(self, enabled: bool, now: float) -> int:
         """
-        Switch manual control on for its duration, or off; off stops the robot.
+        Switch manual control on for its duration, or off; switching off stops the robot.
 
-        Switching on ends all tasks (chosen); on the dock, the robot drives off first.
+        Switching on ends all tasks (assumed).  A docked robot leaves the dock first.
         """
         now = self._advance(now)
         if enabled and self._is_paused:
@@ -106,15 +107,15 @@ class SimulatedKachaka:
 
     def set_robot_velocity(self, linear: float, angular: float, now: float) -> int:
         """
-        Drive with a velocity until the next one, or for the command timeout.
+        Drive with a velocity until the next velocity, or until the command timeout.
 
-        The velocity is clipped to the limits (chosen), and ignored without an error while the
-        robot leaves its dock (chosen).
+        The velocity is clipped to the limits (assumed).  While the robot leaves its dock, the
+        velocity is ignored without an error (assumed).
 
-        :param linear: forward velocity as a part of the largest, -1 to 1
-        :param angular: turning velocity as a part of the largest, -1 to 1
+        :param linear: the forward velocity as a fraction of the largest, -1 to 1
+        :param angular: the turning velocity as a fraction of the largest, -1 to 1
         :param now: the time [s]
-        :returns: 0, or the error code; after an error nothing has changed
+        :returns: 0, or the error code; an error changes nothing
         """
         now = self._advance(now)
         if not (math.isfinite(linear) and math.isfinite(angular)):
@@ -134,14 +135,14 @@ class SimulatedKachaka:
 
     def start_task(self, task: Task, now: float, drop_others: bool = True) -> int:
         """
-        Start a task; that ends manual control (chosen).
+        Start a task, and end manual control (assumed).
 
-        On the dock, the robot drives off first if the task moves it (chosen).
+        A docked robot leaves the dock first if the task moves the robot (assumed).
 
         :param task: the task
         :param now: the time [s]
-        :param drop_others: whether to drop all other tasks, rather than to wait for them
-        :returns: 0, or the error code; after an error nothing has changed
+        :param drop_others: whether to drop all other tasks; else the task waits for them
+        :returns: 0, or the error code; an error changes nothing
         """
         now = self._advance(now)
         if self._is_paused and task.moves:
@@ -153,13 +154,13 @@ class SimulatedKachaka:
             self._end_state(TimedState.MANUAL_CONTROL, now)
         self._tasks.add(task)
         if TimedState.TASK not in self._until:
-            # A robot that leaves its dock begins afterwards.
+            # A robot that leaves its dock starts the task afterwards.
             self._until[TimedState.TASK] = self._until.get(TimedState.UNDOCKING, now)
         self._advance(now)
         return SUCCESS
 
     def cancel_tasks(self, now: float) -> Task | None:
-        """Stop and drop all tasks; return the one that was running, None if none was."""
+        """Stop and drop all tasks; return the task that was running, or None."""
         now = self._advance(now)
         task = self._tasks.current
         self._drop_tasks(ERROR_CANCELLED, now)
@@ -176,10 +177,10 @@ class SimulatedKachaka:
 
     def set_emergency_stop(self, now: float) -> int:
         """
-        Stop and pause, as the power button does.
+        Stop and pause the robot, like the power button.
 
-        It ends all timed states, undocking included (chosen), so that nothing moves when the
-        pause is over.
+        This ends all timed states, also undocking (assumed), so that the robot does not move after
+        the pause.
         """
         now = self._advance(now)
         self._drop_tasks(ERROR_PAUSED, now)
@@ -189,7 +190,7 @@ class SimulatedKachaka:
         return SUCCESS
 
     def press_power_button(self, now: float) -> None:
-        """Pause the robot, or end its pause."""
+        """Pause the robot, or end the pause."""
         if self._is_paused:
             self._is_paused = False
         else:
@@ -201,12 +202,12 @@ class SimulatedKachaka:
         return self._tasks.current
 
     def task_results(self, now: float) -> tuple[TaskResult, ...]:
-        """Return the results of the last hundred tasks, newest last."""
+        """Return the results of the last 100 tasks, newest last."""
         self._advance(now)
         return tuple(self._tasks.results)
 
     def errors(self, now: float) -> tuple[int, ...]:
-        """Return the codes of the present errors."""
+        """Return the codes of the current errors."""
         self._advance(now)
         return (ERROR_PAUSED,) if self._is_paused else ()
 
@@ -216,18 +217,18 @@ class SimulatedKachaka:
         return TimedState.MANUAL_CONTROL in self._until
 
     def actions_to_dock(self, now: float) -> tuple[Action, ...]:
-        """Return the actions of a task that ends docked; none if the robot is docked."""
+        """Return the actions that drive the robot to its dock; empty if it is docked."""
         parameters = self._parameters
         return () if self.is_docked(now) else plan_docking(
             self.dock, parameters.undock_distance, parameters.undock_velocity)
 
     def is_docked(self, now: float) -> bool:
-        """Return whether the robot stands on its charging dock; not while it leaves it."""
+        """Return whether the robot stands on its charging dock; false during undocking."""
         self._advance(now)
         return self._is_docked
 
     def next_change(self, now: float) -> float:
-        """Return when the robot changes next without a call [s]; infinite if it does not."""
+        """Return the time of the next change of the robot by itself [s]; infinite if none."""
         self._advance(now)
         return min(self._until.values(), default=math.inf)
 
@@ -236,17 +237,17 @@ class SimulatedKachaka:
         return self._drive.state_at(self._advance(now))
 
     def odometry(self, now: float) -> tuple[Pose, Velocity]:
-        """Return pose and velocity by odometry, the pose with its noise."""
+        """Return the odometry pose with noise, and the odometry velocity."""
         pose, velocity = self._drive.reported_at(self._advance(now))
         return self._odometry.read(pose, self._now), velocity
 
     @property
     def has_wrong_odometry(self) -> bool:
-        """Whether odometry, but for its noise, is not the true pose."""
+        """Return whether odometry differs from the true pose by more than noise."""
         return self._parameters.floor is not None
 
     def _advance(self, now: float) -> float:
-        """Advance to a time; each timed state ends at its own time, in order."""
+        """Advance the robot to a time, and end timed states at their times, in order."""
         self._now = max(self._now, now)
         while self._until:
             state, end = min(self._until.items(), key=lambda item: item[1])
@@ -259,13 +260,13 @@ class SimulatedKachaka:
         return self._now
 
     def _end_state(self, state: TimedState, now: float) -> None:
-        # The end of any state stops the robot; but undocking is always completed (chosen).
+        # The end of any state stops the robot, except that undocking is completed (assumed).
         del self._until[state]
         if TimedState.UNDOCKING not in self._until:
             self._drive.set_target(ZERO, now)
 
     def _run_tasks(self, now: float) -> None:
-        """Run the control period of the tasks that is due."""
+        """Run one control period of the current task, and start the next task at its end."""
         while (task := self._tasks.current) is not None:
             if self._is_docked and task.moves:
                 self._is_docked = False

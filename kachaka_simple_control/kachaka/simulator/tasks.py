@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Tasks of the simulated robot: actions, their controller, the queue."""
+"""Tasks of the simulated robot: actions, their controller, and the task queue."""
 
 from __future__ import annotations
 
@@ -25,34 +25,34 @@ from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParam
 from kachaka_simple_control.motion.geometry import advance, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 
-# None of these figures is published by the maker; all are chosen.
+# The manufacturer publishes none of these values; all are chosen.
 #: The period of the controller of an action [s].
 CONTROL_PERIOD = 0.02
-#: An action is done within this distance of its goal [m, rad].  A lag makes the last bit slow.
+#: An action ends within this distance of its goal [m, rad]; with a lag it converges slowly.
 TOLERANCE, TOLERANCE_WITH_LAG = 1e-6, 1e-4
-#: And, unless the robot can stop at once, below this speed [m/s, rad/s].
+#: An action also ends only below this speed, unless the robot can stop at once [m/s, rad/s].
 MAX_END_SPEED = 1e-3
-#: An action that runs out of time has failed if the goal is farther away than this [m, rad].
+#: An action fails at its time limit if the goal is farther away than this [m, rad].
 FAILED_TOLERANCE = 1e-3
-#: The time limit of an action: a multiple of its time at full speed, and a margin [s].
+#: The time limit of an action: a multiple of the time at full speed, plus a margin [s].
 TIME_LIMIT_FACTOR, TIME_LIMIT_MARGIN = 3.0, 10.0
-#: A point within this distance [m] has no direction.
+#: A point within this distance has no direction [m].
 SAME_POINT = 1e-4
-#: How many results are kept.
+#: The largest number of stored results.
 MAX_RESULTS = 100
 
 
 @dataclass(frozen=True)
 class MotionAction:
-    """One straight line or one turn in place; base of all actions that move the robot."""
+    """The base class of actions that move the robot: one straight line or one turn in place."""
 
     is_turn: ClassVar[bool] = False
 
     def length(self, start: Pose) -> float:
         """
-        Return the signed distance [m] or angle [rad] to go.
+        Return the signed distance [m] or angle [rad] of the action.
 
-        :param start: the pose at the start of the action, in odometry
+        :param start: the odometry pose at the start of the action
         """
         raise NotImplementedError
 
@@ -64,10 +64,10 @@ class MotionAction:
 @dataclass(frozen=True)
 class DriveStraight(MotionAction):
     """
-    Drive straight.
+    An action that drives straight.
 
     :param distance: the distance [m], negative backwards
-    :param speed: the largest speed [m/s]; 0 for that of the robot
+    :param speed: the largest speed [m/s]; 0 for the largest speed of the robot
     """
 
     distance: float
@@ -85,7 +85,7 @@ class DriveStraight(MotionAction):
 @dataclass(frozen=True)
 class TurnInPlace(MotionAction):
     """
-    Turn in place.
+    An action that turns in place.
 
     :param angle: the angle [rad], counter-clockwise positive, not wrapped
     """
@@ -101,7 +101,7 @@ class TurnInPlace(MotionAction):
 @dataclass(frozen=True)
 class FacePoint(MotionAction):
     """
-    Turn towards a point by the smaller angle.
+    An action that turns in place towards a point, by the smaller angle.
 
     :param x: x of the point in odometry [m]
     :param y: y of the point in odometry [m]
@@ -122,7 +122,7 @@ class FacePoint(MotionAction):
 @dataclass(frozen=True)
 class DriveToPoint(MotionAction):
     """
-    Drive straight by the distance of a point.
+    An action that drives straight ahead by the distance of a point.
 
     :param x: x of the point in odometry [m]
     :param y: y of the point in odometry [m]
@@ -132,14 +132,14 @@ class DriveToPoint(MotionAction):
     y: float
 
     def length(self, start: Pose) -> float:
-        """Return the distance [m]."""
+        """Return the distance to the point [m]."""
         return math.hypot(self.x - start.x, self.y - start.y)
 
 
 @dataclass(frozen=True)
 class TurnToHeading(MotionAction):
     """
-    Turn to a heading by the smaller angle.
+    An action that turns in place to a heading, by the smaller angle.
 
     :param theta: the heading in odometry [rad]
     """
@@ -155,7 +155,7 @@ class TurnToHeading(MotionAction):
 @dataclass(frozen=True)
 class StandStill:
     """
-    Stand still for a time.
+    An action that stands still for a time.
 
     :param duration: the time [s]
     :param can_be_ended: whether a client may end it early
@@ -170,7 +170,7 @@ Action = MotionAction | StandStill
 
 def plan_to_pose(pose: Pose) -> tuple[Action, ...]:
     """
-    Return a turn, a straight line and a turn that lead to a pose; there are no obstacles.
+    Return the actions to reach a pose: a turn, a straight line and a turn, without obstacles.
 
     :param pose: the pose in odometry
     """
@@ -179,24 +179,24 @@ def plan_to_pose(pose: Pose) -> tuple[Action, ...]:
 
 def plan_docking(dock: Pose, distance: float, speed: float) -> tuple[Action, ...]:
     """
-    Return the actions that lead to a pose in front of the dock, then backwards onto it.
+    Return the actions to dock: drive to a pose in front of the dock, then backwards onto it.
 
     :param dock: the pose of the docked robot in odometry
-    :param distance: the length of the way backwards [m]
-    :param speed: the speed backwards [m/s]
+    :param distance: the distance to drive backwards [m]
+    :param speed: the backward speed [m/s]
     """
     return (*plan_to_pose(advance(dock, distance, 0.0)), DriveStraight(-distance, speed))
 
 
 class ActionController:
     """
-    Closed-loop controller of one action: it corrects gains and noise of the drive.
+    The closed-loop controller of one action; it corrects gains and noise of the drive.
 
     :param action: the action
-    :param start: the pose at its start
-    :param now: the time of its start [s]
+    :param start: the pose at the start of the action
+    :param now: the start time of the action [s]
     :param limits: the largest velocities of the robot
-    :param parameters: the parameters of its drive
+    :param parameters: the parameters of the drive
     """
 
     def __init__(
@@ -204,7 +204,7 @@ class ActionController:
             parameters: SimulationParameters) -> None:
         self._action = action
         self._start = start
-        #: the time limit of a motion, the end of a standstill [s]
+        #: the time limit of a motion, or the end of a standstill [s]
         self.end = now
         if isinstance(action, StandStill):
             self.end += action.duration
@@ -221,18 +221,19 @@ class ActionController:
     def step(
             self, pose: Pose, velocity: Velocity, now: float) -> tuple[Velocity, float] | bool:
         """
-        Return the next velocity and the time of the next step [s]; at the end, the success.
+        Return the next velocity and the time of the next step [s]; at the end, a bool.
 
-        :param pose: the present pose
-        :param velocity: the present velocity
+        :param pose: the current pose
+        :param velocity: the current velocity
         :param now: the time [s]
+        :returns: velocity and time; at the end of the action whether it succeeded
         """
         action = self._action
         if isinstance(action, StandStill):
             return now >= self.end or (ZERO, self.end)
         remaining = self._remaining(pose, action.is_turn)
         speed = velocity.angular_z if action.is_turn else velocity.linear_x
-        # A robot that drives past the goal has not arrived.
+        # A robot that moves too fast at the goal has not arrived.
         if abs(remaining) <= self._tolerance and abs(speed) <= self._max_end_speed:
             return True
         if now >= self.end:
@@ -251,8 +252,8 @@ class ActionController:
             + (pose.y - self._start.y) * math.sin(heading))
 
     def _speed_for(self, remaining: float) -> float:
-        # Without a lag: the remaining length within one period.  With one, a loop of gain
-        # 1 / (4 lag) is critically damped: the fastest without overshoot.
+        # Without a lag, drive the remaining length within one period.  With a lag, a loop gain of
+        # 1 / (4 lag) is critically damped, the fastest response without overshoot.
         duration = CONTROL_PERIOD + 4.0 * self._lag
         max_speed = self._speed
         if math.isfinite(self._acceleration):
@@ -265,12 +266,12 @@ class ActionController:
 @dataclass(frozen=True)
 class Task:
     """
-    A sequence of actions.
+    A task of the robot: a sequence of actions.
 
-    :param identity: its unique name
+    :param identity: the unique name of the task
     :param actions: the actions, in order
     :param ends_docked: whether the robot is docked after the last action
-    :param note: data of the client, kept with the task
+    :param note: data of the client, stored with the task
     """
 
     identity: str
@@ -280,7 +281,7 @@ class Task:
 
     @property
     def moves(self) -> bool:
-        """Whether an action moves the robot."""
+        """Return whether an action of the task moves the robot."""
         return not all(isinstance(action, StandStill) for action in self.actions)
 
 
@@ -298,16 +299,16 @@ class TaskResult:
 
     @property
     def is_success(self) -> bool:
-        """Whether all actions succeeded."""
+        """Return whether all actions of the task succeeded."""
         return self.code == SUCCESS
 
 
 class TaskQueue:
     """
-    The tasks of one robot, which executes them one after another; needs to be given the time.
+    The queue of tasks of one robot; the robot executes one task after another.
 
     :param limits: the largest velocities of the robot
-    :param parameters: the parameters of its drive
+    :param parameters: the parameters of the drive
     """
 
     def __init__(self, limits: Limits, parameters: SimulationParameters) -> None:
@@ -338,7 +339,7 @@ class TaskQueue:
         self._actions.appendleft(action)
 
     def end_standstill(self, now: float) -> bool:
-        """End the current action if it is a standstill that may be ended; return whether."""
+        """End the current action if it is a standstill that may be ended; return whether it is."""
         if self._controller is None or not isinstance(
                 action := self._actions[0], StandStill) or not action.can_be_ended:
             return False
@@ -349,13 +350,13 @@ class TaskQueue:
             self, pose: Pose, velocity: Velocity,
             now: float) -> tuple[Velocity, float] | TaskResult:
         """
-        Continue the current task.
+        Continue the current task by one step; at its end, start the next task.
 
-        :param pose: the present pose
-        :param velocity: the present velocity
+        :param pose: the current pose
+        :param velocity: the current velocity
         :param now: the time [s]
-        :returns: the next velocity and the time of the next step [s]; at the end of the task its
-            result, and the next task is the current one
+        :returns: the next velocity and the time of the next step [s]; at the end of the task, the
+            result of the task
         """
         while self._actions:
             if self._controller is None:
