@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Whatever happens to the program, the robot stops: each case tried, and put in a table."""
+"""The stop matrix: test for each fault of a program that the robot stops; print a table."""

@@ -38,7 +38,7 @@ from benchmarks.tables import Table
 from program import restore_signals
 from stall_observer import describe, MAX_REPEATED, Stall, StallObservers, too_many
 
-#: The results that the page shows.
+#: The results that the documentation shows.
 REFERENCE = RESULTS / 'stop_matrix.json'
 PAGE = ROOT / 'docs' / 'safety.md'
 BEGIN = '<!-- stop matrix: written by make stop-matrix, changes here are lost -->'
@@ -49,15 +49,15 @@ def measure(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[st
     """
     Run trials.
 
-    :param rows: the rows, and the number of trials of each
-    :param over_grpc: whether robots are connected over gRPC, by a bridge
-    :returns: the results, plain data
+    :param rows: the rows, and the number of trials of each row
+    :param over_grpc: whether a bridge connects each robot over gRPC
+    :returns: the results as plain data
     """
     from kachaka_simple_control.ros.dds_transport import use_localhost_only
-    # Before anything loads rclpy: no robot elsewhere may receive what is sent here.
+    # Called before rclpy is imported, so that no other robot receives these messages.
     use_localhost_only()
     restore_signals()
-    # A program that SIGQUIT ends would leave a core file behind.
+    # A program that SIGQUIT ends would leave a core file.
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     from benchmarks import machine
     from benchmarks.stop_matrix.runner import run
@@ -73,12 +73,12 @@ def second_try(
         rows: Sequence[Row], data: dict[str, Any], stalls: Sequence[Stall],
         over_grpc: bool = False) -> tuple[dict[str, Any], list[str]]:
     """
-    Repeat the rows where the machine itself stood still during each trial with a violation.
+    Repeat the rows in which the machine stalled during each trial with a violation.
 
-    :param rows: the rows that were tried
+    :param rows: the tested rows
     :param data: their results
-    :param stalls: when the machine stood still
-    :param over_grpc: whether robots are connected over gRPC, by a bridge
+    :param stalls: the stalls of the machine
+    :param over_grpc: whether a bridge connects each robot over gRPC
     :returns: the results, and a sentence if too many rows were repeated
     """
     trials, again = trials_of(data), []
@@ -99,24 +99,24 @@ def second_try(
 
 
 def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
-    """Return new results, and of old ones the rows that the new ones lack."""
+    """Return the new results, with the old results of the rows that the new ones lack."""
     return {**new, 'rows': {**old.get('rows', {}), **new['rows']}}
 
 
 def trials_of(data: dict[str, Any]) -> dict[str, list[Trial]]:
-    """Return the trials of results, by the name of the row."""
+    """Return the trials of the results, by the name of the row."""
     return {what: [*map(Trial.from_json, trials)] for what, trials in data['rows'].items()}
 
 
 def violations(
         rows: Sequence[Row], trials: dict[str, list[Trial]], under_load: bool) -> list[str]:
     """
-    Return what did not go as expected.
+    Return the violations of the expectations, as sentences.
 
-    :param rows: the rows that were tried
+    :param rows: the tested rows
     :param trials: the trials by the name of the row
-    :param under_load: whether limits are ten times as long
-    :returns: sentences; empty if all went as expected
+    :param under_load: whether time limits are ten times as long
+    :returns: the sentences; empty if there is no violation
     """
     found = []
     for row in rows:
@@ -127,7 +127,7 @@ def violations(
 
 
 def write_page(table: Table, data: dict[str, Any]) -> None:
-    """Write the table to the page on safety, with the machine that it was measured on."""
+    """Write the table and the description of the machine to the page on safety."""
     machine = Table('Measured on', ('', ''), tuple(data['machine'].items()))
     head = f'Measured on {data["date"]}.'
     text = '\n'.join([head, '', table.markdown(), machine.markdown()])
@@ -135,7 +135,7 @@ def write_page(table: Table, data: dict[str, Any]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the trials that the arguments ask for; return 1 if not all went as expected, else 0."""
+    """Run the trials that the arguments name; return 1 if there is a violation, else 0."""
     options = _parser().parse_args(arguments)
     over_grpc = options.robot == 'grpc'
     known = [row for row in ROWS if not over_grpc or row.expectation.what in CORE]

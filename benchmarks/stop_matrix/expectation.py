@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What is expected for each fault that may happen to a program; pure."""
+"""The expected result of each fault of a program, and the check of trials against it."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ from enum import Enum
 
 from benchmarks.stop_matrix.trial import Trial
 
-#: Number of zeros that a stop begins with.
+#: The number of zeros that a stop begins with.
 BURST_COUNT = 10
-#: How much too early a motion may end at most [s].
+#: The largest time by which a motion may end too early [s].
 END_TOLERANCE = 0.05
-#: Factor of time limits on a machine that runs other programs, too.
+#: The factor for time limits on a machine that also runs other programs.
 LOAD_FACTOR = 10.0
 
 
 class Zero(Enum):
-    """Whether a zero must be sent, and from when its time is counted."""
+    """Whether a zero is required, and the start of its time limit."""
 
-    #: required; from the fault
+    #: required; the time starts at the fault
     REQUIRED = 'required'
-    #: nothing needs stopping: required at the end of the motion, and counted from there
+    #: no stop is needed: required at the end of the motion, where the time starts
     AT_END = 'at end'
-    #: required; from the fault, or before it if the program found a fault by itself
+    #: required after the fault, or before it if the program detected a fault itself
     ANY_TIME = 'any time'
-    #: no program is left to send one, or nothing moves
+    #: not required: no program can send a zero, or nothing moves
     NONE = 'none'
 
 
 @dataclass(frozen=True)
 class Expectation:
     """
-    What is expected of all trials of a row.
+    The expected result of all trials of a row.
 
-    :param what: the fault; names the row
-    :param who: what stops the robot
-    :param codes: the correct exit codes; empty where the program does not end by itself
+    :param what: the fault, which is also the name of the row
+    :param who: the component that stops the robot
+    :param codes: the correct exit codes; empty if the program does not end by itself
     :param zero: whether a zero must be sent
     :param limit: the longest time to the first zero [s]; None for no limit
     """
@@ -62,11 +62,11 @@ class Expectation:
 
 
 def find_violations(expectation: Expectation, trials: Sequence[Trial]) -> list[str]:
-    """Return a sentence for each kind of violation, with its count; times are not checked."""
+    """Return a sentence for each kind of violation with its count; time limits are not checked."""
     violations = [text for trial in trials for text in _violations(expectation, trial)]
     if not trials:
         return [f'{expectation.what}: it was not tried']
-    # A best-effort subscription may lose some, but not in every trial.
+    # A best-effort subscription may lose zeros in some trials, but not in all.
     if (expectation.zero is not Zero.NONE
             and max(trial.zeros for trial in trials) < BURST_COUNT):
         violations += [f'fewer than {BURST_COUNT} zeros came'] * len(trials)
@@ -79,9 +79,9 @@ def find_late_stops(
     """
     Compare the worst time to the first zero with the limit.
 
-    :param expectation: has the limit
+    :param expectation: the expectation with the limit
     :param trials: the trials of its row
-    :param under_load: whether limits are ten times as long
+    :param under_load: whether time limits are ten times as long
     :returns: one sentence if the limit was exceeded; empty otherwise
     """
     times = [trial.zero for trial in trials if trial.zero is not None]

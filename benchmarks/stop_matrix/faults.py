@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Faults of a program in motion, or of its robot, and the checks that belong to them."""
+"""Inject faults into a driving program or its robot, and check the results."""
 
 from __future__ import annotations
 
@@ -30,28 +30,28 @@ from benchmarks.stop_matrix.trial_setup import TrialContext
 from waiting import poll
 
 Injector = Callable[[TrialContext], float]
-#: How long the robot keeps its last velocity [s].
+#: The time for which the robot keeps its last velocity [s].
 COMMAND_TIMEOUT = 0.3
-#: Longest stop [s]: the command timeout, 0.1 s, and as much for a loaded machine.
+#: The longest stop [s]: the command timeout plus 0.1 s, and a margin for a loaded machine.
 MAX_STOP_DURATION = 0.7
-#: A robot that is sent no velocity moves less than this [m].
+#: The largest movement of a robot that receives no velocity [m].
 MAX_REST_DISTANCE = 0.001
-#: The most that a robot is turned by odometry that drifts [rad]: 45 degrees, and a message more.
+#: The largest turn of a robot whose odometry drifts [rad]: 45 degrees, and one more message.
 MAX_TURN = math.radians(50.0)
 
 
 def no_fault(context: TrialContext) -> float:
-    """Inject nothing; return when the motion should end [s, system clock]."""
+    """Inject no fault; return the planned end of the motion [s, system clock]."""
     return context.first + context.row.duration
 
 
 def fault_now(_context: TrialContext) -> float:
-    """Inject nothing: the program stops itself; return the time [s, system clock]."""
+    """Inject no fault, because the program stops itself; return the time [s, system clock]."""
     return time.time()
 
 
 def own_fault(context: TrialContext) -> float:
-    """Wait for a fault that the program causes itself; return when it did [s, system clock]."""
+    """Wait for a fault that the program causes; return the time of the fault [s, system clock]."""
     fault = poll(lambda: context.program.fault, 3.0)
     if fault is None:
         context.violations.append('nothing happened')
@@ -60,14 +60,14 @@ def own_fault(context: TrialContext) -> float:
 
 
 def check_corrected(context: TrialContext, fault: float) -> list[str]:
-    """Check that a program was correcting its velocities when the fault came."""
+    """Check that odometry corrected the program's velocities before the fault."""
     before = {velocity.linear_x for velocity in context.recorder.sent_since(context.first)
               if velocity.moves and velocity.time < fault}
     return [] if len(before) > 1 else ['it corrected nothing before the fault']
 
 
 def send_signals(*names: str) -> Injector:
-    """Return an injector that sends the program signals, 0.1 s apart; the first counts."""
+    """Return an injector that sends signals, 0.1 s apart; the first signal is the fault."""
     def inject(context: TrialContext) -> float:
         sent = context.program.send(signal.Signals[names[0]])
         for name in names[1:]:
@@ -78,7 +78,7 @@ def send_signals(*names: str) -> Injector:
 
 
 def interrupt_later(context: TrialContext) -> float:
-    """Send the program SIGINT after a second on a loaded machine."""
+    """Send the program SIGINT after 1 s on a loaded machine."""
     time.sleep(1.0)
     return context.program.send(signal.SIGINT)
 
@@ -98,7 +98,7 @@ def freeze_guardian(context: TrialContext) -> float:
 
 
 def kill_both(context: TrialContext) -> float:
-    """Kill the program and its guardian, so that neither can react to the end of the other."""
+    """Kill the guardian and the program, so that neither can react to the other's end."""
     guardian = context.program.guardian
     now = time.time()
     for pid in (guardian, context.program.process.pid):
@@ -117,7 +117,7 @@ def freeze(seconds: float) -> Injector:
 
 
 def freeze_repeatedly(count: int) -> Injector:
-    """Return an injector that freezes the program for 50 ms ``count`` times, which is no fault."""
+    """Return an injector that freezes the program ``count`` times for 50 ms, which is no fault."""
     def inject(context: TrialContext) -> float:
         for _ in range(count):
             freeze(0.05)(context)
@@ -127,7 +127,7 @@ def freeze_repeatedly(count: int) -> Injector:
 
 
 def continue_after(seconds: float) -> Callable[[TrialContext], None]:
-    """Return what continues a frozen program after a time [s]."""
+    """Return a function that continues a frozen program after a time [s]."""
     def after(context: TrialContext) -> None:
         time.sleep(seconds)
         context.changed = context.program.send(signal.SIGCONT)
@@ -135,7 +135,7 @@ def continue_after(seconds: float) -> Callable[[TrialContext], None]:
 
 
 def check_guardian_silent(context: TrialContext, fault: float) -> list[str]:
-    """Check that the guardian sent nothing between its stop and the end of the freeze."""
+    """Check that the guardian sent nothing after its stop until the end of the freeze."""
     times = [velocity.time for velocity in context.recorder.sent_since(fault)
              if velocity.time < context.changed]
     went_on = bool(times) and times[-1] - times[0] > MAX_STOP_DURATION
@@ -143,7 +143,7 @@ def check_guardian_silent(context: TrialContext, fault: float) -> list[str]:
 
 
 def close_output(context: TrialContext) -> float:
-    """Close the pipe that the program prints to, which is no reason to stop."""
+    """Close the pipe that the program prints to; the program must not stop."""
     context.program.close_output()
     return no_fault(context)
 
@@ -154,7 +154,7 @@ def close_terminal(context: TrialContext) -> float:
 
 
 def block_output(signum: str | None = None) -> Injector:
-    """Return an injector that blocks the program's output, then sends it a signal, if any."""
+    """Return an injector that blocks the program's output, and then sends a signal, if any."""
     def inject(context: TrialContext) -> float:
         context.program.block_output()
         return send_signals(signum)(context) if signum else no_fault(context)
@@ -162,7 +162,7 @@ def block_output(signum: str | None = None) -> Injector:
 
 
 def check_released(context: TrialContext, _fault: float) -> list[str]:
-    """Check that zeros were sent longer than the command timeout, and control released then."""
+    """Check that zeros were sent longer than the command timeout before control was released."""
     assert isinstance(context.robot.process, RobotProcess)
     zeros = [velocity.time for velocity in context.recorder.sent_since(context.first + 0.01)
              if not velocity.moves]
@@ -173,7 +173,7 @@ def check_released(context: TrialContext, _fault: float) -> list[str]:
 
 
 def signal_robot(name: str) -> Injector:
-    """Return an injector that sends the robot's bridge a signal; SIGTERM ends it properly."""
+    """Return an injector that sends the robot's bridge a signal; SIGTERM ends it normally."""
     def inject(context: TrialContext) -> float:
         now = time.time()
         context.robot.process.send(signal.Signals[name])
@@ -182,19 +182,19 @@ def signal_robot(name: str) -> Injector:
 
 
 def continue_robot(context: TrialContext) -> None:
-    """Continue the robot's bridge after 2 s; what its queue holds must not move the robot."""
+    """Continue the robot's bridge after 2 s; its queued velocities must not move the robot."""
     time.sleep(2.0)
     context.changed = time.time()
     context.robot.process.send(signal.SIGCONT)
 
 
 def check_no_replay(context: TrialContext, _fault: float) -> list[str]:
-    """Check that old velocities did not move the robot when it was continued."""
+    """Check that old velocities did not move the robot after its bridge continued."""
     return _check_at_rest(context, 'after it was continued it drove')
 
 
 def replace_robot(context: TrialContext) -> None:
-    """Replace the robot that left by another, and end the program 1.5 s later."""
+    """Replace the robot that has left with a new one, and end the program 1.5 s later."""
     time.sleep(1.5)
     before, context.changed = context.recorder.odometry_count, time.time()
     context.robot.replace()
@@ -206,18 +206,18 @@ def replace_robot(context: TrialContext) -> None:
 
 
 def check_new_robot_at_rest(context: TrialContext, _fault: float) -> list[str]:
-    """Check that the robot that came later was not moved."""
+    """Check that the new robot was not moved."""
     return _check_at_rest(context, 'the new robot drove')
 
 
 def wait_for_drift(context: TrialContext) -> float:
-    """Wait until odometry begins to drift; return when it did [s, system clock]."""
-    context.was_paused = True  # it sends zeros meanwhile
+    """Wait until odometry starts to drift; return the time of the start [s, system clock]."""
+    context.was_paused = True  # the program sends zeros meanwhile
     return own_fault(context)
 
 
 def check_turned_little(context: TrialContext, fault: float) -> list[str]:
-    """Check by how much a program turned a robot whose odometry drifts."""
+    """Check that a robot whose odometry drifts did not turn too far."""
     sent = context.recorder.sent_since(fault)
     turned = abs(sum(
         one.angular_z * (two.time - one.time) for one, two in pairwise(sent)))
@@ -231,7 +231,7 @@ def disable_manual_control(context: TrialContext) -> float:
 
 
 def publish_clock_once(context: TrialContext) -> float:
-    """Publish one message on ``/clock``, and no more."""
+    """Publish only one message on ``/clock``."""
     context.robot.observer.publish_clock()
     return no_fault(context)
 
@@ -240,7 +240,7 @@ def check_execution_order(context: TrialContext, fault: float) -> list[str]:
     """Check that a slow robot executed no velocity after its first zero."""
     executed = context.robot.executed
     assert executed is not None
-    # The file is made with the first velocity.
+    # The first velocity creates the file.
     text = executed.read_text() if executed.exists() else ''
     lines = [line.split() for line in text.splitlines()]
     after = [float(velocity) for at, velocity in lines if float(at) > fault]
@@ -250,16 +250,16 @@ def check_execution_order(context: TrialContext, fault: float) -> list[str]:
 
 
 def wait(seconds: float) -> Callable[[TrialContext], None]:
-    """Return what waits for a time [s]."""
+    """Return a function that waits for a time [s]."""
     return lambda _context: time.sleep(seconds)
 
 
 def busy_processes(count: int) -> Callable[[TrialContext], AbstractContextManager[None]]:
-    """Return the background of so many processes that take all the CPU time they get."""
+    """Return a function that runs a number of busy processes in the background."""
     return lambda _context: busy(count)
 
 
 def _check_at_rest(context: TrialContext, text: str) -> list[str]:
-    # A new robot begins at the origin again: only samples from the change on count.
+    # A new robot starts at the origin, so only samples after the change count.
     driven = context.recorder.distance_since(context.changed, new_robot=True)
     return [f'{text} {driven:.3f} m'] if driven and driven > MAX_REST_DISTANCE else []

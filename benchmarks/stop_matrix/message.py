@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Find the message that a program ended with; pure."""
+"""Find the last message of a program in its output."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import re
 LOG_PREFIX = re.compile(r'^\[\w+\] \[[\d.]+\] \[[\w./]+\]: ')
 PROGRAM_PREFIX = re.compile(r'^(kachaka_simple_control: |kachaka_simple_control\.[\w.]+: )')
 COLOUR = re.compile(r'\x1b\[[\d;]*m')
-#: The script of a trial, in a folder of its own.
+#: Matches the path of a trial's script.
 SCRIPT = re.compile(r'/\S*/script\.py')
 MAX_LENGTH = 100
 #: Lines that each program logs.
@@ -31,12 +31,13 @@ ROUTINE = (
 
 def last_message(text: str, namespace: str, traceback_expected: bool) -> str:
     """
-    Return the last line that a program printed, routine log lines left out.
+    Return the last printed line of a program, without routine log lines.
 
-    :param text: all that it printed
-    :param namespace: its robot's namespace, which is replaced by the default one
-    :param traceback_expected: whether a traceback is right: of what a user's script did not catch
-    :returns: one line; it begins with ``Traceback: `` after an unexpected traceback
+    :param text: the whole output of the program
+    :param namespace: the robot's namespace, which is replaced with the default namespace
+    :param traceback_expected: whether a traceback is correct, from an error that a user's script
+        does not catch
+    :returns: one line, which starts with ``Traceback: `` after an unexpected traceback
     """
     plain = COLOUR.sub('', text)
     lines = [PROGRAM_PREFIX.sub('', LOG_PREFIX.sub('', line)).strip()

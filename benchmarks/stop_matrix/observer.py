@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Records the velocities sent to the robots, and their odometry, from outside."""
+"""Record the velocities sent to robots, and their odometry, in an independent node."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from waiting import poll
 
 
 class OtherPublisher:
-    """Another publisher of velocities for a robot that a program drives already."""
+    """Another publisher of velocities for a robot that a program already drives."""
 
     def __init__(self, node: Node, topic: str) -> None:
         self._node = node
@@ -43,8 +43,8 @@ class OtherPublisher:
         """
         Publish a velocity.
 
-        :param velocity: forward [m/s]
-        :returns: when [s, system clock]
+        :param velocity: the forward velocity [m/s]
+        :returns: the time of sending [s, system clock]
         """
         message = Twist()
         message.linear.x = velocity
@@ -63,8 +63,8 @@ class RobotRecorder:
 
     Times are the source timestamps of DDS, so that delays of this process do not matter.
 
-    :param node: has the subscriptions
-    :param namespace: of the robot
+    :param node: the node for the subscriptions
+    :param namespace: the namespace of the robot
     """
 
     def __init__(self, node: Node, namespace: str) -> None:
@@ -75,7 +75,7 @@ class RobotRecorder:
         self._odometry: list[bytes] = []
         self._subscriptions = [
             node.create_subscription(Twist, self._topic, self._on_velocity, QUALITY),
-            # Raw: there are many messages, and few are read.
+            # Raw messages, because there are many and only few are read.
             node.create_subscription(
                 Odometry, f'/{namespace}/odometry/odometry', self._on_odometry,
                 qos_profile_sensor_data, raw=True)]
@@ -83,7 +83,7 @@ class RobotRecorder:
             SetBool, f'/{namespace}/manual_control/set_enabled')
 
     def clear(self) -> None:
-        """Discard what was recorded: another program is started."""
+        """Discard all recorded data, before another program starts."""
         self._velocities.clear()
         self._odometry.clear()
 
@@ -91,12 +91,12 @@ class RobotRecorder:
             self, condition: Callable[[SentVelocity], bool], since: float,
             timeout: float) -> SentVelocity | None:
         """
-        Wait for a velocity.
+        Wait for a velocity that meets a condition.
 
-        :param condition: returns whether a velocity is the one
-        :param since: sent after this time [s, system clock]
-        :param timeout: how long to wait [s]
-        :returns: the first that meets the condition; None if none came in time
+        :param condition: returns whether a velocity matches
+        :param since: the velocity must be sent after this time [s, system clock]
+        :param timeout: the longest wait [s]
+        :returns: the first matching velocity; None after the timeout
         """
         return poll(lambda: next(filter(condition, self.sent_since(since)), None), timeout)
 
@@ -112,11 +112,11 @@ class RobotRecorder:
 
     def distance_since(self, since: float, new_robot: bool = False) -> float | None:
         """
-        Return how far the robot drove along x.
+        Return the distance that the robot drove along x.
 
-        :param since: after this time [s, system clock]
-        :param new_robot: whether another robot was there before, whose position does not count
-        :returns: the length of its path [m]; None without odometry after that time
+        :param since: the start time [s, system clock]
+        :param new_robot: whether an earlier robot was replaced, whose position is ignored
+        :returns: the length of the path [m]; None without odometry after the start time
         """
         positions = sorted(map(_position, [*self._odometry]))
         before = [x for at, x in positions if at <= since]
@@ -127,7 +127,7 @@ class RobotRecorder:
         return sum(abs(two - one) for one, two in pairwise(path))
 
     def disable_manual_control(self) -> None:
-        """Disable manual control from outside, without waiting for the response."""
+        """Disable manual control from this node, without waiting for the response."""
         self._set_enabled.call_async(SetBool.Request(data=False))
 
     def add_publisher(self) -> OtherPublisher:
@@ -143,7 +143,7 @@ class RobotRecorder:
 
 
 class Observer:
-    """A node in a ROS domain of its own, which spins in a thread of its own."""
+    """A node that spins in its own thread, in its own ROS domain."""
 
     def __init__(self, domain: int) -> None:
         self._context = Context()
@@ -173,7 +173,7 @@ class Observer:
 
 
 def _position(raw: bytes) -> tuple[float, float]:
-    """Return time stamp [s] and x [m] of an odometry message."""
+    """Return the time stamp [s] and the x position [m] of a serialized odometry message."""
     message = deserialize_message(raw, Odometry)
     stamp = message.header.stamp
     return stamp.sec + 1e-9 * stamp.nanosec, message.pose.pose.position.x

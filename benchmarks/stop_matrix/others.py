@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Other nodes beside a program that drives: foreign publishers, second programs, restarts."""
+"""Faults from other nodes during a drive: other publishers, a second program, restarts."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ import time
 from benchmarks.stop_matrix.faults import MAX_STOP_DURATION, no_fault
 from benchmarks.stop_matrix.trial_setup import OTHER_VELOCITY, TrialContext
 
-#: The graph lists a new publisher after this time [s].
+#: The time until the graph lists a new publisher [s].
 DISCOVERY_TIME = 0.6
-#: How long another publisher sends, and with which period [s].
+#: The duration and the period of sending by another publisher [s].
 SEND_DURATION, SEND_PERIOD = 4.5, 0.1
-#: The period of a publisher that drives the robot already [s].
+#: The period of a publisher that already drives the robot [s].
 DRIVE_PERIOD = 0.05
-#: How long a second program may take from its start to its first velocity, or its end [s].
+#: The longest time from the start of a second program to its first velocity, or to its end [s].
 START_TIMEOUT = 20.0
-#: A program that must stop sends no velocity after this time [s].
+#: The time after which a program that must stop sends no velocity [s].
 STOP_TIMEOUT = 1.0
-#: The exit code of a program that was refused the robot.
+#: The exit code of a program that may not drive the robot.
 REFUSED = 3
-#: Other nodes beside a drive, and how many are restarted each second: two processors have time
-#: left.  With 28 nodes they had none, and half of the runs were ended.
+#: The number of other nodes during a drive, and their restarts per second.  Two processors can
+#: run these; with 28 nodes they were fully loaded, and half of the runs were ended.
 NODES, RESTARTS = 20, 3.0
-#: Time for them to discover each other before the drive, and the most that a trial may take
-#: longer than its motion [s].
+#: The time for discovery before the drive, and the longest duration of a trial beyond its motion
+#: [s].
 SETTLING_TIME, MAX_OVERHEAD = 10.0, 20.0
 
 
 @contextlib.contextmanager
 def driving(context: TrialContext) -> Iterator[None]:
-    """Let another publisher drive the robot beside the ``with`` block."""
+    """Let another publisher drive the robot during the ``with`` block."""
     other, end = context.recorder.add_publisher(), threading.Event()
 
     def drive() -> None:
@@ -55,7 +55,7 @@ def driving(context: TrialContext) -> Iterator[None]:
     thread = threading.Thread(target=drive)
     thread.start()
     try:
-        # Odometry shows it.
+        # Odometry then shows the motion.
         time.sleep(DISCOVERY_TIME)
         yield
     finally:
@@ -65,27 +65,27 @@ def driving(context: TrialContext) -> Iterator[None]:
 
 
 def check_nothing_sent(context: TrialContext, _fault: float) -> list[str]:
-    """Check that a program whose robot another one drives has sent nothing, not even a zero."""
+    """Check that a program sent nothing, not even a zero, to a robot that is already driven."""
     ours = [velocity for velocity in context.recorder.sent_since(context.first)
             if velocity.linear_x != OTHER_VELOCITY]
     return ['it sent something'] if ours else []
 
 
 def publish_at_once(context: TrialContext) -> float:
-    """Add a publisher that sends at once; return when it did [s, system clock]."""
+    """Add a publisher that sends at once; return the time of sending [s, system clock]."""
     context.other = context.recorder.add_publisher()
     return context.other.send(OTHER_VELOCITY)
 
 
 def publish_after_discovery(context: TrialContext) -> float:
-    """Add a publisher that sends once it is discovered; return when it did [s, system clock]."""
+    """Add a publisher that sends after its discovery; return the time [s, system clock]."""
     context.other = context.recorder.add_publisher()
     time.sleep(DISCOVERY_TIME)
     return context.other.send(OTHER_VELOCITY)
 
 
 def keep_publishing(context: TrialContext) -> None:
-    """Let the other publisher send for a while, and remove it."""
+    """Let the other publisher send for SEND_DURATION, and then remove it."""
     assert context.other is not None
     end = time.monotonic() + SEND_DURATION
     while time.monotonic() < end:
@@ -101,7 +101,7 @@ def never_publish(context: TrialContext) -> float:
 
 
 def check_zeros_ended(context: TrialContext, _fault: float) -> list[str]:
-    """Check that our zeros ended, and the other could drive."""
+    """Check that the program's zeros ended, so that the other publisher could drive."""
     zeros = context.stop_zeros()
     fought = bool(zeros) and zeros[-1] - zeros[0] > MAX_STOP_DURATION
     return ['it fought the other with zeros'] if fought else []
@@ -114,7 +114,7 @@ def start_second_program(context: TrialContext) -> float:
 
 
 def check_refused(context: TrialContext, _fault: float) -> list[str]:
-    """Check that the second program was refused, with a line that names the first."""
+    """Check that the second program was refused with a message that names the first program."""
     assert context.second is not None
     code = context.second.code_within(START_TIMEOUT)
     named = f'(process {context.program.process.pid}' in context.second.text
@@ -124,9 +124,9 @@ def check_refused(context: TrialContext, _fault: float) -> list[str]:
 
 def discover_second_program(context: TrialContext) -> float:
     """
-    Start a second program, and let both receive each other's claims when both drive.
+    Start a second program, and let both programs receive each other's claims while both drive.
 
-    :returns: from when on they could [s, system clock]
+    :returns: the time from which they can receive claims [s, system clock]
     """
     connected = context.program.folder / 'connected'
     context.second = context.start_program(
@@ -142,7 +142,7 @@ def discover_second_program(context: TrialContext) -> float:
 
 
 def check_both_stopped(context: TrialContext, fault: float) -> list[str]:
-    """Check that the second program stopped as well."""
+    """Check that the second program also stopped."""
     assert context.second is not None
     code = context.second.code_within(START_TIMEOUT)
     after = [velocity for velocity in context.recorder.sent_since(fault + STOP_TIMEOUT)
@@ -153,8 +153,8 @@ def check_both_stopped(context: TrialContext, fault: float) -> list[str]:
 
 @contextlib.contextmanager
 def restarting_nodes(context: TrialContext) -> Iterator[None]:
-    """Run many other nodes beside the ``with`` block, and restart one after the other."""
-    # It loads rclpy, which is too early while rows are only listed.
+    """Run many other nodes during the ``with`` block, and restart them one after the other."""
+    # Imported here, because it imports rclpy, which listing the rows must not do.
     from benchmarks import churn
     longest = SETTLING_TIME + MAX_OVERHEAD + context.row.duration
     with churn.others(NODES, RESTARTS, longest, context.robot.domain):

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Faults that come while a program is paused, brakes for that, or speeds up again after it."""
+"""Inject faults while a program is paused, brakes for a pause, or resumes after a pause."""
 
 from __future__ import annotations
 
@@ -26,38 +26,39 @@ from benchmarks.stop_matrix.faults import check_guardian_silent, Injector
 from benchmarks.stop_matrix.trial_setup import OTHER_VELOCITY, TrialContext
 
 if TYPE_CHECKING:
-    # This loads rclpy, which is too early while rows are only listed.
+    # This imports rclpy, which listing the rows must not do.
     from listener import SentVelocity
 
 #: The velocity of the program before the pause [m/s].
 CRUISE = 0.3
-#: How long a change may take [s]: 0.1 s until the next message, 0.85 s to brake, the rest for a
-#: loaded machine.
+#: The longest change of the state [s]: 0.1 s until the next message, 0.85 s to brake, and a
+#: margin for a loaded machine.
 CHANGE_TIMEOUT = 3.0
-#: From the first message of a change to the fault [s]; braking and speeding up take 0.85 s.
+#: The time from the first message of a change to the fault [s]; braking and speeding up take
+#: 0.85 s.
 TIME_TO_FAULT = (0.1, 0.3)
 
-#: How long odometry shows a robot that is held at rest, and then where it was pushed to; and how
-#: long a robot that goes on would need to be seen [s].
+#: The time on hold before the push, the time after the push, and the time in which a resumed
+#: motion would be seen [s].
 REST_TIME, PUSH_TIME, ASK_TIME = 1.0, 0.3, 1.0
 
 
 class State(Enum):
-    """What a program does when the fault comes."""
+    """The state of a program at the fault."""
 
     BRAKING = 'braking for a pause'
     PAUSED = 'paused'
     RESUMING = 'speeding up after a pause'
 
     def shows(self, velocity: SentVelocity) -> bool:
-        """Return whether a velocity is one of this state."""
+        """Return whether a velocity belongs to this state."""
         if self is State.PAUSED:
             return not velocity.moves
         return 0.0 < velocity.linear_x < CRUISE
 
 
 def at(state: State, inject: Injector) -> Injector:
-    """Return an injector that brings a program in cruise to a state first."""
+    """Return an injector that brings a driving program to a state, and then injects a fault."""
     def inject_then(context: TrialContext) -> float:
         _reach(context, 'pause', State.BRAKING)
         if state is not State.BRAKING:
@@ -78,7 +79,7 @@ def at(state: State, inject: Injector) -> Injector:
 
 
 def resume_continued(seconds: float) -> Callable[[TrialContext], None]:
-    """Return what continues a frozen program after a time [s]; it is asked to resume by then."""
+    """Return a function that waits for a time [s], requests a resume, and ends the freeze."""
     def after(context: TrialContext) -> None:
         time.sleep(seconds)
         context.program.write_line('resume')
@@ -88,12 +89,12 @@ def resume_continued(seconds: float) -> Callable[[TrialContext], None]:
 
 def push_and_ask(hold: str, ask: str) -> Injector:
     """
-    Return an injector that lets a robot that is held be pushed away, and asks to go on.
+    Return an injector that pushes a robot on hold, and then requests to resume the motion.
 
-    After that it ends the program by SIGINT.
+    At the end, the injector ends the program with SIGINT.
 
-    :param hold: the word that makes the program hold its robot
-    :param ask: the word that makes it ask to go on
+    :param hold: the command that makes the program hold its robot
+    :param ask: the command that makes the program request to resume
     """
     def inject(context: TrialContext) -> float:
         _reach(context, hold, State.BRAKING)
@@ -111,24 +112,24 @@ def push_and_ask(hold: str, ask: str) -> Injector:
 
 
 def check_still_held(context: TrialContext, _fault: float) -> list[str]:
-    """Check that a robot that was pushed did not move when it was asked to go on."""
+    """Check that a pushed robot did not move after the request to resume."""
     return check_no_velocity(context, context.changed)
 
 
 def check_no_velocity(context: TrialContext, fault: float) -> list[str]:
-    """Check that a program that was paused sent no velocity from the fault on."""
+    """Check that a paused program sent no velocity after the fault."""
     moving = [velocity for velocity in context.recorder.sent_since(fault)
               if velocity.moves and velocity.linear_x != OTHER_VELOCITY]
     return ['it moved on'] if moving else []
 
 
 def check_not_resumed(context: TrialContext, fault: float) -> list[str]:
-    """Check that a continued program did not resume, and its guardian was silent before."""
+    """Check that a continued program did not resume, and that its guardian was silent before."""
     return check_guardian_silent(context, fault) + check_no_velocity(context, fault)
 
 
 def _reach(context: TrialContext, command: str | None, state: State) -> None:
-    """Ask the program for a change, and wait for the first message of a state."""
+    """Send the program a command, if any, and wait for the first message of a state."""
     now = time.time()
     if command is not None:
         context.program.write_line(command)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The process of a program that drives a robot."""
+"""Start and control the process of a program that drives a robot."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ import time
 from program import children_of, environment, fill, find_process, Program
 from waiting import poll
 
-#: How long a program may take to be ready to move, also on a loaded machine [s].
+#: The longest time until a program is ready to move, also on a loaded machine [s].
 READY_TIMEOUT = 40.0
 
 
 class ScriptProgram(Program):
     """
-    A script in a session of its own.
+    The process of a script, in its own session.
 
-    It makes a file when it is ready, waits for a line on its standard input, then moves.
+    The script creates a file when it is ready, waits for a line on standard input, and then moves.
 
-    :param text: the script
-    :param options: its arguments
-    :param variables: added to its environment
-    :param output: what it prints to: 'file', 'pipe', 'terminal', which is its input, too, or
-        'full', a pipe that can be filled
+    :param text: the text of the script
+    :param options: the arguments of the script
+    :param variables: variables that are added to its environment
+    :param output: the kind of its output: 'file', 'pipe', 'terminal' (also its input), or 'full'
+        (a pipe that can be filled)
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class ScriptProgram(Program):
         super().__init__(
             [sys.executable, str(script), *options], cwd=self.folder,
             stdin=theirs if has_terminal else subprocess.PIPE,
-            # No other thread of this process starts programs or holds a lock that the child needs.
+            # Safe: no other thread starts programs or holds a lock that the child needs.
             preexec_fn=_take_terminal if has_terminal else None,
             env=environment(**variables),
             **({} if output == 'file' else {'stdout': theirs, 'stderr': theirs}))
@@ -70,9 +70,9 @@ class ScriptProgram(Program):
 
     def wait_until_ready(self) -> None:
         """
-        Wait until it is connected to its robot.
+        Wait until the program is connected to its robot.
 
-        :raises RuntimeError: if it fails to, with what it printed
+        :raises RuntimeError: if the program does not connect; the error contains its output
         """
         ready = self.folder / 'ready'
         poll(lambda: ready.exists() or self.is_over, READY_TIMEOUT)
@@ -81,11 +81,11 @@ class ScriptProgram(Program):
         self.children = children_of(self.process.pid)
 
     def go(self) -> None:
-        """Start its motion."""
+        """Start the motion of the program."""
         self.write_line('')
 
     def write_line(self, line: str) -> None:
-        """Write a line to its standard input."""
+        """Write a line to the program's standard input."""
         if self._has_terminal:
             os.write(self._descriptor, f'{line}\n'.encode())
         else:
@@ -93,9 +93,9 @@ class ScriptProgram(Program):
 
     def close_output(self) -> float:
         """
-        Close the other end of what it prints to: a pipe or a terminal.
+        Close the other end of the program's output pipe or terminal.
 
-        :returns: when [s, system clock]
+        :returns: the time of closing [s, system clock]
         """
         self._read()
         now = time.time()
@@ -104,7 +104,7 @@ class ScriptProgram(Program):
         return now
 
     def block_output(self) -> None:
-        """Leave no room in what it prints to: fill the pipe, or stop the terminal by Ctrl+S."""
+        """Block the program's output: fill the pipe, or stop the terminal with Ctrl+S."""
         self._read()
         if self._has_terminal:
             os.write(self._descriptor, b'\x13')
@@ -113,7 +113,7 @@ class ScriptProgram(Program):
 
     @property
     def guardian(self) -> int:
-        """Return the process id of its guardian."""
+        """Return the process id of the program's guardian."""
         guardian = find_process(self.children, 'guardian_program')
         if guardian is None:
             raise RuntimeError('the program has no guardian')
@@ -121,19 +121,19 @@ class ScriptProgram(Program):
 
     @property
     def fault(self) -> float | None:
-        """Return when it caused its own fault [s, system clock]; None before that."""
+        """Return the time of the fault that the program caused [s, system clock], or None."""
         with contextlib.suppress(OSError, ValueError):
             return float((self.folder / 'fault').read_text())
         return None
 
     @property
     def text(self) -> str:
-        """Return what it has printed."""
+        """Return the output of the program until now."""
         self._read()
         return self._printed + super().text
 
     def close(self, timeout: float = 0.0, signum: int = 0) -> bool:
-        """End it and its children, and remove its files; see ``Program``."""
+        """End the program and its children, and remove its files; see ``Program``."""
         have_ended = super().close(timeout, signum)
         self._close_descriptors()
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -155,5 +155,5 @@ class ScriptProgram(Program):
 
 
 def _take_terminal() -> None:
-    # In the child: make the terminal on its input the controlling one, which sends SIGHUP.
+    # In the child: make the terminal on its input the controlling terminal, which sends SIGHUP.
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)

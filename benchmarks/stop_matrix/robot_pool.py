@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Robots for the programs to drive: reused as long as no fault happens to them."""
+"""A pool of robots for the programs; a robot without a fault is reused."""
 
 from __future__ import annotations
 
@@ -19,26 +19,34 @@ import itertools
 from pathlib import Path
 import signal
 import tempfile
+from typing import NamedTuple
 
 from benchmarks.grpc_robot import GrpcRobot
-from benchmarks.stop_matrix.observer import Observer
+from benchmarks.stop_matrix.observer import Observer, RobotRecorder
 from benchmarks.stop_matrix.robot_process import RobotProcess
 from ros_domain import claim_domain
 from waiting import poll
 
 _NUMBERS = itertools.count(1)
-#: How long a robot may take until it publishes odometry [s].
+#: The longest time until a robot publishes odometry [s].
 START_TIMEOUT = 20.0
-#: How long it may take to end [s].
+#: The longest time until a robot ends [s].
 EXIT_TIMEOUT = 3.0
+
+
+class SecondRobot(NamedTuple):
+    """A second robot for one program, and the recorder of its topics."""
+
+    process: RobotProcess
+    recorder: RobotRecorder
 
 
 class PooledRobot:
     """
-    A robot in a ROS domain of its own, and the recorder of its topics.
+    A robot in its own ROS domain, with the recorder of its topics.
 
-    While a program joins or leaves a domain, DDS may delay all others in it: programs that are
-    being prepared must not delay the one that is measured.
+    When a program joins or leaves a domain, DDS may delay all other programs in it.  With separate
+    domains, programs in preparation do not delay the measured program.
 
     :param slow: whether each call to the robot takes 250 ms
     :param over_grpc: whether robot and bridge are two processes, as with a real robot
@@ -50,28 +58,44 @@ class PooledRobot:
         self.observer = Observer(self.domain)
         self.recorder = self.observer.record(f'stop_{number}')
         self._folder = tempfile.TemporaryDirectory(prefix='stop_matrix_') if slow else None
-        #: where a slow robot writes the velocities it executes; None for any other
+        #: the file of the velocities that a slow robot executes; None for other robots
         self.executed = Path(self._folder.name) / 'executed.txt' if self._folder else None
         self._over_grpc = over_grpc
         self.process = self._start()
+        self._second: SecondRobot | None = None
 
     def wait_until_there(self) -> None:
         """
-        Wait for its odometry.
+        Wait for the odometry of the robot.
 
-        :raises RuntimeError: if it does not come in time
+        :raises RuntimeError: if no odometry arrives within START_TIMEOUT
         """
         if not poll(lambda: self.recorder.odometry_count, START_TIMEOUT):
             raise RuntimeError('a simulated robot did not come')
 
+    def second(self) -> SecondRobot:
+        """Return another robot in the same domain, for a program that drives two."""
+        if self._second is None:
+            recorder = self.observer.record(f'{self.recorder.namespace}_second')
+            self._second = SecondRobot(RobotProcess(recorder.namespace, self.domain), recorder)
+        return self._second
+
+    def clear(self) -> None:
+        """Discard all recorded data, before another program starts."""
+        self.recorder.clear()
+        if self._second is not None:
+            self._second.recorder.clear()
+
     def replace(self) -> None:
-        """Start another robot in place of one that has left."""
+        """Start a new robot in place of the robot that has left."""
         self.process.close(EXIT_TIMEOUT, signal.SIGTERM)
         self.process = self._start()
 
     def end(self) -> None:
-        """End robot and recorder."""
+        """End the robot and the recorder."""
         self.process.close(EXIT_TIMEOUT, signal.SIGTERM)
+        if self._second is not None:
+            self._second.process.close(EXIT_TIMEOUT, signal.SIGTERM)
         self.observer.close()
         if self._folder is not None:
             self._folder.cleanup()
@@ -84,9 +108,9 @@ class PooledRobot:
 
 class RobotPool:
     """
-    All robots; leaving the ``with`` block ends them.
+    A context manager for all robots, which ends them at its exit.
 
-    :param over_grpc: whether each is connected over gRPC, by a bridge
+    :param over_grpc: whether a bridge connects each robot over gRPC
     """
 
     def __init__(self, over_grpc: bool = False) -> None:
@@ -95,7 +119,7 @@ class RobotPool:
         self._taken: list[PooledRobot] = []
 
     def __enter__(self) -> RobotPool:
-        """Return it."""
+        """Return the pool."""
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -104,22 +128,22 @@ class RobotPool:
             robot.end()
 
     def take(self, slow: bool) -> PooledRobot:
-        """Return a free robot, or a new one, which may not be there yet."""
+        """Return a free robot, or start a new robot, which may not be ready yet."""
         robot = self._free.pop(0) if self._free and not slow else PooledRobot(
             slow, self._over_grpc)
         self._taken.append(robot)
         return robot
 
     def put_back(self, robot: PooledRobot, reusable: bool) -> None:
-        """Keep a robot for another trial, or end it."""
+        """Keep a robot for another trial if it is reusable, else end it."""
         self._taken.remove(robot)
         if reusable:
-            robot.recorder.clear()
+            robot.clear()
             self._free.append(robot)
         else:
             robot.end()
 
     def limit_free(self, count: int) -> None:
-        """End free robots beyond a number."""
+        """End free robots until at most ``count`` remain."""
         while len(self._free) > count:
             self._free.pop().end()

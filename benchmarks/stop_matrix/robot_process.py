@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A simulated robot behind its bridge, in a process of its own that may be frozen or killed."""
+"""A simulated robot with its bridge, in its own process that a trial can freeze or kill."""
 
 from __future__ import annotations
 
@@ -24,23 +24,24 @@ from benchmarks import ROOT
 from program import environment, Program
 from ros_support import BRIDGE
 
-#: What the bridge logs when manual control is released, with the time [s, system clock].
+#: Matches the log line of the bridge for released manual control, and its time [s, system clock].
 RELEASED = re.compile(r'\[([\d.]+)\] \[[\w./]+\]: manual control disabled')
 
 
 class RobotProcess(Program):
     """
-    The bridge of the package with its simulated robot, or the slow bridge.
+    The process of this package's bridge with a simulated robot, or of the slow bridge.
 
-    :param namespace: of the robot
+    :param namespace: the namespace of the robot
     :param domain: its ROS domain
-    :param log: where the slow bridge writes the velocities it executes; None for the package's
+    :param log: the file of the velocities that the slow bridge executes; None for this package's
+        bridge
     """
 
     def __init__(self, namespace: str, domain: int, log: Path | None = None) -> None:
         bridge = [*BRIDGE, '--sim', '--with-parent', '--namespace', namespace]
         slow = [sys.executable, '-m', 'benchmarks.stop_matrix.slow_bridge', namespace, str(log)]
-        # Only this process holds the other end of its standard input: it ends with us.
+        # The bridge ends with this process, which holds the other end of its standard input.
         super().__init__(
             slow if log else bridge, cwd=ROOT, stdin=subprocess.PIPE,
             env=environment(ROS_DOMAIN_ID=str(domain)))

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The rows of the matrix: each fault, what injects it, and what is expected."""
+"""The rows of the matrix: each fault, its injector, and the expected result."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from benchmarks.stop_matrix.trial_setup import Row, TrialContext
 
 NODE, GUARDIAN, NOTHING = 'the node', 'the guardian', 'nothing to stop: it runs on'
 COMMAND_TIMEOUT = 'the robot: its command timeout'
-#: Time limits [s]: of a signal, SIGKILL and SIGSTOP (docs/safety.md, "What is guaranteed"); of
-#: lost odometry and a lost subscriber (docs/safety.md).
+#: The time limits [s] for a signal, SIGKILL and SIGSTOP (docs/safety.md, "What is guaranteed"),
+#: and for lost odometry and a lost subscriber (docs/safety.md).
 SIGNAL, KILLED, FROZEN = 0.02, 0.05, 0.15
 ODOMETRY, GRAPH = 1.3, 23.0
-#: Time limit of a guardian that is frozen [s]: GUARDIAN_TIMEOUT and a few heartbeats.
+#: The time limit for a frozen guardian [s]: GUARDIAN_TIMEOUT and a few heartbeats.
 GUARDIAN_FROZEN = 0.6
-#: Time limits of what others send [s]: from a new publisher, and from one already discovered.
+#: The time limits for velocities from a new publisher, and from a discovered publisher [s].
 NEW_PUBLISHER, KNOWN_PUBLISHER = 0.5, 0.05
-#: A program publishes its claim every 0.5 s.
+#: The time limit for a second program [s]; a program publishes its claim every 0.5 s.
 CLAIM = 1.0
 
 
@@ -48,6 +48,12 @@ def _freeze(what: str, seconds: float, **more: int) -> Row:
     return Row(
         expectation, faults.send_signals('SIGSTOP'), after=faults.continue_after(seconds),
         check=faults.check_guardian_silent, full=50, **more)
+
+
+def _two(what: str, who: str, codes: tuple[int, ...], limit: float, name: str) -> Row:
+    return Row(
+        Expectation(f'{what}, two robots in one program', who, codes, limit=limit),
+        faults.send_signals(name), scripts.TWO_ROBOTS, robots=2, batch_size=2, quick=1)
 
 
 def _runs_on(what: str, inject: Callable[[TrialContext], float], **more: object) -> Row:
@@ -123,13 +129,13 @@ IN_MOTION = (
         measures_distance=False),
     _runs_on('a second program wants the robot', others.start_second_program, duration=8.0,
              check=others.check_refused),
-    # They take most of the time of two processors: other trials would have to wait.
+    # One trial at a time, because these nodes use most of the time of two processors.
     _runs_on('20 other nodes, of which three a second are restarted', faults.no_fault,
              background=others.restarting_nodes, options=('rate:=50.0',), duration=12.0,
              robot_reusable=False, batch_size=1, quick=0),
     Row(Expectation('a second program on another machine, found late: both stop', NODE, (1,),
                     limit=CLAIM),
-        # No zeros before the motion, so that the first zero is one of a stop.
+        # No zeros before the motion, so that the first zero belongs to a stop.
         others.discover_second_program, scripts.OTHER_MACHINE, options=('prime_time:=0.0',),
         check=others.check_both_stopped, exclusive=False, measures_distance=False),
     Row(Expectation('stopped before its first velocity', 'nothing moves', (0,), Zero.NONE),
@@ -167,11 +173,11 @@ IN_MOTION = (
         faults.send_signals('SIGINT'), check=faults.check_execution_order, slow_robot=True,
         robot_reusable=False),
 )
-#: What may also happen around a pause, with the same limits.
+#: The faults that are also tested around a pause, with the same limits.
 AROUND_PAUSE = (
     'SIGINT (Ctrl+C)', 'SIGKILL', 'SIGSTOP', 'listener leaves',
     'somebody else comes, and sends velocities')
-#: Of those the quick form tries these; the others take as long, and tell little more.
+#: The faults around a pause in the quick form.
 QUICK_AROUND_PAUSE = {
     State.PAUSED: AROUND_PAUSE[:3], State.BRAKING: AROUND_PAUSE[1:2], State.RESUMING: ()}
 
@@ -188,15 +194,15 @@ def _at(state: State, row: Row) -> Row:
         quick=int(what in QUICK_AROUND_PAUSE[state]))
 
 
-#: What may also happen in a closed loop, with the same limits; those of the quick form first.
+#: The faults that are also tested in a closed loop, with the same limits; quick form first.
 IN_CLOSED_LOOP = (
     'SIGINT (Ctrl+C)', 'SIGKILL', 'SIGSTOP', 'listener killed: odometry falls silent',
     'SIGTERM', 'SIGHUP', 'frozen for 320 ms', 'listener leaves', 'guardian killed',
     'somebody else comes, and sends velocities')
 QUICK_IN_CLOSED_LOOP = 4
-#: Until a robot that should drive at 0.1 m/s and stands is 0.2 m too late [s].
+#: The time limit for a robot that stands instead of driving at 0.1 m/s: an error of 0.2 m [s].
 HELD = 3.0
-#: Until odometry that drifts by 0.25 rad/s has turned the robot by 45 degrees [s].
+#: The time limit for odometry that drifts by 0.25 rad/s: a turn of 45 degrees [s].
 DRIFTED = 5.0
 
 
@@ -228,11 +234,14 @@ ROWS = (
                     limit=SIGNAL),
         pauses.push_and_ask('hold', 'release'), scripts.PUSHED, check=pauses.check_still_held,
         full=10),
+    _two('SIGINT', NODE, (130,), SIGNAL, 'SIGINT'),
+    _two('SIGKILL', GUARDIAN, (137,), KILLED, 'SIGKILL'),
+    _two('SIGSTOP', GUARDIAN, (), FROZEN, 'SIGSTOP'),
     *(_at(state, row) for state in State for row in IN_MOTION
       if row.expectation.what in AROUND_PAUSE),
     Row(Expectation('frozen for 1 s while paused, then resumed', GUARDIAN, (1,), limit=FROZEN),
         pauses.at(State.PAUSED, faults.send_signals('SIGSTOP')), scripts.PAUSED,
         after=pauses.resume_continued(1.0), check=pauses.check_not_resumed, full=10, quick=0),
 )
-#: Also tried with a robot over gRPC: rows in which its bridge behaves as that of the others.
+#: The rows that are also tested with a robot over gRPC.
 CORE = ('normal end', 'SIGINT (Ctrl+C)', 'SIGTERM', 'SIGKILL', 'SIGSTOP', 'frozen for 1 s')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Runs the trials: programs are prepared side by side, and measured one after the other."""
+"""Run the trials: prepare programs in parallel, and measure them one after the other."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from benchmarks.stop_matrix.robot_pool import RobotPool
 from benchmarks.stop_matrix.trial import Trial
 from benchmarks.stop_matrix.trial_setup import finish_trial, inject_fault, Row, TrialContext
 
-#: How long a program moves before its fault [s]; random, to meet the worst moment, too.
+#: The range of the random time from the start of a motion to the fault [s].
 TIME_TO_FAULT = (0.2, 0.4)
-#: More programs starting at the same time would only wait for each other.
+#: The largest number of programs that start at the same time.
 MAX_STARTING = 3
 
 
@@ -38,8 +38,8 @@ def run(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[str, l
     """
     Run all trials.
 
-    :param rows: the rows, and the number of trials of each
-    :param over_grpc: whether robots are connected over gRPC, by a bridge
+    :param rows: the rows, and the number of trials of each row
+    :param over_grpc: whether a bridge connects each robot over gRPC
     :returns: the results, by the name of the row
     """
     results: dict[str, list[Trial]] = {row.expectation.what: [] for row, _ in rows}
@@ -57,10 +57,10 @@ def run(rows: Sequence[tuple[Row, int]], over_grpc: bool = False) -> dict[str, l
 
 def batches(queue: Sequence[Row]) -> Iterator[list[Row]]:
     """
-    Cut trials into batches that can be prepared side by side.
+    Split trials into batches that can be prepared in parallel.
 
-    :param queue: a row for each trial
-    :returns: the batches; the rows of one have the same background and batch size
+    :param queue: the row of each trial
+    :returns: the batches; all rows of a batch have the same background and batch size
     """
     for (_, size), group in itertools.groupby(
             queue, key=lambda row: (row.background, row.batch_size)):

@@ -15,8 +15,8 @@
 
 from __future__ import annotations
 
-#: A program makes a file when it is ready, and waits for a line; it writes down the time of a
-#: fault that it causes itself.
+#: The start of each script: create a file when ready, wait for a line, and write the time of a
+#: fault that the script causes to a file.
 BEGIN = """
 import os, random, signal, sys, threading, time
 from pathlib import Path
@@ -34,7 +34,7 @@ def time_to_fault():
     return random.uniform(0.2, 0.4)
 """
 
-#: The command; instead of the lesson it drives a short rest and one long step.
+#: The command, which drives a short rest and one long step instead of the lesson.
 COMMAND = BEGIN + """
 from kachaka_simple_control import kachaka_simple_control as command
 
@@ -47,7 +47,7 @@ command.play_lesson = short_lesson
 sys.exit(command.main())
 """
 
-#: The command; while it drives, each line that it reads is a method to call: pause or resume.
+#: The command; during the drive, each input line names a method to call: pause or resume.
 PAUSED = BEGIN + """
 from kachaka_simple_control import ControlError
 from kachaka_simple_control import kachaka_simple_control as command
@@ -71,8 +71,8 @@ command.play_lesson = short_lesson
 sys.exit(command.main())
 """
 
-#: The same; ``push`` lets odometry show the robot half a metre from where it was.  Many ask to go
-#: on at once, and a sensor that held the robot releases it.
+#: The script with pauses; ``push`` moves the robot by 0.5 m in odometry.  Further commands: ten
+#: resume requests at once, and the hold and release by a sensor.
 PUSHED = """
 import threading
 from dataclasses import replace
@@ -100,7 +100,7 @@ KachakaSimpleControl.hold = lambda self: self.session.speed_factor.set('obstacle
 KachakaSimpleControl.release = lambda self: self.session.speed_factor.set('obstacle', 1.0)
 """ + PAUSED
 
-#: Begins to look for its robot when another program drives it, whose publisher is found too late.
+#: Starts when another program already drives the robot, whose publisher is discovered too late.
 TAKEN = BEGIN + """
 import rclpy
 from kachaka_simple_control import KachakaSimpleControl
@@ -131,7 +131,31 @@ wait_for_go()
 node.move_robot(0.1, 0.0, DURATION)
 """
 
-#: Odometry corrects it all the time: the calibration is not that of the robot.
+#: Drives two robots at the same time, one in the main thread.
+TWO_ROBOTS = BEGIN + """
+import rclpy
+from kachaka_simple_control import ControlError, KachakaSimpleControl
+from rclpy.parameter import Parameter
+
+def drive_second():
+    try:
+        second.move_robot(0.1, 0.0, DURATION)
+    except ControlError:
+        pass
+
+rclpy.init()
+first, second = (
+    KachakaSimpleControl(namespace=robot, parameter_overrides=[
+        Parameter('robot_namespace', value=robot)])
+    for robot in os.environ['ROBOTS'].split())
+for node in (first, second):
+    node.move_robot(0.0, 0.0, 0.2)
+wait_for_go()
+threading.Thread(target=drive_second, daemon=True).start()
+first.move_robot(0.1, 0.0, DURATION)
+"""
+
+#: A closed loop with a wrong calibration, so that odometry always corrects the velocities.
 CLOSED_LOOP = BEGIN + """
 import rclpy
 from kachaka_simple_control import KachakaSimpleControl, Motion, Move
@@ -145,7 +169,7 @@ wait_for_go()
 node.run(Motion('closed', (Move(0.1, 0.0, DURATION),)))
 """
 
-#: The same, and odometry repeats one pose, as if somebody held the robot.
+#: The closed loop; odometry repeats one pose, as if the robot were blocked.
 HELD = """
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 on_odometry, poses = PoseFeedback.on_odometry, []
@@ -157,7 +181,7 @@ def repeat(self, arrived, pose, is_moving):
 PoseFeedback.on_odometry = repeat
 """ + CLOSED_LOOP.replace('wait_for_go()\nnode', 'wait_for_go()\nwrite_fault()\nnode')
 
-#: Odometry drifts by 0.25 rad/s while the heading settles.
+#: The closed loop; odometry drifts by 0.25 rad/s while the heading settles.
 DRIFTS = """
 import time
 from dataclasses import replace
@@ -180,7 +204,7 @@ threading.Timer(1.5, begin_to_drift).start()
 node.run(Motion('closed', (Move(0.1, 0.0, 1.0), Settle(60.0))))
 """
 
-#: Stopped while it still waits for its robot, or sends its first zeros.
+#: Stops while it waits for its robot, or while it sends its first zeros.
 STOPPED_EARLY = BEGIN + """
 import rclpy
 from kachaka_simple_control import ControlError, KachakaSimpleControl
@@ -202,7 +226,7 @@ driving.join()
 time.sleep(2.0)
 """
 
-#: Changes the odometry where it arrives.
+#: Changes the received odometry.
 ODOMETRY = """
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Velocity
@@ -223,8 +247,8 @@ StandstillDetector.on_odometry = lambda self, now, velocity: on_odometry(
     self, now, Velocity(0.1, 0.0) if begun else velocity)
 """ + COMMAND.replace('    wait_for_go()\n', '    wait_for_go()\n    begun.append(True)\n')
 
-#: As on another machine: no lock of the kernel, and neither claims nor velocities of others are
-#: received before a file exists.
+#: A program as on another machine: no kernel lock, and it receives no claims or velocities of
+#: other programs before a file exists.
 OTHER_MACHINE = """
 import os
 from pathlib import Path
@@ -307,7 +331,7 @@ threading.Timer(time_to_fault(), suspend).start()
 node.move_robot(0.1, 0.0, DURATION)
 """
 
-#: Continues after its fault, as a program with more to do would.
+#: Continues to run after its fault.
 STAYS_AFTER_FAULT = USER + """
 wait_for_go()
 try:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The bridge with a simulated robot for which each call takes 250 ms; logs what it executes."""
+"""A bridge with a simulated robot whose calls take 250 ms; it logs the executed velocities."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from kachaka_simple_control.motion.geometry import Velocity
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-#: Duration of a call to the robot over a slow link [s].
+#: The duration of a call to the robot over a slow link [s].
 CALL_DURATION = 0.25
 
 
 class SlowBridge(SimulatedBridge):
     """
-    As the official bridge, executes one velocity after the other, and waits for each.
+    A slow bridge that executes one velocity after the other, like the official bridge.
 
-    :param namespace: of the robot
-    :param log: gets a line for each executed velocity: time [s, system clock] and [m/s]
+    :param namespace: the namespace of the robot
+    :param log: the log file; each line has the time [s, system clock] and the velocity [m/s]
     """
 
     def __init__(self, namespace: str, log: Path) -> None:
@@ -46,7 +46,7 @@ class SlowBridge(SimulatedBridge):
         self._log = log
 
     def drive(self, velocity: Velocity, now: float) -> None:  # noqa: ARG002
-        """Send the robot a velocity, which it has after the duration of a call."""
+        """Send the robot a velocity, which arrives after the duration of a call."""
         time.sleep(CALL_DURATION)
         with self._log.open('a') as log:
             log.write(f'{time.time()} {velocity.linear_x}\n')
@@ -56,14 +56,14 @@ class SlowBridge(SimulatedBridge):
         """
         Enable or disable manual control, after the duration of a call.
 
-        :returns: why the robot refuses; empty if it does not
+        :returns: the reason why the robot refuses; empty if it accepts
         """
         time.sleep(CALL_DURATION)
         return super().set_manual_control(enabled)
 
 
 def main(args: Sequence[str]) -> None:
-    """Run the bridge until standard input ends; the arguments are namespace and log file."""
+    """Run the bridge until standard input ends; the arguments are the namespace and the log."""
     with ShutdownEvent() as shutdown:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         node = SlowBridge(args[0], Path(args[1]))
@@ -71,7 +71,7 @@ def main(args: Sequence[str]) -> None:
         executor.add_node(node)
         threading.Thread(target=executor.spin, daemon=True).start()
         shutdown.wait(with_parent=True)
-        # It has nothing to clean up, and would abort while the other thread spins.
+        # No cleanup is needed, and a normal exit would abort while the other thread spins.
         os._exit(0)
 
 

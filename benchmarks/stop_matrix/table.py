@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The stop matrix as a table, for a terminal and for a page; pure."""
+"""The stop matrix as a table, for a terminal and for a documentation page."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ HEAD = (
 def matrix(
         expectations: Sequence[Expectation], trials: Mapping[str, Sequence[Trial]]) -> Table:
     """
-    Return the table.
+    Return the stop matrix as a table.
 
     :param expectations: the rows, in order
-    :param trials: the trials by the name of the row; rows without any are left out
+    :param trials: the trials by the name of the row; rows without trials are left out
     """
     return Table('The stop matrix', HEAD, tuple(
         row(expectation, trials[expectation.what]) for expectation in expectations
@@ -58,7 +58,7 @@ def _times(expectation: Expectation, trials: Sequence[Trial]) -> str:
 
 
 def _milliseconds(seconds: float) -> str:
-    # The clock may be read after the stamp was made: differences below 1 us have no sign.
+    # The clock may be read after the message was stamped, so differences below 1 us have no sign.
     return number(1e3 * seconds) if seconds > 0.0 else f'{1e3 * seconds:.2g}'
 
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The result of one trial: a program, a fault, and what was measured."""
+"""The result of one trial, in which a fault is injected into a driving program."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ class Trial:
     """
     The result of one trial; its fields are the keys of a results file.
 
-    :param zero: time from the fault to the first zero [s]; None if none was received
-    :param zeros: number of zeros received since the motion began
-    :param late: number of our non-zero velocities after the first zero; without any zero, after
-        the fault
-    :param metres: distance the simulated robot drove after the fault [m]; None if unknown
-    :param code: exit code, as a shell gives it; None if the program did not end
-    :param message: last line that the program printed
-    :param broken: what else did not go as expected, one sentence each
-    :param began: when it began to be measured [s, steady clock]; 0 if unknown
-    :param ended: when it had ended [s, steady clock]; 0 if unknown
+    :param zero: the time from the fault to the first zero [s]; None if no zero was received
+    :param zeros: the number of received zeros since the motion began
+    :param late: the number of the program's nonzero velocities after the first zero, or after the
+        fault if there was no zero
+    :param metres: the distance that the simulated robot drove after the fault [m]; None if unknown
+    :param code: the exit code, as a shell shows it; None if the program did not end
+    :param message: the last line that the program printed
+    :param broken: a sentence for each other violation
+    :param began: the start of the measurement [s, steady clock]; 0 if unknown
+    :param ended: the end of the trial [s, steady clock]; 0 if unknown
     """
 
     zero: float | None
@@ -48,5 +48,5 @@ class Trial:
 
     @staticmethod
     def from_json(data: dict[str, Any]) -> Trial:
-        """Return a trial from its fields, as ``dataclasses.asdict`` and JSON give them."""
+        """Create a trial from its fields, as converted by ``dataclasses.asdict`` and JSON."""
         return Trial(**{**data, 'broken': tuple(data['broken'])})

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""One trial: a program, its robot, and the fault that is injected."""
+"""Set up and run one trial: a program, its robot, and the injected fault."""
 
 from __future__ import annotations
 
@@ -29,50 +29,52 @@ from benchmarks.stop_matrix.program import ScriptProgram
 from benchmarks.stop_matrix.trial import Trial
 
 if TYPE_CHECKING:
-    # These load rclpy, which is too early while rows are only listed.
-    from benchmarks.stop_matrix.observer import OtherPublisher
+    # These import rclpy, which listing the rows must not do.
+    from benchmarks.stop_matrix.observer import OtherPublisher, RobotRecorder
     from benchmarks.stop_matrix.robot_pool import PooledRobot
 
-#: Velocity of other publishers [m/s].
+#: The velocity of other publishers [m/s].
 OTHER_VELOCITY = 0.05
-#: Velocity of a program beside another one that drives the same robot [m/s].
+#: The velocity of a second program that drives the same robot [m/s].
 SECOND_VELOCITY = 0.08
-#: How long a program may take from its fault, and what followed, to its end [s].
+#: The longest time from the fault and its later actions to the end of a program [s].
 EXIT_TIMEOUT = 6.0
-#: A killed program sends nothing later than this [s].
+#: The time after which a killed program sends nothing [s].
 SEND_LATENCY = 0.02
-#: How long recording goes on after the end [s].
+#: The time of recording after the end of a program [s].
 SETTLING_TIME = 0.5
-#: The first velocity is not counted as sent after the start, nor rounded to before it [s].
+#: The tolerance that excludes the first velocity from the messages after the start [s].
 START_TOLERANCE = 0.01
-#: The zeros with which a stop begins follow each other sooner than this; those of a pause do not
-#: [s].
+#: The largest interval between the zeros of a burst, which starts a stop; zeros of a pause have
+#: longer intervals [s].
 BURST_GAP = 0.005
 
 
 @dataclass(frozen=True)
 class Row:
     """
-    A row of the matrix: a fault, how to inject it, and what is expected.
+    A row of the matrix: a fault, its injector, and the expected result.
 
-    :param expectation: what is expected; names the row
-    :param inject: injects the fault; returns when it happened [s, system clock]
-    :param script: the program
-    :param options: its node parameters, ``name:=value``
-    :param duration: of its motion [s]
-    :param after: what follows the fault while other trials go on
-    :param check: further checks after the end, given the time of the fault; returns sentences
-    :param exclusive: whether no other trial is measured before this one's first zero
-    :param full: number of trials in the full form
-    :param quick: number of trials in the quick form
-    :param background: what runs beside a batch of trials, from before their motions; is given the
-        first trial of the batch
-    :param output: what the program prints to, see ``ScriptProgram``
-    :param moves: whether it moves at all
-    :param slow_robot: whether each call to its robot takes 250 ms
-    :param robot_reusable: whether its robot can be used for another trial
+    :param expectation: the expected result, with the name of the row
+    :param inject: injects the fault, and returns its time [s, system clock]
+    :param script: the text of the program
+    :param options: the node parameters of the program, ``name:=value``
+    :param duration: the duration of the motion [s]
+    :param after: an action after the fault, while other trials continue
+    :param check: a check after the end; its arguments are the trial and the time of the fault, its
+        result is sentences
+    :param exclusive: whether no other trial is measured before the first zero of this trial
+    :param full: the number of trials in the full form
+    :param quick: the number of trials in the quick form
+    :param background: a context manager around the motions of a batch of trials; its argument is
+        the first trial of the batch
+    :param output: the kind of the program's output, see ``ScriptProgram``
+    :param moves: whether the program moves the robot
+    :param slow_robot: whether each call to the robot takes 250 ms
+    :param robot_reusable: whether the robot can be used for another trial
     :param measures_distance: whether the distance that the robot drove is meaningful
-    :param batch_size: number of programs that are prepared at once
+    :param batch_size: the number of programs that are prepared at once
+    :param robots: number of robots that its program drives at the same time, 1 or 2
     """
 
     expectation: Expectation
@@ -92,32 +94,35 @@ class Row:
     robot_reusable: bool = True
     measures_distance: bool = True
     batch_size: int = 6
+    robots: int = 1
 
 
 class TrialContext:
     """
-    The processes and times of one trial; starts the program, ``end`` ends it.
+    The processes and times of one trial; the constructor starts the program, ``end`` ends it.
 
-    :param row: the fault
+    :param row: the row of the trial
     :param robot: the robot that the program drives
     """
 
     def __init__(self, row: Row, robot: PooledRobot) -> None:
         self.row, self.robot, self.recorder = row, robot, robot.recorder
+        #: one for each robot that the program drives
+        self.recorders = [robot.recorder, *([robot.second().recorder] if row.robots > 1 else [])]
         self.program = self.start_program()
-        #: what did not go as expected for this row alone
+        #: the violations of this trial, as sentences
         self.violations: list[str] = []
-        #: when the first velocity was sent [s, system clock]
+        #: the time of the first velocity [s, system clock]
         self.first = 0.0
-        #: from when on what is sent belongs to the stop [s, system clock]
+        #: the time after which all messages belong to the stop [s, system clock]
         self.counted_from = 0.0
-        #: whether the program sends zeros by itself when the fault comes
+        #: whether the program sends zeros before the fault, because of a pause
         self.was_paused = False
-        #: when something else happened to the robot [s, system clock]
+        #: the time of a later change of the robot or the program [s, system clock]
         self.changed = 0.0
         #: another publisher of velocities
         self.other: OtherPublisher | None = None
-        #: another program of ours for the same robot
+        #: a second program of this package for the same robot
         self.second: ScriptProgram | None = None
 
     def start_program(self, **variables: str) -> ScriptProgram:
@@ -128,11 +133,12 @@ class TrialContext:
             options += ['-p', option]
         environment = {
             'DURATION': str(self.row.duration), 'ROS_DOMAIN_ID': str(self.robot.domain),
+            'ROBOTS': ' '.join(recorder.namespace for recorder in self.recorders),
             **variables}
         return ScriptProgram(self.row.script, options, environment, self.row.output)
 
     def wait_until_ready(self) -> None:
-        """Wait until the program is connected to its robot; if it fails, start it again, once."""
+        """Wait until the program is connected to its robot; restart a failed program once."""
         try:
             self.program.wait_until_ready()
         except RuntimeError as error:
@@ -142,26 +148,29 @@ class TrialContext:
             self.program.wait_until_ready()
 
     def start_motion(self) -> None:
-        """Start the program's motion, and wait for its first velocity, if its row has one."""
-        self.first = time.time()
+        """Start the program's motion, and wait for its first velocities, if its row has some."""
+        began = self.first = time.time()
         self.program.go()
-        if self.row.moves:
-            first = self.recorder.wait_for(
-                lambda velocity: velocity.moves, self.first, EXIT_TIMEOUT)
+        for recorder in self.recorders if self.row.moves else ():
+            first = recorder.wait_for(lambda velocity: velocity.moves, began, EXIT_TIMEOUT)
             if first is None:
                 self.violations.append('it never moved')
             else:
-                self.first = first.time
+                self.first = max(self.first, first.time)
         self.counted_from = self.first + START_TOLERANCE
 
-    def stop_zeros(self) -> list[float]:
-        """Return when the zeros of the stop were sent [s, system clock]."""
-        zeros = [one.time for one in self.recorder.sent_since(self.counted_from)
-                 if not one.moves]
+    def stop_zeros(self, recorder: RobotRecorder | None = None) -> list[float]:
+        """
+        Return the times of the zeros of the stop [s, system clock].
+
+        :param recorder: the recorder of the robot; None for the first robot
+        """
+        recorder = recorder or self.recorder
+        zeros = [one.time for one in recorder.sent_since(self.counted_from) if not one.moves]
         return from_burst_on(zeros) if self.was_paused else zeros
 
     def end(self) -> None:
-        """End the programs that still run, and remove their files."""
+        """End the running programs, and remove their files."""
         for program in filter(None, (self.program, self.second)):
             program.close()
 
@@ -172,7 +181,7 @@ def inject_fault(context: TrialContext, pause: Callable[[], float]) -> float:
 
     :param context: the trial
     :param pause: returns the time from the first velocity to the fault [s]
-    :returns: when the fault happened [s, system clock]
+    :returns: the time of the fault [s, system clock]
     """
     context.start_motion()
     time.sleep(pause())
@@ -187,9 +196,9 @@ def inject_fault(context: TrialContext, pause: Callable[[], float]) -> float:
 
 def from_burst_on(zeros: list[float]) -> list[float]:
     """
-    Return the zeros of a stop, which begins with several at once, without those of a pause.
+    Return the zeros of a stop, which begins with a burst, without the zeros of a pause before.
 
-    :param zeros: when they were sent [s]
+    :param zeros: the times of all zeros [s]
     """
     begin = (number for number, (one, two) in enumerate(pairwise(zeros)) if two - one < BURST_GAP)
     return zeros[next(begin, len(zeros)):]
@@ -197,10 +206,10 @@ def from_burst_on(zeros: list[float]) -> list[float]:
 
 def finish_trial(context: TrialContext, fault: float) -> Trial:
     """
-    Let the rest of the row happen, wait for the end of the program, and return the result.
+    Run the later actions of the row, wait for the end of the program, and return the result.
 
     :param context: the trial
-    :param fault: when the fault happened [s, system clock]
+    :param fault: the time of the fault [s, system clock]
     """
     row, recorder = context.row, context.recorder
     if row.after is not None:
@@ -212,17 +221,24 @@ def finish_trial(context: TrialContext, fault: float) -> Trial:
     text = context.program.text
     if not context.program.close():
         context.violations.append('its guardian outlived it')
-    velocities, zeros = recorder.sent_since(context.counted_from), context.stop_zeros()
-    # A program that is killed may be sending a velocity at that moment.
-    stopped = zeros[0] if zeros else fault + SEND_LATENCY
+    zeros = [context.stop_zeros(recorder) for recorder in context.recorders]
     distance = row.measures_distance and row.expectation.zero is not Zero.AT_END
     return Trial(
-        zero=zeros[0] - fault if zeros else None,
-        zeros=len(zeros),
-        late=sum(
-            one.moves and one.linear_x not in (OTHER_VELOCITY, SECOND_VELOCITY)
-            and one.time > stopped for one in velocities),
+        # With several robots, the robot that is stopped last counts.
+        zero=max(times[0] for times in zeros) - fault if all(zeros) else None,
+        zeros=min(map(len, zeros)),
+        late=sum(_late(context, *sent, fault) for sent in zip(context.recorders, zeros)),
         metres=recorder.distance_since(fault) if distance else None,
         code=code,
         message=last_message(text, recorder.namespace, 'rclpy.init()' in row.script),
         broken=tuple(context.violations))
+
+
+def _late(
+        context: TrialContext, recorder: RobotRecorder, zeros: list[float], fault: float) -> int:
+    """Return the number of the program's velocities to a robot after the first zero."""
+    # A program may be sending a velocity at the moment of its kill.
+    stopped = zeros[0] if zeros else fault + SEND_LATENCY
+    return sum(
+        one.moves and one.linear_x not in (OTHER_VELOCITY, SECOND_VELOCITY) and one.time > stopped
+        for one in recorder.sent_since(context.counted_from))

@@ -13,6 +13,12 @@
 # limitations under the License.
 """How the guardian discovers the robot, and leaves no second publisher behind."""
 
+import mmap
+import os
+import signal
+import subprocess
+import sys
+import tempfile
 import time
 
 from optional_libraries import optional_imports
@@ -25,6 +31,13 @@ with optional_imports():
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
 TOPIC = '/kachaka/manual_control/cmd_vel'
+#: A guardian whose middleware never returns from leaving the graph.
+HANGS = """
+import sys, time
+from kachaka_simple_control.ros import guardian_program
+guardian_program.GuardianNode.end = lambda self: time.sleep(60.0)
+sys.exit(guardian_program.main())
+"""
 
 
 @pytest.fixture
@@ -75,3 +88,21 @@ def test_a_node_that_is_needed_stays(enter, greeted):
     node = create_matched_node(enter, lambda: True)
     node.end()
     assert len(greeted) == 1
+
+
+def test_a_guardian_that_cannot_leave_the_graph_ends_all_the_same():
+    """Otherwise it keeps the claim: the robot of a program that was killed stays taken."""
+    reader, writer = os.pipe()
+    with tempfile.TemporaryFile() as memory:
+        memory.truncate(mmap.PAGESIZE)
+        kept = (reader, memory.fileno())
+        options = (TOPIC, os.environ['ROS_DOMAIN_ID'], 0.3, 'Twist', 'base_link', *kept)
+        with subprocess.Popen(
+                [sys.executable, '-c', HANGS, *map(str, options)], pass_fds=kept,
+                stdout=subprocess.PIPE) as program:
+            os.close(reader)
+            os.close(writer)
+            try:
+                assert program.wait(20.0) == -signal.SIGALRM
+            finally:
+                program.kill()
