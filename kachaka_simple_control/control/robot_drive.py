@@ -94,7 +94,7 @@ class RunProgress:
 
     @property
     def step(self) -> tuple[int, int]:
-        """Return the number of the current step (0 before the first) and the number of steps."""
+        """Return the number of the current step, 0 before the first, and the number of steps."""
         if self.plan is None or not self.plan.steps:
             return 0, 0
         number = 0 if self.plan_time is None else self.plan.step_index(self.plan_time) + 1
