@@ -29,6 +29,7 @@ if __name__ == '__main__':
     sys.path[0] = __file__.rpartition('/kachaka_simple_control/')[0] or '..'
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
+from kachaka_simple_control.control.closing import Closers
 from kachaka_simple_control.control.drive_requests import DriveRequest
 from kachaka_simple_control.control.events import OdometryReceived, SpeedFactorChanged
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
@@ -67,6 +68,8 @@ NAME = 'kachaka_simple_control'
 SERVICES = ('~/stop', '~/run', '~/pause', '~/resume')
 
 
+#: The sessions of all nodes: when the program ends, their robots stop at the same time.
+_sessions = Closers()
 # Called at import, because a script may fail before it creates a node.
 signal_dispatcher.handle_uncaught()
 
@@ -285,7 +288,8 @@ class KachakaSimpleControl(Node):
         self._close()
         self._introspection.close()
         signal_dispatcher.unregister(self._signal_handler)
-        atexit.unregister(self._close)
+        _sessions.remove(self.session.close)
+        atexit.unregister(self._close_at_exit)
         super().destroy_node()
 
     def _delay(self, driven: Plan) -> str:
@@ -310,16 +314,23 @@ class KachakaSimpleControl(Node):
                 'Made outside the main thread, this node does not receive signals: make it in the '
                 'main thread, or call stop_robot() on the way out')
         signal_dispatcher.reinstall()
+        _sessions.add(self.session.close, self.context)
         before_shutdown(self.context, self._release)
         # atexit calls in reverse order, so the robot is released first.
         atexit.unregister(_discard_if_stopped)
         atexit.register(_discard_if_stopped)
-        atexit.register(self._close)
+        atexit.register(self._close_at_exit)
 
     def _release(self) -> None:
-        """Stop the robot and release it before the ROS context shuts down."""
+        """Stop all robots of the ROS context and release them before it shuts down."""
+        _sessions.close_all(self.context)
         self.session.close()
         self.event_bus.flush()
+
+    def _close_at_exit(self) -> None:
+        """Stop and release all robots of the program, then end what belongs to this node."""
+        _sessions.close_all()
+        self._close()
 
     def _close(self) -> None:
         """Stop the robot and release it; end the simulated robot if there is one."""

@@ -35,6 +35,8 @@ GUARDIAN_FROZEN = 0.6
 NEW_PUBLISHER, KNOWN_PUBLISHER = 0.5, 0.05
 #: The time limit for a second program [s]; a program publishes its claim every 0.5 s.
 CLAIM = 1.0
+#: Time limit of a program that ends while other threads drive [s], with the end of Python.
+EXIT = 0.1
 
 
 def _ends(what: str, limit: float | None, codes: tuple[int, ...], *names: str) -> Row:
@@ -50,10 +52,12 @@ def _freeze(what: str, seconds: float, **more: int) -> Row:
         check=faults.check_guardian_silent, full=50, **more)
 
 
-def _two(what: str, who: str, codes: tuple[int, ...], limit: float, name: str) -> Row:
+def _two(
+        what: str, who: str, codes: tuple[int, ...], limit: float,
+        inject: Callable[[TrialContext], float], script: str = scripts.TWO_ROBOTS) -> Row:
     return Row(
-        Expectation(f'{what}, two robots in one program', who, codes, limit=limit),
-        faults.send_signals(name), scripts.TWO_ROBOTS, robots=2, batch_size=2, quick=1)
+        Expectation(f'{what}, two robots in one program', who, codes, limit=limit), inject,
+        script, robots=2, batch_size=2)
 
 
 def _runs_on(what: str, inject: Callable[[TrialContext], float], **more: object) -> Row:
@@ -234,9 +238,13 @@ ROWS = (
                     limit=SIGNAL),
         pauses.push_and_ask('hold', 'release'), scripts.PUSHED, check=pauses.check_still_held,
         full=10),
-    _two('SIGINT', NODE, (130,), SIGNAL, 'SIGINT'),
-    _two('SIGKILL', GUARDIAN, (137,), KILLED, 'SIGKILL'),
-    _two('SIGSTOP', GUARDIAN, (), FROZEN, 'SIGSTOP'),
+    _two('SIGINT', NODE, (130,), SIGNAL, faults.send_signals('SIGINT')),
+    _two('SIGKILL', GUARDIAN, (137,), KILLED, faults.send_signals('SIGKILL')),
+    _two('SIGSTOP', GUARDIAN, (), FROZEN, faults.send_signals('SIGSTOP')),
+    _two('`sys.exit(3)` while other threads drive', NODE, (3,), EXIT, faults.own_fault,
+         scripts.EXIT_OF_TWO),
+    _two('exception while other threads drive', NODE, (1,), EXIT, faults.own_fault,
+         scripts.ERROR_OF_TWO),
     *(_at(state, row) for state in State for row in IN_MOTION
       if row.expectation.what in AROUND_PAUSE),
     Row(Expectation('frozen for 1 s while paused, then resumed', GUARDIAN, (1,), limit=FROZEN),

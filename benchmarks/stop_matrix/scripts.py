@@ -131,15 +131,15 @@ wait_for_go()
 node.move_robot(0.1, 0.0, DURATION)
 """
 
-#: Drives two robots at the same time, one in the main thread.
+#: Drives two robots at the same time, one of them in the main thread.
 TWO_ROBOTS = BEGIN + """
 import rclpy
 from kachaka_simple_control import ControlError, KachakaSimpleControl
 from rclpy.parameter import Parameter
 
-def drive_second():
+def drive(node):
     try:
-        second.move_robot(0.1, 0.0, DURATION)
+        node.move_robot(0.1, 0.0, DURATION)
     except ControlError:
         pass
 
@@ -151,9 +151,19 @@ first, second = (
 for node in (first, second):
     node.move_robot(0.0, 0.0, 0.2)
 wait_for_go()
-threading.Thread(target=drive_second, daemon=True).start()
+threading.Thread(target=drive, args=(second,), daemon=True).start()
 first.move_robot(0.1, 0.0, DURATION)
 """
+
+#: Drives two robots in other threads, and the main thread ends.
+EXIT_OF_TWO = TWO_ROBOTS.replace('first.move_robot(0.1, 0.0, DURATION)', """
+threading.Thread(target=drive, args=(first,), daemon=True).start()
+time.sleep(0.3 + time_to_fault())
+write_fault()
+sys.exit(3)""")
+
+#: Drives two robots in other threads, and an error ends the main thread.
+ERROR_OF_TWO = EXIT_OF_TWO.replace('sys.exit(3)', "raise ValueError('of the user')")
 
 #: A closed loop with a wrong calibration, so that odometry always corrects the velocities.
 CLOSED_LOOP = BEGIN + """

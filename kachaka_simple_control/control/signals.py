@@ -180,6 +180,19 @@ class SignalDispatcher:
                 handler.on_signal(signum)
             handler.wake()
 
+    def _stop_all(self, error: BaseException) -> None:
+        """Let all handlers react to an uncaught exception, and return when all have reacted."""
+        threads = []
+        for handler in self._handlers[1:]:
+            # In separate threads: the stop of one robot must not wait for the stop of another.
+            thread = threading.Thread(target=handler.uncaught, args=(error,), daemon=True)
+            thread.start()
+            threads.append(thread)
+        for handler in self._handlers[:1]:
+            handler.uncaught(error)
+        for thread in threads:
+            thread.join()
+
     def _note(self, signum: int) -> None:
         if self.signum is None:
             self.signum = signum
@@ -207,8 +220,8 @@ class SignalDispatcher:
             error: BaseException,
             traceback: TracebackType | None) -> None:
         # An interactive prompt continues after an error, so its robots also continue.
-        for handler in [] if hasattr(sys, 'ps1') else [*self._handlers]:
-            handler.uncaught(error)
+        if not hasattr(sys, 'ps1'):
+            self._stop_all(error)
         # After Ctrl+C Python already ends with the correct status; a traceback would not help.
         if kind is KeyboardInterrupt and self.signum == signal.SIGINT:
             return

@@ -114,13 +114,13 @@ class MotionFile:
     def _excesses(self, limits: Limits) -> Iterator[LimitError]:
         """Yield an error for each limit of the file that is above the robot's limit."""
         for name, value in self.limits.items():
-            bound, unit = _bound(limits, name), LIMIT_QUANTITIES[name].unit
+            bound, unit = limits.bound(name), LIMIT_QUANTITIES[name].unit
             if value > bound:
                 yield LimitError(value, unit, bound, whose='the').at(f'limits.{name}')
 
     def _tighten(self, limits: Limits) -> Limits:
         """Return the limits of a robot, reduced to the limits of the file."""
-        own = {name: min(value, _bound(limits, name)) for name, value in self.limits.items()}
+        own = {name: min(value, limits.bound(name)) for name, value in self.limits.items()}
         tightened = replace(limits, **own)
         if limits.max_backward_velocity is None or 'max_backward_velocity' in own:
             return tightened
@@ -134,12 +134,6 @@ class MotionFile:
 
     def _line(self, path: str) -> int | None:
         return self.root.at(parse_path(path)).line if self.root and path else None
-
-
-def _bound(limits: Limits, name: str) -> float:
-    # For a limit that may be None, the property without max_ returns the effective value.
-    bound: float = getattr(limits, name.removeprefix('max_'), getattr(limits, name))
-    return bound
 
 
 def read_steps(document: Document, path: KeyPath) -> tuple[Step, ...]:

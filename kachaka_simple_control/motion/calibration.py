@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import compose, Pose, relative_to, sinc, Velocity
-from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.motion.limits import ANGULAR_OF, Limits, LINEAR_OF
 from kachaka_simple_control.motion.units import format_number, require_between
 
 #: The range of a gain: a value outside it means a wrong unit or a broken robot.
@@ -100,38 +100,26 @@ class Calibration:
         """
         forward, backward = (min(1.0, gain) - MARGIN for gain in (
             self.forward_gain, self.backward_gain))
-        linear = min(forward, backward)
+        linear = {
+            **dict.fromkeys(ANGULAR_OF, min(forward, backward)),
+            'max_linear_velocity': forward, 'max_backward_velocity': backward}
         angular = min(1.0, self.left_gain, self.right_gain) - MARGIN
-        reduced = replace(
-            limits,
-            max_linear_velocity=limits.max_linear_velocity * forward,
-            max_backward_velocity=limits.backward_velocity * backward,
-            max_linear_acceleration=limits.max_linear_acceleration * linear,
-            max_linear_deceleration=limits.linear_deceleration * linear,
-            max_linear_jerk=limits.max_linear_jerk * linear)
+        reduced = replace(limits, **{
+            name: limits.bound(name) * gain for name, gain in linear.items()})
 
-        def remaining(name: str, bound: float, drive: float) -> float:
+        def remaining(name: str, drive: float) -> float:
             # An unlimited linear axis steps, so the turn from the veer steps too.  No limit can
             # prevent this.
             veer = abs(self.veer) * drive if math.isfinite(drive) else 0.0
+            bound = limits.bound(name)
             if bound * angular <= veer:
                 raise InvalidMotionError(
                     f'{self.veer} rad/m, which needs all of {name}, {bound:g}', name='veer')
             return bound * angular - veer
 
-        return replace(
-            reduced,
-            max_angular_velocity=remaining(
-                'max_angular_velocity', limits.max_angular_velocity,
-                max(reduced.max_linear_velocity, reduced.backward_velocity)),
-            max_angular_acceleration=remaining(
-                'max_angular_acceleration', limits.max_angular_acceleration,
-                max(reduced.max_linear_acceleration, reduced.linear_deceleration)),
-            max_angular_deceleration=remaining(
-                'max_angular_deceleration', limits.angular_deceleration,
-                max(reduced.max_linear_acceleration, reduced.linear_deceleration)),
-            max_angular_jerk=remaining(
-                'max_angular_jerk', limits.max_angular_jerk, reduced.max_linear_jerk))
+        return replace(reduced, **{
+            name: remaining(name, max(map(reduced.bound, coupled)))
+            for name, coupled in LINEAR_OF.items()})
 
     def describe(self) -> str:
         """Return the calibration as text, for reports."""
@@ -252,46 +240,22 @@ class OdometryCalibration:
         inverse = self._odometry_matrix()
         own, spin = max(1.0, inverse.linear), max(1.0, inverse.spin)
 
-        def remaining(name: str, bound: float, other: float, cross: float, own: float) -> float:
+        def remaining(name: str, other: float, cross: float, own: float) -> float:
             # An unlimited axis steps, so the coupled axis steps too.  No limit can prevent this.
             lost = abs(cross) * other if math.isfinite(other) else 0.0
+            bound = limits.bound(name)
             if bound <= lost:
                 raise InvalidMotionError(
                     f'{self.wheel_ratio}, which needs all of {name}, {bound:g}',
                     name='wheel_ratio')
             return (bound - lost) / own * (1.0 - MARGIN)
 
-        def linear(name: str, bound: float, *angular: float) -> float:
-            return remaining(name, bound, max(angular) / spin, inverse.across, own)
-
-        def angular(name: str, bound: float, *linear: float) -> float:
-            return remaining(name, bound, max(linear), inverse.turn, spin)
-
-        changes = limits.max_angular_acceleration, limits.angular_deceleration
-        reduced = replace(
-            limits,
-            max_linear_velocity=linear(
-                'max_linear_velocity', limits.max_linear_velocity, limits.max_angular_velocity),
-            max_backward_velocity=linear(
-                'max_backward_velocity', limits.backward_velocity, limits.max_angular_velocity),
-            max_linear_acceleration=linear(
-                'max_linear_acceleration', limits.max_linear_acceleration, *changes),
-            max_linear_deceleration=linear(
-                'max_linear_deceleration', limits.linear_deceleration, *changes),
-            max_linear_jerk=linear(
-                'max_linear_jerk', limits.max_linear_jerk, limits.max_angular_jerk))
-        changes = reduced.max_linear_acceleration, reduced.linear_deceleration
-        return replace(
-            reduced,
-            max_angular_velocity=angular(
-                'max_angular_velocity', limits.max_angular_velocity,
-                reduced.max_linear_velocity, reduced.backward_velocity),
-            max_angular_acceleration=angular(
-                'max_angular_acceleration', limits.max_angular_acceleration, *changes),
-            max_angular_deceleration=angular(
-                'max_angular_deceleration', limits.angular_deceleration, *changes),
-            max_angular_jerk=angular(
-                'max_angular_jerk', limits.max_angular_jerk, reduced.max_linear_jerk))
+        reduced = replace(limits, **{
+            name: remaining(name, max(map(limits.bound, coupled)) / spin, inverse.across, own)
+            for name, coupled in ANGULAR_OF.items()})
+        return replace(reduced, **{
+            name: remaining(name, max(map(reduced.bound, coupled)), inverse.turn, spin)
+            for name, coupled in LINEAR_OF.items()})
 
     def describe(self) -> str:
         """Return the odometry calibration as text, for reports."""

@@ -70,27 +70,28 @@ class Limits:
         :raises InvalidMotionError: if a limit is not a number above zero
         """
         for name, quantity in LIMIT_QUANTITIES.items():
-            value = getattr(self, name)
-            if value is not None or name not in OPTIONAL:
-                require_positive(name, value, quantity.unit)
+            require_positive(name, self.bound(name), quantity.unit)
+
+    def bound(self, name: str) -> float:
+        """Return the limit that holds, by the name of its field: never None."""
+        value = getattr(self, name)
+        bound: float = getattr(self, SAME_AS.get(name, name)) if value is None else value
+        return bound
 
     @property
     def backward_velocity(self) -> float:
         """Return the largest backward velocity [m/s], positive."""
-        own = self.max_backward_velocity
-        return self.max_linear_velocity if own is None else own
+        return self.bound('max_backward_velocity')
 
     @property
     def linear_deceleration(self) -> float:
         """Return the largest linear deceleration [m/s^2]."""
-        own = self.max_linear_deceleration
-        return self.max_linear_acceleration if own is None else own
+        return self.bound('max_linear_deceleration')
 
     @property
     def angular_deceleration(self) -> float:
         """Return the largest angular deceleration [rad/s^2]."""
-        own = self.max_angular_deceleration
-        return self.max_angular_acceleration if own is None else own
+        return self.bound('max_angular_deceleration')
 
     def scaled(self, factor: float) -> Limits:
         """Return these limits times a factor."""
@@ -99,22 +100,12 @@ class Limits:
 
     def tightened(self, other: Limits) -> Limits:
         """Return limits that are the lower of these limits and the other limits, one by one."""
-        return Limits(
-            min(self.max_linear_velocity, other.max_linear_velocity),
-            min(self.max_angular_velocity, other.max_angular_velocity),
-            min(self.max_linear_acceleration, other.max_linear_acceleration),
-            min(self.max_angular_acceleration, other.max_angular_acceleration),
-            min(self.max_linear_jerk, other.max_linear_jerk),
-            min(self.max_angular_jerk, other.max_angular_jerk),
-            min(self.linear_deceleration, other.linear_deceleration),
-            min(self.angular_deceleration, other.angular_deceleration),
-            min(self.backward_velocity, other.backward_velocity))
+        return Limits(**{
+            name: min(self.bound(name), other.bound(name)) for name in LIMIT_QUANTITIES})
 
     def exceeds(self, other: Limits) -> bool:
         """Return whether these limits allow a velocity that the other limits forbid."""
-        return (self.max_linear_velocity > other.max_linear_velocity
-                or self.backward_velocity > other.backward_velocity
-                or self.max_angular_velocity > other.max_angular_velocity)
+        return any(self.bound(name) > other.bound(name) for name in VELOCITIES)
 
     def check(self, velocity: Velocity) -> None:
         """
@@ -155,8 +146,28 @@ LIMIT_QUANTITIES = {
     'max_angular_deceleration': ANGULAR_ACCELERATION,
     'max_backward_velocity': POSITIVE_LINEAR_VELOCITY,
 }
-#: The limits that may be None; then another limit is used instead.
-OPTIONAL = ('max_linear_deceleration', 'max_angular_deceleration', 'max_backward_velocity')
+#: The limits that may be None, and the limit that holds instead.
+SAME_AS = {
+    'max_linear_deceleration': 'max_linear_acceleration',
+    'max_angular_deceleration': 'max_angular_acceleration',
+    'max_backward_velocity': 'max_linear_velocity',
+}
+VELOCITIES = ('max_linear_velocity', 'max_backward_velocity', 'max_angular_velocity')
+#: The linear limits, and the angular limits of the same derivative.
+ANGULAR_OF = {
+    'max_linear_velocity': ('max_angular_velocity',),
+    'max_backward_velocity': ('max_angular_velocity',),
+    'max_linear_acceleration': ('max_angular_acceleration', 'max_angular_deceleration'),
+    'max_linear_deceleration': ('max_angular_acceleration', 'max_angular_deceleration'),
+    'max_linear_jerk': ('max_angular_jerk',),
+}
+#: The angular limits, and the linear limits of the same derivative.
+LINEAR_OF = {
+    'max_angular_velocity': ('max_linear_velocity', 'max_backward_velocity'),
+    'max_angular_acceleration': ('max_linear_acceleration', 'max_linear_deceleration'),
+    'max_angular_deceleration': ('max_linear_acceleration', 'max_linear_deceleration'),
+    'max_angular_jerk': ('max_linear_jerk',),
+}
 
 
 def _check(name: str, value: float, backward: float, forward: float, unit: str) -> None:

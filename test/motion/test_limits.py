@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits, OPTIONAL
+from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits, SAME_AS
 import pytest
 
 KACHAKA = Limits(0.3, 1.57)
@@ -90,7 +90,7 @@ def test_a_limit_is_a_number(value):
 
 def test_every_limit_has_a_unit():
     assert [field.name for field in fields(Limits)] == list(LIMIT_QUANTITIES)
-    assert {field.name for field in fields(Limits) if field.default is None} == set(OPTIONAL)
+    assert {field.name for field in fields(Limits) if field.default is None} == set(SAME_AS)
 
 
 @given(st.floats(), st.floats(0.001, 10.0), st.floats(0.001, 10.0))

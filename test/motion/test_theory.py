@@ -31,7 +31,7 @@ LABELS = (
 CITED = {
     'velocity_profile.py': {2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, 'trajectory.py': {13, 17},
     'replanning.py': {15, 16},
-    'geometry.py': {14}, 'calibration.py': {18}, 'odometry_calibration.py': {19},
+    'geometry.py': {14}, 'calibration.py': {18, 19},
     '../control/pose_feedback.py': {20, 21}}
 
 

@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 import json
 import math
 from typing import Any
@@ -41,6 +41,13 @@ from kachaka_simple_control.kachaka.simulator.grpc_state import (
 )
 from kachaka_simple_control.kachaka.simulator.grpc_tasks import HOME
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose
+
+
+def _constant(response: Callable[..., Any], **fields: Any) -> Callable[..., Awaitable[Any]]:
+    """Return a gRPC call with a constant answer: the fields, and the metadata of a long poll."""
+    async def call(self: Service, request: pb2.GetRequest, _context: Any) -> Any:
+        return response(metadata=await self.constant_metadata(request), **fields)
+    return call
 
 
 class DrivingService(Service):
@@ -192,18 +199,10 @@ class StateService(Service):
         super().__init__(state)
         self._errors = LongPollValue(state, state.robot.errors)
 
-    async def GetRobotSerialNumber(
-            self, request: pb2.GetRequest, context: Any) -> pb2.GetRobotSerialNumberResponse:
-        """Return the serial number; no real robot has this number."""
-        return pb2.GetRobotSerialNumberResponse(
-            metadata=await self._constant_metadata(request), serial_number=SERIAL_NUMBER)
-
-    async def GetRobotVersion(
-            self, request: pb2.GetRequest, context: Any) -> pb2.GetRobotVersionResponse:
-        """Return the release of the robot's software."""
-        return pb2.GetRobotVersionResponse(
-            metadata=await self._constant_metadata(request), version=VERSION)
-
+    #: No real robot has this serial number.
+    GetRobotSerialNumber = _constant(
+        pb2.GetRobotSerialNumberResponse, serial_number=SERIAL_NUMBER)
+    GetRobotVersion = _constant(pb2.GetRobotVersionResponse, version=VERSION)
     async def IsReady(self, request: pb2.EmptyRequest, context: Any) -> pb2.IsReadyResponse:
         """Return that the robot is ready, always."""
         return pb2.IsReadyResponse(ready=True)
@@ -307,7 +306,7 @@ class MapService(Service):
             self, request: pb2.GetRequest, context: Any) -> pb2.GetLocationsResponse:
         """Return the location of the dock."""
         return pb2.GetLocationsResponse(
-            metadata=await self._constant_metadata(request), default_location_id=HOME,
+            metadata=await self.constant_metadata(request), default_location_id=HOME,
             locations=[pb2.Location(
                 id=HOME, name=HOME, pose=self._dock, type=pb2.LOCATION_TYPE_CHARGER)])
 
@@ -315,36 +314,18 @@ class MapService(Service):
             self, request: pb2.GetRequest, context: Any) -> pb2.GetLocationsDigestResponse:
         """Return the digest of the locations: the dock."""
         return pb2.GetLocationsDigestResponse(
-            metadata=await self._constant_metadata(request),
+            metadata=await self.constant_metadata(request),
             locations=[pb2.LocationDigest(id=HOME, name=HOME, type=pb2.LOCATION_TYPE_CHARGER)])
 
-    async def GetShelves(
-            self, request: pb2.GetRequest, context: Any) -> pb2.GetShelvesResponse:
-        """Return an empty list of shelves."""
-        return pb2.GetShelvesResponse(metadata=await self._constant_metadata(request))
-
-    async def GetShelvesDigest(
-            self, request: pb2.GetRequest, context: Any) -> pb2.GetShelvesDigestResponse:
-        """Return an empty list of shelves."""
-        return pb2.GetShelvesDigestResponse(metadata=await self._constant_metadata(request))
-
-    async def GetMovingShelfId(
-            self, request: pb2.GetRequest, context: Any) -> pb2.GetMovingShelfIdResponse:
-        """Return that the robot carries no shelf."""
-        return pb2.GetMovingShelfIdResponse(metadata=await self._constant_metadata(request))
-
+    #: There are no shelves and no maps.
+    GetShelves = _constant(pb2.GetShelvesResponse)
+    GetShelvesDigest = _constant(pb2.GetShelvesDigestResponse)
+    GetMovingShelfId = _constant(pb2.GetMovingShelfIdResponse)
     async def ResetShelfPose(
             self, request: pb2.ResetShelfPoseRequest, context: Any) -> pb2.ResetShelfPoseResponse:
         """Do nothing, because there are no shelves; refuse a request with a shelf id."""
         code = ERROR_UNKNOWN_NAME if request.shelf_id else SUCCESS
         return pb2.ResetShelfPoseResponse(result=grpc_messages.result(code))
 
-    async def GetMapList(
-            self, request: pb2.GetRequest, context: Any) -> pb2.GetMapListResponse:
-        """Return an empty list of maps."""
-        return pb2.GetMapListResponse(metadata=await self._constant_metadata(request))
-
-    async def GetCurrentMapId(
-            self, request: pb2.GetRequest, context: Any) -> pb2.GetCurrentMapIdResponse:
-        """Return that there is no map."""
-        return pb2.GetCurrentMapIdResponse(metadata=await self._constant_metadata(request))
+    GetMapList = _constant(pb2.GetMapListResponse)
+    GetCurrentMapId = _constant(pb2.GetCurrentMapIdResponse)

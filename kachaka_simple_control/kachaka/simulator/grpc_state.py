@@ -175,7 +175,7 @@ class Service:
         #: the cursor source for values that never change
         self._constant = LongPollValue(state, lambda _: None)
 
-    async def _constant_metadata(self, request: pb2.GetRequest) -> pb2.Metadata:
+    async def constant_metadata(self, request: pb2.GetRequest) -> pb2.Metadata:
         """Return the metadata of a constant value; wait forever if the client has the value."""
         cursor, _ = await self._constant.get(request.metadata.cursor)
         return pb2.Metadata(cursor=cursor)

@@ -209,7 +209,7 @@ class CommandService(Service):
     async def GetShortcuts(
             self, request: pb2.GetRequest, context: Any) -> pb2.GetShortcutsResponse:
         """Return an empty list of shortcuts."""
-        return pb2.GetShortcutsResponse(metadata=await self._constant_metadata(request))
+        return pb2.GetShortcutsResponse(metadata=await self.constant_metadata(request))
 
     async def StartShortcutCommand(
             self, request: pb2.StartShortcutCommandRequest, context: Any

@@ -1,0 +1,96 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Close several robots at the same time, also while Python ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import contextlib
+import threading
+
+Close = Callable[[], None]
+
+
+class Closers:
+    """
+    Calls several functions that close something, all at the same time.
+
+    Each function has a thread that waits from the beginning: from Python 3.12 on, no thread can be
+    started while the program ends.
+    """
+
+    def __init__(self) -> None:
+        self._closers: dict[Close, _Closer] = {}
+
+    def add(self, close: Close, group: object) -> None:
+        """
+        Add a function.
+
+        :param close: closes something; it may be called more than once, and from any thread
+        :param group: what the thing belongs to, for ``close_all``
+        """
+        closer = _Closer(close, group)
+        with contextlib.suppress(RuntimeError):  # the program ends already: no thread can start
+            closer.start()
+            self._closers[close] = closer
+
+    def remove(self, close: Close) -> None:
+        """Remove a function: the thing was closed in another way."""
+        closer = self._closers.pop(close, None)
+        if closer is not None:
+            closer.end()
+
+    def close_all(self, group: object | None = None) -> None:
+        """
+        Call all functions at the same time, and return when the last one has returned.
+
+        :param group: call only the functions of this group; None for all functions
+        """
+        chosen = [closer for closer in [*self._closers.values()]
+                  if group is None or closer.group is group]
+        for closer in chosen:
+            self._closers.pop(closer.close, None)
+        last = chosen.pop() if chosen else None
+        for closer in chosen:
+            closer.begin()
+        if last is not None:
+            last.end()
+            last.close()
+        for closer in chosen:
+            closer.join()
+
+
+class _Closer(threading.Thread):
+    """A thread that waits until it may close something."""
+
+    def __init__(self, close: Close, group: object) -> None:
+        super().__init__(name='closer', daemon=True)
+        self.close, self.group = close, group
+        self._is_wanted = True
+        self._begin = threading.Event()
+
+    def begin(self) -> None:
+        """Let the thread close the thing."""
+        self._begin.set()
+
+    def end(self) -> None:
+        """Let the thread end without closing anything."""
+        self._is_wanted = False
+        self._begin.set()
+
+    def run(self) -> None:
+        """Wait, then close the thing if that is still wanted."""
+        self._begin.wait()
+        if self._is_wanted:
+            self.close()
