@@ -203,6 +203,7 @@ class StateService(Service):
     GetRobotSerialNumber = _constant(
         pb2.GetRobotSerialNumberResponse, serial_number=SERIAL_NUMBER)
     GetRobotVersion = _constant(pb2.GetRobotVersionResponse, version=VERSION)
+
     async def IsReady(self, request: pb2.EmptyRequest, context: Any) -> pb2.IsReadyResponse:
         """Return that the robot is ready, always."""
         return pb2.IsReadyResponse(ready=True)
@@ -321,6 +322,7 @@ class MapService(Service):
     GetShelves = _constant(pb2.GetShelvesResponse)
     GetShelvesDigest = _constant(pb2.GetShelvesDigestResponse)
     GetMovingShelfId = _constant(pb2.GetMovingShelfIdResponse)
+
     async def ResetShelfPose(
             self, request: pb2.ResetShelfPoseRequest, context: Any) -> pb2.ResetShelfPoseResponse:
         """Do nothing, because there are no shelves; refuse a request with a shelf id."""
