@@ -97,7 +97,7 @@ def setup(app):
 
 def write_parameters():
     """Write the table of the node's parameters, from the one place that declares them."""
-    from kachaka_simple_control.ros.parameters import NodeParameters
+    from kachaka_simple_control.ros.node_parameters import NodeParameters
     rows = ['| parameter | default | range | what it is |', '|---|---|---|---|']
     for field in fields(NodeParameters):
         bounds = field.metadata['range']

@@ -40,7 +40,7 @@ from kachaka_simple_control.errors import (
     MotionRunningError,
     UsageError,
 )
-from kachaka_simple_control.kachaka.bridge_process import OwnSimulation, start_on_this_machine
+from kachaka_simple_control.kachaka.own_simulation import OwnSimulation, start_on_this_machine
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import DriveOrder, Plan

@@ -73,6 +73,21 @@ sys.exit(main([]))
     assert 'source' in line
 
 
+@pytest.mark.needs('yaml', 'jsonschema')
+@pytest.mark.parametrize('arguments', [
+    ['--list'], ['square', '--plan', '--ros-args', '-p', 'rate:=20']])
+def test_previews_need_no_ros(arguments):
+    text = BLOCK.format(blocked=ROS) + f"""
+from kachaka_simple_control.commands.drive_or_preview import main
+sys.exit(main({arguments!r}))
+"""
+    ended = subprocess.run(
+        [sys.executable, '-c', text], check=False, env=environment(), capture_output=True,
+        text=True)
+    assert (ended.returncode, ended.stderr) == (0, '')
+    assert 'square' in ended.stdout
+
+
 @pytest.mark.ros
 def test_a_robot_is_moved_with_every_other_dependency_blocked(listener, tmp_path):
     text = BLOCK.format(blocked=OTHERS) + """

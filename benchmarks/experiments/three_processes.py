@@ -41,7 +41,7 @@ from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.motion.geometry import distance_between, Pose, relative_to
 from kachaka_simple_control.motion.plan import Plan, plan
-from kachaka_simple_control.ros.parameters import NodeParameters
+from kachaka_simple_control.ros.node_parameters import NodeParameters
 from ros_domain import isolate_ros
 
 MOTIONS, RUNS = ('lesson', 'square'), 10

@@ -28,7 +28,7 @@ from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.plan_plot import save_plot
 from kachaka_simple_control.report.table_layout import terminal_columns
 from kachaka_simple_control.report.text_tables import plan_table
-from kachaka_simple_control.ros.parameters import require_parameters_only
+from kachaka_simple_control.ros.node_parameters import require_parameters_only
 
 
 def preview(options: Options) -> None:

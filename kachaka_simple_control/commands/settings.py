@@ -24,7 +24,7 @@ from kachaka_simple_control.control.timing import MAX_RATE, min_rate
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.motion.units import point_advice, require_number
-from kachaka_simple_control.ros.parameters import NodeParameters, parameter_arguments
+from kachaka_simple_control.ros.node_parameters import NodeParameters, parameter_arguments
 from kachaka_simple_control.text import escaped, quoted
 
 if TYPE_CHECKING:

@@ -97,7 +97,7 @@ def test_parameters_cannot_be_changed_while_driving(listener, observer, make):
 
 
 def test_parameters_are_described_with_their_ranges(observer, make):
-    from kachaka_simple_control.ros.parameters import NodeParameters
+    from kachaka_simple_control.ros.node_parameters import NodeParameters
     node = make()
     executor = rclpy.executors.SingleThreadedExecutor()
     executor.add_node(node)
