@@ -15,8 +15,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 import contextlib
+from functools import partial
 import os
 import select
 import signal
@@ -172,26 +173,10 @@ class SignalDispatcher:
 
     def _dispatch(self, signum: int) -> None:
         self._note(signum)
-        for handler in [*self._handlers]:
-            # One thread per handler: the stop of one robot must not wait for another robot.
-            try:
-                threading.Thread(target=handler.on_signal, args=(signum,), daemon=True).start()
-            except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
-                handler.on_signal(signum)
+        handlers = [*self._handlers]
+        _run_in_threads([partial(handler.on_signal, signum) for handler in handlers])
+        for handler in handlers:
             handler.wake()
-
-    def _stop_all(self, error: BaseException) -> None:
-        """Let all handlers react to an uncaught exception, and return when all have reacted."""
-        threads = []
-        for handler in self._handlers[1:]:
-            # In separate threads: the stop of one robot must not wait for the stop of another.
-            thread = threading.Thread(target=handler.uncaught, args=(error,), daemon=True)
-            thread.start()
-            threads.append(thread)
-        for handler in self._handlers[:1]:
-            handler.uncaught(error)
-        for thread in threads:
-            thread.join()
 
     def _note(self, signum: int) -> None:
         if self.signum is None:
@@ -221,7 +206,9 @@ class SignalDispatcher:
             traceback: TracebackType | None) -> None:
         # An interactive prompt continues after an error, so its robots also continue.
         if not hasattr(sys, 'ps1'):
-            self._stop_all(error)
+            for thread in _run_in_threads(
+                    [partial(handler.uncaught, error) for handler in self._handlers]):
+                thread.join()
         # After Ctrl+C Python already ends with the correct status; a traceback would not help.
         if kind is KeyboardInterrupt and self.signum == signal.SIGINT:
             return
@@ -244,6 +231,25 @@ class SignalDispatcher:
             raise SystemExit(code_of(error))
         finally:
             self._excepthook = hook
+
+
+def _run_in_threads(functions: Sequence[Callable[[], None]]) -> list[threading.Thread]:
+    """
+    Run functions in one thread each: the stop of one robot must not wait for another robot.
+
+    :returns: the threads that were started
+    """
+    threads, left = [], []
+    for function in functions:
+        thread = threading.Thread(target=function, daemon=True)
+        try:
+            thread.start()
+            threads.append(thread)
+        except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
+            left.append(function)
+    for function in left:
+        function()
+    return threads
 
 
 def _is_interrupted_call(error: BaseException, traceback: TracebackType | None) -> bool:

@@ -19,7 +19,7 @@ import contextlib
 import sys
 
 from optional_libraries import optional_imports
-from program import program
+from program import program, script
 import pytest
 from ros_support import bridge
 
@@ -35,6 +35,25 @@ steps:
   - wait: 2 s
   - forward: {distance} m
   - wait: 2 s
+"""
+#: Two nodes in one program; closing each takes half a second.
+END_OF_TWO = """
+import os, sys, time
+import rclpy
+from kachaka_simple_control import KachakaSimpleControl
+from kachaka_simple_control.ros.session import Session
+close, closed = Session.close, []
+
+def slow_close(self):
+    if self not in closed:
+        closed.append(self)
+        os.write(1, f'closing at {time.monotonic()}\\n'.encode())
+        time.sleep(0.5)
+    close(self)
+
+Session.close = slow_close
+rclpy.init()
+nodes = [KachakaSimpleControl(namespace=name) for name in ('one', 'two')]
 """
 #: Namespace of the robot, namespace of the node, name of the node, how far it goes [m].
 PAIRS = (('/left/robot', '/lab', 'one', 0.1), ('/right', '/', 'two', -0.05))
@@ -73,3 +92,13 @@ def test_two_nodes_drive_two_robots_at_once(tmp_path):
         assert statuses == {
             (f'{node.lstrip("/")}: drive', f'kachaka on {pair[0]}/manual_control/cmd_vel')
             for node, pair in zip(names, PAIRS)}
+
+
+@pytest.mark.parametrize(('end', 'code'), [('sys.exit(3)', 3), ('rclpy.shutdown()', 0)])
+def test_the_robots_of_a_program_are_closed_at_the_same_time(end, code, tmp_path):
+    """Each close begins with the stop of a robot that may still be driven by another thread."""
+    with script(END_OF_TWO + end, tmp_path, '--ros-args', '-p', 'guardian:=false') as started:
+        assert started.end() == code
+    begun = [float(line.split()[-1]) for line in started.text.splitlines() if 'closing' in line]
+    assert len(begun) == 2
+    assert abs(begun[1] - begun[0]) < 0.3  # less than one takes
