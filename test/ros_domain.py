@@ -26,7 +26,7 @@ import socket
 
 from kachaka_simple_control.ros.dds_transport import use_localhost_only
 
-#: The ROS domains to choose from; Linux leaves room for so many.
+#: The ROS domains to choose from.  The ports of higher domains may overlap Linux's own ports.
 DOMAINS = range(1, 101)
 #: What holds the domains of this process until its end.
 _CLAIMS: list[socket.socket] = []

@@ -8,7 +8,7 @@
 set -u
 no_test=5  # pytest's exit code; one of the parts may have none
 code=$no_test
-# Each worker imports all files that it is given: those in real time are given theirs alone.
+# Each worker imports all test files that it gets: the workers in real time get only their own.
 mapfile -t real_time < <(grep -rlE 'mark\.(ros|real_time)' test --include='test_*.py' | sort)
 run() {
     $PYTEST -m "$1 and not document$marked" "${@:2}"

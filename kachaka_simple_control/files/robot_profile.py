@@ -156,9 +156,9 @@ KACHAKA_TRACK = 0.2
 
 
 SCHEMA = 'robots/robot.schema.json'
-#: The keys that a file must have, unless it extends another robot.
 #: A robot must keep a velocity longer than this [s]: MAX_LATENESS in control/timing.py.
 MIN_COMMAND_TIMEOUT = 0.1
+#: The keys that a file must have, unless it extends another robot.
 REQUIRED = ('velocity_topic', 'command_timeout', 'limits')
 #: The keys with a text value that is a field of the profile.
 TEXTS = ('name', 'namespace', 'velocity_topic', 'odometry_topic', 'message_type', 'frame')

@@ -103,18 +103,18 @@ class Step(ABC):
     """
     One thing to do: the base class of all kinds of steps.
 
-    A kind is a frozen dataclass with a path and a description; planner, files, tables, plots and
-    reports need no more.  The first line of its docstring explains it in the JSON Schema.  Each
-    field has ``in_file()`` as metadata; one that may be left out is None by default, and the
-    last one that may not says how far or how long the step goes.  Unless ``trajectories()`` is
-    overridden, each segment of the path is driven from rest to rest.
+    A kind of step is a frozen dataclass with a path and a description.  Planner, files, tables,
+    plots and reports need nothing else.  The first line of the docstring explains the kind in the
+    JSON Schema.  Each field has ``in_file()`` as metadata.  An optional field is None by default.
+    The last required field is the length or the duration of the step.  Unless ``trajectories()``
+    is overridden, each segment of the path is driven from rest to rest.
 
-    :cvar keyword: its word in files and in the paths of errors: the class name in lower case
-    :cvar form: how it is written in a file, for errors; '' if the value of its first field may
-        stand for it, as in ``wait: 2 s``
-    :cvar synonyms: other words for it, for the advice where somebody writes one of them
-    :cvar settles: whether a closed loop corrects the heading during it, at rest
-    :ivar speed: the largest velocity along its path, in the unit of that field; None: as fast as
+    :cvar keyword: the word for the step in files and error paths: the class name in lower case
+    :cvar form: the form in a file, for errors; '' if the value of the first field can be written
+        alone, as in ``wait: 2 s``
+    :cvar synonyms: other words for the step, for the advice in an error
+    :cvar settles: whether a closed loop corrects the heading during the step, at rest
+    :ivar speed: the largest velocity along the path, in the unit of the field; None: as fast as
         the limits allow
     """
 

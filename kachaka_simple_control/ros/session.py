@@ -21,16 +21,13 @@ import signal
 import threading
 import time
 
-from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.drive_loop import DriveLoop, old_objects_frozen
 from kachaka_simple_control.control.drive_requests import DriveRequest, DriveRequests
 from kachaka_simple_control.control.events import (
     Event,
     MotionEnded,
     MotionPlanned,
-    VelocityKind,
 )
-from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.robot_drive import RobotDrive
 from kachaka_simple_control.control.run_monitor import LeaseRenewer, RunMonitor
@@ -39,24 +36,13 @@ from kachaka_simple_control.control.speed_factor import SpeedFactor
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.stop import StopController
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
-from kachaka_simple_control.control.timing import (
-    FEEDBACK_MAX_AGE,
-    FEEDBACK_START_TIMEOUT,
-    GUARDIAN_PRIME_TIMEOUT,
-    ODOMETRY_WAIT_TIME,
-    RELEASE_TIMEOUT,
-    REST_TIMEOUT,
-    STOP_REPEAT_PERIOD,
-)
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.errors import (
     control_error,
     ControlError,
     MotionRefusedError,
     MotionStoppedError,
     PauseTimeoutError,
-    RobotTakenError,
     RunFaultError,
 )
 from kachaka_simple_control.files.robot_profile import RobotProfile
@@ -67,8 +53,13 @@ from kachaka_simple_control.ros.executors import BackgroundExecutor
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.names import RobotNames
-from kachaka_simple_control.ros.parameters import NodeParameters
+from kachaka_simple_control.ros.node_parameters import NodeParameters
 from kachaka_simple_control.ros.robot_claim import RobotClaim
+from kachaka_simple_control.ros.robot_connection import (
+    RobotConnection,
+    start_guardian,
+    wait_for_rest,
+)
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 from kachaka_simple_control.ros.session_status import StatusReader
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
@@ -97,9 +88,6 @@ class Session:
             names: RobotNames, parameters: NodeParameters,
             publish: Callable[[Event], None]) -> None:
         self._node = node
-        #: the odometry topic; None if odometry is not checked
-        self._odometry_topic = names.odometry if parameters.odometry_timeout else None
-        self._parameters = parameters
         #: corrects velocities by odometry; None without the parameter ``closed_loop``
         self._feedback = PoseFeedback(
             profile.feedback_delay(), profile.odometry_calibration) if (
@@ -109,7 +97,7 @@ class Session:
         self.odometry = StandstillDetector()
         self._claim = RobotClaim(node, publisher.topic_name, 'driver', self._on_conflict)
         self._publisher = publisher
-        self._guardian = _start_guardian(
+        self._guardian = start_guardian(
             node, publisher, profile, parameters, self._claim.fileno())
         self.gate = VelocityGate(
             publisher.transmit, profile.limits, self._guardian.latch, self._guardian.sending,
@@ -143,6 +131,11 @@ class Session:
         self._loop = DriveLoop()
         self.gate.wake = partial(self._loop.wake, self.robot_drive)
         self._executor = BackgroundExecutor(node, self._on_callback_error)
+        self._connection = RobotConnection(
+            node, publisher, parameters,
+            names.odometry if parameters.odometry_timeout else None, self.odometry, self.gate,
+            self._claim, self._guardian, self._discovery, self._foreign, self._manual_control,
+            self._lease, self._executor)
         self._requests = DriveRequests(self.gate, 1.0 / parameters.rate)
         self._request: DriveRequest | None = None
         self._publish = publish
@@ -152,7 +145,6 @@ class Session:
         #: why no motion may start again; None while motions may start
         self._stopped_by: ControlError | None = None
         self._stopped = threading.Event()
-        self._is_connected = False
         self._is_closed = False
         #: whether the failure of the last stop was already reported
         self._has_reported = False
@@ -224,7 +216,8 @@ class Session:
     def _prepare(self, order: DriveOrder, plan: Plan, request: DriveRequest) -> None:
         """Take the robot, and prepare the feedback, the stopper and the monitor for a run."""
         self._request, self._has_reported = request, False
-        self._take()
+        self._require_not_stopped()
+        self._connection.take(self._require_wanted)
         feedback = None if order.corrected is None else (
             self._begin_feedback(plan, order.corrected))
         # Only now: the pending stop of the previous movement must still be sent if the wait for
@@ -241,11 +234,11 @@ class Session:
 
     def _end_early(self, error: BaseException) -> BaseException:
         """Stop the robot after an error in a drive, and return the error to raise."""
-        self._is_connected = False
+        self._connection.is_taken = False
         # A failure of this stop is not logged, because the error of the drive is raised.
         self._stopper.stop(control_error(error))
         if isinstance(error, PauseTimeoutError):
-            self._release_manual_control()
+            self._connection.release()
         if self._guardian.stopped_because is not None:
             error = RunFaultError(
                 f'the guardian stopped the robot: {self._guardian.stopped_because}')
@@ -328,7 +321,7 @@ class Session:
         :raises ControlError: if the run may not go on
         """
         self._require_not_stopped()
-        if not self._requests.is_busy or not self._is_connected:
+        if not self._requests.is_busy or not self._connection.is_taken:
             return
         self._monitor.check_resume()
         if even_if_moved:
@@ -344,7 +337,7 @@ class Session:
                 self.gate.close()
                 # The guardian's publisher must be gone as well before the robot is released.
                 self._guardian.shutdown()
-                self._release_manual_control()
+                self._connection.release()
                 self._is_closed = True
                 self._claim.release()
             self._executor.stop()
@@ -398,132 +391,14 @@ class Session:
         started, still = self._stopper.stop_started, self.odometry.still_since(time.monotonic())
         return None if started is None or still is None else max(0.0, still - started)
 
-    def _take(self) -> None:
-        """Connect with the robot and enable manual control, unless both are done already."""
-        self._require_not_stopped()
-        self._executor.ensure_spinning()
-        self._claim.require()
-        if not (self._is_connected and self._discovery.is_subscribed):
-            self._connect()
-        elif self._manual_control.is_needed and self._lease.is_stale(time.monotonic()):
-            self._enable_manual_control()
-
-    def _connect(self) -> None:
-        timeout = self._parameters.robot_timeout
-        self._discovery.wait_for_robot(timeout, self._require_wanted)
-        # Take the claim before any message or request is sent.
-        self._claim.take(self._require_wanted)
-        try:
-            self._foreign.require_none(self._require_wanted)
-            if not self._parameters.allow_other_publishers:
-                self._require_at_rest()
-        except BaseException:
-            self._claim.withdraw()
-            raise
-        self._claim.hold()
-        if self._manual_control.is_needed:
-            self._enable_manual_control()
-        self._discovery.wait_for_guardian(timeout, self._require_wanted)
-        self.gate.open()
-        self._prime()
-        self._discovery.remember_robot()
-        self._is_connected = True
-        if self._odometry_topic is not None and self.odometry.age(time.monotonic()) is None:
-            self._node.get_logger().warning(
-                f'No odometry has come on {self._odometry_topic} yet: until some does, a robot '
-                'that is lost is noticed only when its subscription goes, which may take 20 s')
-
-    def _require_at_rest(self) -> None:
-        """
-        Check by odometry that the robot is at rest before this program drives it.
-
-        If the robot moves now, another program drives it, or somebody pushes it.  Discovery may
-        find the publisher of the other program some seconds later than the robot.  Without
-        odometry nothing is checked.
-
-        :raises RobotTakenError: if odometry shows motion for REST_TIMEOUT
-        """
-        topic, began = self._odometry_topic, time.monotonic()
-        if topic is None:
-            return
-
-        def is_at_rest_or_unknown() -> bool:
-            now = time.monotonic()
-            if self.odometry.age(now) is None:
-                # The odometry of a robot is discovered a moment later than its subscription.
-                return not self._node.count_publishers(topic) and now - began > ODOMETRY_WAIT_TIME
-            return not self.odometry.is_moving(now)
-
-        wait_until(is_at_rest_or_unknown, REST_TIMEOUT, self._require_wanted)
-        if self.odometry.is_moving(time.monotonic()):
-            raise RobotTakenError(
-                f'{topic} sees the robot move already: another program drives it, '
-                'or somebody pushes it; nothing was sent. Stop that, or set the parameter '
-                'allow_other_publishers to true')
-
-    def _enable_manual_control(self) -> None:
-        requested = time.monotonic()
-        self._manual_control.enable(self._parameters.robot_timeout)
-        self._lease.granted(requested)
-
     def _begin_feedback(self, plan: Plan, limits: Limits) -> PoseFeedback:
         """Wait until odometry shows the robot at rest, then start the closed loop for a plan."""
         assert self._feedback is not None
-        feedback = self._feedback
-
-        def is_at_rest() -> bool:
-            self._require_wanted()
-            now = time.monotonic()
-            # A stamp that never changes counts as new only once.
-            return (feedback.sample_count > 1 and feedback.age(now) <= FEEDBACK_MAX_AGE
-                    and self.odometry.still_since(now) is not None)
-
-        if not wait_until(is_at_rest, FEEDBACK_START_TIMEOUT):
-            now = time.monotonic()
-            topic = f'odometry on {self._feedback_topic}'
-            if self.odometry.is_moving(now):
-                raise MotionRefusedError(
-                    f'a closed loop begins at rest, and {topic} sees the robot move')
-            if self.odometry.still_since(now) is not None:
-                raise MotionRefusedError(
-                    f'a closed loop needs odometry that goes on, and the stamps of {topic} do not')
-            raise MotionRefusedError(
-                f'a closed loop needs {topic}, and within {FEEDBACK_START_TIMEOUT:g} s none has '
-                'come')
-        feedback.begin(plan, limits)
-        return feedback
-
-    def _prime(self) -> None:
-        """
-        Send zeros for the parameter ``prime_time`` before the first motion.
-
-        The reason: the robot's reader matches later than our writer, and until then messages are
-        lost.
-        """
-        end, count = time.monotonic() + self._parameters.prime_time, self._guardian.prime_count
-        while time.monotonic() < end:
-            self._require_wanted()
-            self.gate.send_zero(self.gate.run, VelocityKind.PRIME)
-            self._publisher.sent.record_guardian_zero(time.monotonic())
-            self._guardian.prime()
-            count += 1
-            time.sleep(STOP_REPEAT_PERIOD)
-        # A late zero of the guardian would disturb the motion.
-        if not wait_until(lambda: self._guardian.prime_count >= count, GUARDIAN_PRIME_TIMEOUT):
-            raise RunFaultError(f'the guardian did not answer within {GUARDIAN_PRIME_TIMEOUT:g} s')
-
-    def _release_manual_control(self) -> None:
-        wanted = self._parameters.release_manual_control and self._manual_control.was_requested
-        if not (wanted and self._node.context.ok()):
-            return
-        self._executor.ensure_spinning(take_over=True)
-        # Another program may now drive the robot with manual control.
-        if self._foreign.has_recent(time.monotonic()) or self._foreign.detect():
-            return
-        if not self._manual_control.release(RELEASE_TIMEOUT):
-            self._node.get_logger().warning(
-                f'The robot did not confirm within {RELEASE_TIMEOUT:g} s that manual control is '
-                'off; it goes off by itself')
+        wait_for_rest(
+            self._feedback, self.odometry, f'odometry on {self._feedback_topic}',
+            self._require_wanted)
+        self._feedback.begin(plan, limits)
+        return self._feedback
 
     def _is_still_moving(self) -> bool:
         """Return whether more zeros are needed: the robot moves, or its odometry is lost."""
@@ -594,24 +469,3 @@ def _text(error: BaseException) -> str:
     if signal_dispatcher.signum is not None:
         return f'stopped by {signal.Signals(signal_dispatcher.signum).name}'
     return str(error) or type(error).__name__
-
-
-def _start_guardian(
-        node: Node, publisher: VelocityPublisher, profile: RobotProfile,
-        parameters: NodeParameters, claim: int) -> Guardian | NullGuardian:
-    """
-    Start the guardian of a velocity publisher, unless the parameter ``guardian`` is false.
-
-    :param claim: the file descriptor of the claim on the robot; the guardian keeps it open while
-        it runs
-    :returns: the guardian, or a NullGuardian
-    """
-    if not parameters.guardian:
-        return NullGuardian()
-    arguments = [
-        publisher.topic_name, node.context.get_domain_id(), profile.command_timeout,
-        profile.message_type, profile.frame]
-    return Guardian(
-        [*processes.python_command('kachaka_simple_control.ros.guardian_program'),
-         *map(str, arguments)],
-        processes.child_environment(), claim)

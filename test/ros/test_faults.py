@@ -276,9 +276,9 @@ def test_a_publisher_that_is_found_before_the_robot_is_taken_is_left_alone(liste
     with script("""
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.ros.foreign_messages import ForeignMessages
-from kachaka_simple_control.ros.session import Session
+from kachaka_simple_control.ros.robot_connection import RobotConnection
 ForeignMessages.require_none = lambda self, check: self.update()
-Session._require_at_rest = lambda self: wait_until(lambda: False, 5.0, self._require_wanted)
+RobotConnection._require_at_rest = lambda self, check: wait_until(lambda: False, 5.0, check)
 """ + BEGIN + 'node.move_robot(0.1, 0.0, 0.3)\n', tmp_path) as started:
         assert started.end() == 3
     assert 'nothing was sent' in started.text

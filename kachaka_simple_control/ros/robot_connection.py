@@ -1,0 +1,234 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The connection with one robot: take it for a drive, and release it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import time
+
+from kachaka_simple_control.control import processes
+from kachaka_simple_control.control.events import VelocityKind
+from kachaka_simple_control.control.guardian import Guardian, NullGuardian
+from kachaka_simple_control.control.pose_feedback import PoseFeedback
+from kachaka_simple_control.control.run_monitor import LeaseRenewer
+from kachaka_simple_control.control.standstill import StandstillDetector
+from kachaka_simple_control.control.timing import (
+    FEEDBACK_MAX_AGE,
+    FEEDBACK_START_TIMEOUT,
+    GUARDIAN_PRIME_TIMEOUT,
+    ODOMETRY_WAIT_TIME,
+    RELEASE_TIMEOUT,
+    REST_TIMEOUT,
+    STOP_REPEAT_PERIOD,
+)
+from kachaka_simple_control.control.velocity_gate import VelocityGate
+from kachaka_simple_control.control.waiting import wait_until
+from kachaka_simple_control.errors import MotionRefusedError, RobotTakenError, RunFaultError
+from kachaka_simple_control.files.robot_profile import RobotProfile
+from kachaka_simple_control.ros.executors import BackgroundExecutor
+from kachaka_simple_control.ros.foreign_messages import ForeignMessages
+from kachaka_simple_control.ros.manual_control_client import ManualControlClient
+from kachaka_simple_control.ros.node_parameters import NodeParameters
+from kachaka_simple_control.ros.robot_claim import RobotClaim
+from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
+from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from rclpy.node import Node
+
+#: Raises the reason if the drive that waits for the robot was stopped.
+Check = Callable[[], None]
+
+
+@dataclass
+class RobotConnection:
+    """
+    Takes a robot for a drive, and releases it.
+
+    A robot is taken in this order: find it, claim it, check that nobody else drives it, enable
+    manual control, open the gate, send zeros.
+
+    :param odometry_topic: the odometry topic; None if odometry is not checked
+    :param odometry: detects by odometry whether the robot moves
+    :param is_taken: whether the robot is taken; False also after a fault
+    """
+
+    node: Node
+    publisher: VelocityPublisher
+    parameters: NodeParameters
+    odometry_topic: str | None
+    odometry: StandstillDetector
+    gate: VelocityGate
+    claim: RobotClaim
+    guardian: Guardian | NullGuardian
+    discovery: RobotDiscovery
+    foreign: ForeignMessages
+    manual_control: ManualControlClient
+    lease: LeaseRenewer
+    executor: BackgroundExecutor
+    is_taken: bool = False
+
+    def take(self, check: Check) -> None:
+        """
+        Connect with the robot and enable manual control, unless both are done already.
+
+        :param check: called while waiting; an exception that it raises ends the wait
+        :raises ControlError: if the robot cannot be taken
+        """
+        self.executor.ensure_spinning()
+        self.claim.require()
+        if not (self.is_taken and self.discovery.is_subscribed):
+            self._connect(check)
+        elif self.manual_control.is_needed and self.lease.is_stale(time.monotonic()):
+            self._enable_manual_control()
+
+    def release(self) -> None:
+        """Disable manual control, unless another program drives the robot by now."""
+        wanted = self.parameters.release_manual_control and self.manual_control.was_requested
+        if not (wanted and self.node.context.ok()):
+            return
+        self.executor.ensure_spinning(take_over=True)
+        # Another program may now drive the robot with manual control.
+        if self.foreign.has_recent(time.monotonic()) or self.foreign.detect():
+            return
+        if not self.manual_control.release(RELEASE_TIMEOUT):
+            self.node.get_logger().warning(
+                f'The robot did not confirm within {RELEASE_TIMEOUT:g} s that manual control is '
+                'off; it goes off by itself')
+
+    def _connect(self, check: Check) -> None:
+        timeout = self.parameters.robot_timeout
+        self.discovery.wait_for_robot(timeout, check)
+        # Take the claim before any message or request is sent.
+        self.claim.take(check)
+        try:
+            self.foreign.require_none(check)
+            if not self.parameters.allow_other_publishers:
+                self._require_at_rest(check)
+        except BaseException:
+            self.claim.withdraw()
+            raise
+        self.claim.hold()
+        if self.manual_control.is_needed:
+            self._enable_manual_control()
+        self.discovery.wait_for_guardian(timeout, check)
+        self.gate.open()
+        self._prime(check)
+        self.discovery.remember_robot()
+        self.is_taken = True
+        if self.odometry_topic is not None and self.odometry.age(time.monotonic()) is None:
+            self.node.get_logger().warning(
+                f'No odometry has come on {self.odometry_topic} yet: until some does, a robot '
+                'that is lost is noticed only when its subscription goes, which may take 20 s')
+
+    def _require_at_rest(self, check: Check) -> None:
+        """
+        Check by odometry that the robot is at rest before this program drives it.
+
+        If the robot moves now, another program drives it, or somebody pushes it.  Discovery may
+        find the publisher of the other program some seconds later than the robot.  Without
+        odometry nothing is checked.
+
+        :raises RobotTakenError: if odometry shows motion for REST_TIMEOUT
+        """
+        topic, began = self.odometry_topic, time.monotonic()
+        if topic is None:
+            return
+
+        def is_at_rest_or_unknown() -> bool:
+            now = time.monotonic()
+            if self.odometry.age(now) is None:
+                # The odometry of a robot is discovered a moment later than its subscription.
+                return not self.node.count_publishers(topic) and now - began > ODOMETRY_WAIT_TIME
+            return not self.odometry.is_moving(now)
+
+        wait_until(is_at_rest_or_unknown, REST_TIMEOUT, check)
+        if self.odometry.is_moving(time.monotonic()):
+            raise RobotTakenError(
+                f'{topic} sees the robot move already: another program drives it, '
+                'or somebody pushes it; nothing was sent. Stop that, or set the parameter '
+                'allow_other_publishers to true')
+
+    def _enable_manual_control(self) -> None:
+        requested = time.monotonic()
+        self.manual_control.enable(self.parameters.robot_timeout)
+        self.lease.granted(requested)
+
+    def _prime(self, check: Check) -> None:
+        """
+        Send zeros for the parameter ``prime_time`` before the first motion.
+
+        The reason: the robot's reader matches later than our writer, and until then messages are
+        lost.
+        """
+        end, count = time.monotonic() + self.parameters.prime_time, self.guardian.prime_count
+        while time.monotonic() < end:
+            check()
+            self.gate.send_zero(self.gate.run, VelocityKind.PRIME)
+            self.publisher.sent.record_guardian_zero(time.monotonic())
+            self.guardian.prime()
+            count += 1
+            time.sleep(STOP_REPEAT_PERIOD)
+        # A late zero of the guardian would disturb the motion.
+        if not wait_until(lambda: self.guardian.prime_count >= count, GUARDIAN_PRIME_TIMEOUT):
+            raise RunFaultError(f'the guardian did not answer within {GUARDIAN_PRIME_TIMEOUT:g} s')
+
+
+def start_guardian(
+        node: Node, publisher: VelocityPublisher, profile: RobotProfile,
+        parameters: NodeParameters, claim: int) -> Guardian | NullGuardian:
+    """
+    Start the guardian of a velocity publisher, unless the parameter ``guardian`` is false.
+
+    :param claim: the file descriptor of the claim on the robot; the guardian keeps it open while
+        it runs
+    :returns: the guardian, or a NullGuardian
+    """
+    if not parameters.guardian:
+        return NullGuardian()
+    arguments = [
+        publisher.topic_name, node.context.get_domain_id(), profile.command_timeout,
+        profile.message_type, profile.frame]
+    return Guardian(
+        [*processes.python_command('kachaka_simple_control.ros.guardian_program'),
+         *map(str, arguments)],
+        processes.child_environment(), claim)
+
+
+def wait_for_rest(
+        feedback: PoseFeedback, odometry: StandstillDetector, name: str, check: Check) -> None:
+    """
+    Wait until odometry shows the robot at rest, before a closed loop begins.
+
+    :param name: the name of the odometry in errors
+    :param check: called while waiting; an exception that it raises ends the wait
+    :raises MotionRefusedError: if odometry shows motion, stands still or is missing
+    """
+    def is_at_rest() -> bool:
+        check()
+        now = time.monotonic()
+        # A stamp that never changes counts as new only once.
+        return (feedback.sample_count > 1 and feedback.age(now) <= FEEDBACK_MAX_AGE
+                and odometry.still_since(now) is not None)
+
+    if wait_until(is_at_rest, FEEDBACK_START_TIMEOUT):
+        return
+    now = time.monotonic()
+    if odometry.is_moving(now):
+        raise MotionRefusedError(f'a closed loop begins at rest, and {name} sees the robot move')
+    if odometry.still_since(now) is not None:
+        raise MotionRefusedError(
+            f'a closed loop needs odometry that goes on, and the stamps of {name} do not')
+    raise MotionRefusedError(
+        f'a closed loop needs {name}, and within {FEEDBACK_START_TIMEOUT:g} s none has come')
