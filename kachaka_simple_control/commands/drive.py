@@ -97,7 +97,7 @@ def drive(options: Options) -> DriveLog:
         subscribers = stack.enter_context(SubscriberProcesses(robot_control.event_bus))
         try:
             reporter = _start_subscribers(
-                subscribers, options, motion_file is None, robot_control.session.guardian_file)
+                subscribers, options, motion_file is None, robot_control.session.guardian_memory)
             keys = {} if options.quiet or not is_terminal(STDERR) else _keys(robot_control)
             for line in describe_overrides(options, motion_file, robot_control.node_parameters):
                 robot_control.get_logger().info(line)
@@ -136,16 +136,16 @@ def drive(options: Options) -> DriveLog:
 
 def _start_subscribers(
         subscribers: SubscriberProcesses, options: Options, is_lesson: bool,
-        guardian_file: int | None) -> SubscriberProcess | None:
+        guardian_memory: tuple[int, int] | None) -> SubscriberProcess | None:
     """Start the display and the report program; return the report program, or None."""
     if not options.quiet and should_display(is_lesson):
         subscribers.add(DisplayProcess())
     if options.report is not None:
         for missing in missing_libraries():
             print(f'report: {missing}', file=sys.stderr)
-        shared = [] if guardian_file is None else [guardian_file]
+        shared = guardian_memory or ()
         return subscribers.start(
-            REPORT_MODULE, options.report, *map(str, shared), pass_fds=shared)
+            REPORT_MODULE, options.report, *map(str, shared), pass_fds=shared[:1])
     return None
 
 

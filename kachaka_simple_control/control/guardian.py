@@ -12,30 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The node's side of the guardian, a separate process that stops the robot if the node cannot.
+The node's side of the guardian, a separate process that stops robots if the node cannot.
 
-The latch, the flag and the counter are in a memory page that both processes share.
+One process guards all robots of a ROS context.  Both processes share a piece of memory, with a
+slot for each robot.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 import contextlib
+import json
 import mmap
 import os
+import socket
 import struct
 import subprocess
 import tempfile
 import threading
-import time
 
-from kachaka_simple_control.control.timing import (
-    GUARDIAN_EXIT_TIMEOUT,
-    GUARDIAN_TIMEOUT,
-    HEARTBEAT_PERIOD,
-)
+from kachaka_simple_control.control.processes import boottime
+from kachaka_simple_control.control.timing import GUARDIAN_EXIT_TIMEOUT, GUARDIAN_TIMEOUT
 from kachaka_simple_control.control.watchdog import GuardianMessage, GuardianWatch
-from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError
+from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError, UsageError
 
 
 class SharedByte:
@@ -114,18 +113,59 @@ class SharedFlag(SharedByte):
         self._memory[0] = 0
 
 
-def shared_state(memory: memoryview) -> tuple[Latch, SharedFlag, SharedCounter]:
+class RobotSlot:
     """
-    Return the three objects that the node and its guardian share.
+    The part of the shared memory that belongs to one robot.
 
-    :param memory: the shared memory page
-    :returns: the latch, which is set before the first zero of the guardian's stop; the flag, which
-        is set while the node waits in a DDS call; the counter of the heartbeats that the guardian
-        has processed
+    :param memory: ``RobotSlot.SIZE`` writable bytes
+    :ivar latch: set before the first zero of the guardian's stop
+    :ivar sending: set while the node waits in a DDS call
     """
-    end = Latch.SIZE
-    return (Latch(memory[:end]), SharedFlag(memory[end:end + 1]),
-            SharedCounter(memory[end + 1:end + 2]))
+
+    #: size in memory [bytes]: the time of the heartbeat, the latch and the flag, rounded up
+    SIZE = 32
+
+    def __init__(self, memory: memoryview) -> None:
+        self._memory = memory
+        self.latch = Latch(memory[8:8 + Latch.SIZE])
+        self.sending = SharedFlag(memory[8 + Latch.SIZE:])
+
+    @property
+    def heartbeat(self) -> float:
+        """Return when the node wrote its newest heartbeat [s]."""
+        time, = struct.unpack_from('d', self._memory)
+        return float(time)
+
+    @heartbeat.setter
+    def heartbeat(self, time: float) -> None:
+        struct.pack_into('d', self._memory, 0, time)
+
+    def clear(self) -> None:
+        """Reset all values for another robot."""
+        self._memory[:] = bytes(self.SIZE)
+
+
+class GuardianMemory:
+    """
+    The memory that a program shares with its guardian.
+
+    :param file: the descriptor of a file of ``GuardianMemory.SIZE`` bytes
+    :ivar checks: how often the guardian has checked all heartbeats
+    """
+
+    #: the slots of all robots: 1 to MAX_ROBOTS; slot 0 holds the values of the guardian itself
+    MAX_ROBOTS = 255
+    #: size in memory [bytes]
+    SIZE = (1 + MAX_ROBOTS) * RobotSlot.SIZE
+
+    def __init__(self, file: int) -> None:
+        self._memory = memoryview(mmap.mmap(file, self.SIZE))
+        self.checks = SharedCounter(self._memory[:1])
+
+    def slot(self, number: int) -> RobotSlot:
+        """Return the slot of one robot."""
+        start = number * RobotSlot.SIZE
+        return RobotSlot(self._memory[start:start + RobotSlot.SIZE])
 
 
 class NullGuardian:
@@ -134,7 +174,7 @@ class NullGuardian:
     participants: frozenset[bytes] = frozenset()
     is_matched = True
     stopped_because: str | None = None
-    shared_file: int | None = None
+    shared_memory: tuple[int, int] | None = None
 
     def __init__(self) -> None:
         self.latch, self.sending = Latch(), SharedFlag()
@@ -159,48 +199,48 @@ class NullGuardian:
 
 class Guardian:
     """
-    Starts the guardian's program and sends heartbeats to it over a pipe.
+    The guardian of one robot, as its node sees it.
 
-    If the pipe closes or the heartbeats stop before the node has reported a complete stop, the
-    guardian sets the latch and stops the robot.  The guardian runs in its own session, so Ctrl+C
-    does not reach it.  Child processes of the node close the pipe, so the pipe closes exactly when
-    the node ends.
+    If the node ends, or its heartbeats stop, before it has reported a complete stop, the guardian
+    sets the latch and stops the robot.
 
-    :param command: the guardian's program; it gets two descriptors as its last arguments: the
-        reading end of the pipe, and a file in memory that contains the ``shared_state``
-    :param environment: the environment variables of the program
-    :param kept: descriptors that the program keeps open while it runs
+    :param process: the process of the guardian
+    :param number: the slot of the robot
+    :param slot: the memory that both processes share for this robot
     """
 
-    def __init__(
-            self, command: Sequence[str], environment: dict[str, str], *kept: int) -> None:
-        with tempfile.TemporaryFile() as memory:
-            memory.truncate(mmap.PAGESIZE)
-            shared = memoryview(mmap.mmap(memory.fileno(), mmap.PAGESIZE))
-            self.latch, self.sending, self._served = shared_state(shared)
-            #: descriptor of the shared memory, for a process that reads the time of the guardian's
-            #: stop; None after it was closed
-            self.shared_file: int | None = os.dup(memory.fileno())
-            self._watch = GuardianWatch()
-            messages, self._pipe = os.pipe()
-            os.set_blocking(self._pipe, False)
-            os.register_at_fork(after_in_child=self._close_in_child)
-            self._process = subprocess.Popen(
-                [*command, str(messages), str(memory.fileno())], env=environment,
-                pass_fds=(messages, memory.fileno(), *kept), stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE, start_new_session=True, text=True)
-            os.close(messages)
-        self._writing = threading.Lock()
-        self._last_heartbeat = float('-inf')
+    def __init__(self, process: GuardianProcess, number: int, slot: RobotSlot) -> None:
+        self._process, self._slot = process, slot
+        #: the slot of the robot
+        self.number = number
+        self._watch = GuardianWatch()
+        #: whether the guardian knows that a run is under way, and reads heartbeats from the memory
+        self._is_watching = False
+        self.latch, self.sending = slot.latch, slot.sending
         #: number of zeros that the guardian has published on request
         self.prime_count = 0
-        #: DDS participants of the guardian; several if it has left the graph and joined it again
-        self.participants: set[bytes] = set()
         #: whether the guardian's publisher has matched a subscriber
         self.is_matched = False
         #: why the guardian stopped the robot; None if it did not
         self.stopped_because: str | None = None
-        threading.Thread(target=self._read_output, name='guardian', daemon=True).start()
+        #: set when the guardian can no longer send to the robot
+        self.has_left = threading.Event()
+
+    @property
+    def participants(self) -> set[bytes]:
+        """Return the DDS participants of the guardian; it may have joined the graph again."""
+        return self._process.participants
+
+    @property
+    def shared_memory(self) -> tuple[int, int] | None:
+        """
+        Return the descriptor of the shared memory, and the slot of this robot.
+
+        Another process can read the time of the guardian's stop there.  The value is None after
+        the guardian has ended.
+        """
+        file = self._process.shared_file
+        return None if file is None else (file, self.number)
 
     def prime(self) -> None:
         """
@@ -208,57 +248,175 @@ class Guardian:
 
         :raises RunFaultError: if the guardian has ended
         """
-        self._send(GuardianMessage.PRIME)
+        self._process.send(self, GuardianMessage.PRIME)
 
     def heartbeat(self) -> None:
         """
-        Send a heartbeat during a run, at most one per HEARTBEAT_PERIOD.
+        Report during a run that the thread that drives works.
 
         :raises RunFaultError: if the guardian has ended or is frozen
         """
-        now = time.monotonic()
-        if now - self._last_heartbeat >= HEARTBEAT_PERIOD:
-            self._last_heartbeat = now
-            if self._watch.is_frozen(now, self._served.value):
-                raise RunFaultError(
-                    f'the guardian has not answered for {GUARDIAN_TIMEOUT:g} s: it was held '
-                    f'up, {HELD_UP_ADVICE}')
-            self._send(GuardianMessage.HEARTBEAT)
+        now = boottime()
+        if self._watch.is_frozen(now, self._process.check_count):
+            raise RunFaultError(
+                f'the guardian has not answered for {GUARDIAN_TIMEOUT:g} s: it was held up, '
+                f'{HELD_UP_ADVICE}')
+        self._slot.heartbeat = now
+        # The first heartbeat wakes the guardian.  If it has ended, the message fails.
+        if not self._is_watching or self._process.has_ended:
+            self._is_watching = True
+            self._process.send(self, GuardianMessage.HEARTBEAT)
 
     def report_stopping(self) -> None:
         """Report that the run is over and that zeros of its stop follow."""
-        self._send_if_alive(GuardianMessage.STOPPING)
+        self._report(GuardianMessage.STOPPING)
 
     def report_stopped(self) -> None:
         """Report that the complete stop was sent."""
-        self._send_if_alive(GuardianMessage.STOPPED)
+        self._report(GuardianMessage.STOPPED)
 
     def shutdown(self) -> None:
         """
-        Close the pipe, and return when the guardian has ended.
+        Return when the guardian can no longer send to the robot.
 
         If no complete stop was reported after a run, the guardian first stops the robot.
         """
-        self._close()
+        self._process.remove(self)
+
+    def on_report(self, word: str, value: str) -> None:
+        """
+        Process a line that the guardian has printed about this robot.
+
+        :param word: ``primed``, ``matched``, ``stopped`` or ``left``
+        :param value: for ``stopped`` the reason
+        """
+        if word == 'primed':
+            self.prime_count += 1
+        elif word == 'matched':
+            self.is_matched = True
+        elif word == 'stopped':
+            self.stopped_because = value
+        elif word == 'left':
+            self.has_left.set()
+
+    def _report(self, message: GuardianMessage) -> None:
+        self._is_watching = False
+        self._watch.reset()
+        with contextlib.suppress(RunFaultError):
+            self._process.send(self, message)
+
+
+class GuardianProcess:
+    """
+    Starts the guardian's program, and sends messages to it over a pipe.
+
+    The guardian runs in its own session, so Ctrl+C does not reach it.  Child processes of the node
+    close the pipe, so the pipe closes exactly when the node ends.
+
+    :param command: the guardian's program; it gets three descriptors as its last arguments: the
+        pipe and the socket to read from, and the file of the ``GuardianMemory``
+    :param environment: the environment variables of the program
+    """
+
+    def __init__(self, command: Sequence[str], environment: dict[str, str]) -> None:
+        #: DDS participants of the guardian; several if it has joined the graph again
+        self.participants: set[bytes] = set()
+        #: whether the process has ended
+        self.has_ended = False
+        self._guardians: dict[int, Guardian] = {}
+        self._number = 0
+        self._adding, self._writing = threading.Lock(), threading.Lock()
+        with tempfile.TemporaryFile() as file:
+            file.truncate(GuardianMemory.SIZE)
+            self._memory = GuardianMemory(file.fileno())
+            #: descriptor of the shared memory; None after the process has ended
+            self.shared_file: int | None = os.dup(file.fileno())
+            messages, self._pipe = os.pipe()
+            os.set_blocking(self._pipe, False)
+            robots, self._robots = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            os.register_at_fork(after_in_child=self._close_in_child)
+            kept = (messages, robots.fileno(), file.fileno())
+            self._process = subprocess.Popen(
+                [*command, *map(str, kept)], env=environment, pass_fds=kept,
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, start_new_session=True,
+                text=True)
+            os.close(messages)
+            robots.close()
+        threading.Thread(target=self._read_output, name='guardian', daemon=True).start()
+
+    def add(
+            self, topic: str, command_timeout: float, message_type: str, frame: str,
+            claim: int) -> Guardian | None:
+        """
+        Guard one more robot.
+
+        :param topic: its velocity topic, after remapping
+        :param command_timeout: how long it keeps a velocity [s]
+        :param message_type: Twist or TwistStamped
+        :param frame: the frame in the header of a stamped message
+        :param claim: the descriptor of the claim on the robot; the guardian keeps it open
+        :returns: its guardian; None if the process has ended
+        :raises UsageError: if the process guards MAX_ROBOTS robots already
+        """
+        with self._adding:
+            if self._pipe < 0 or self.has_ended:
+                return None
+            if len(self._guardians) == GuardianMemory.MAX_ROBOTS:
+                raise UsageError(
+                    f'a guardian stops at most {GuardianMemory.MAX_ROBOTS} robots: drive the '
+                    'others from another program')
+            # A slot is used again as late as possible: others may still read the old values.
+            while (number := self._number % GuardianMemory.MAX_ROBOTS + 1) in self._guardians:
+                self._number = number
+            self._number = number
+            slot = self._memory.slot(number)
+            slot.clear()
+            guardian = self._guardians[number] = Guardian(self, number, slot)
+            robot = json.dumps([number, topic, command_timeout, message_type, frame])
+            try:
+                socket.send_fds(self._robots, [robot.encode()], [claim])
+            except OSError:
+                del self._guardians[number]
+                return None
+            return guardian
+
+    def remove(self, guardian: Guardian) -> None:
+        """
+        Let the guardian leave a robot, and end the process after the last robot.
+
+        Return when the guardian can no longer send to the robot; if it does not answer, it is
+        killed.  Every run of another robot then ends with an error.
+        """
+        with contextlib.suppress(RunFaultError):
+            self.send(guardian, GuardianMessage.LEAVE)
+        if not guardian.has_left.wait(GUARDIAN_EXIT_TIMEOUT):
+            self._process.kill()
+        with self._adding:
+            self._guardians.pop(guardian.number, None)
+            if self._guardians:
+                return
+            self._close()
+        self._wait()
         if self.shared_file is not None:
             os.close(self.shared_file)
             self.shared_file = None
-        try:
-            self._process.wait(GUARDIAN_EXIT_TIMEOUT)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
 
-    def _send_if_alive(self, message: GuardianMessage) -> None:
-        self._last_heartbeat = float('-inf')
-        self._watch.reset()
-        with contextlib.suppress(RunFaultError):
-            self._send(message)
+    @property
+    def check_count(self) -> int:
+        """Return how often the guardian has checked all heartbeats; after 255 comes 0."""
+        return self._memory.checks.value
 
-    def _send(self, message: GuardianMessage) -> None:
+    def send(self, guardian: Guardian, message: GuardianMessage) -> None:
+        """
+        Send a message about one robot.
+
+        :raises RunFaultError: if the guardian has ended, or has left the robot
+        """
+        # Its slot may belong to another robot by now.
+        has_left = self._guardians.get(guardian.number) is not guardian
         try:
             with self._writing:
-                os.write(self._pipe, message.value)
+                os.write(-1 if has_left else self._pipe, bytes([guardian.number]) + message.value)
         except OSError as error:
             # If the pipe is broken, the guardian has ended.  If it is full, the guardian has not
             # read for minutes.
@@ -270,20 +428,31 @@ class Guardian:
         with self._process.stdout as lines:
             for line in lines:
                 word, _, value = line.strip().partition(' ')
-                if word == 'primed':
-                    self.prime_count += 1
-                elif word == 'participant':
+                if word == 'participant':
                     self.participants.add(bytes.fromhex(value))
-                elif word == 'matched':
-                    self.is_matched = True
-                elif word == 'stopped':
-                    self.stopped_because = value
+                    continue
+                number, _, value = value.partition(' ')
+                guardian = self._guardians.get(int(number))
+                if guardian is not None:
+                    guardian.on_report(word, value)
+        self.has_ended = True
+        for guardian in [*self._guardians.values()]:
+            guardian.has_left.set()
+
+    def _wait(self) -> None:
+        """Return when the process has ended; if it does not end by itself, kill it."""
+        try:
+            self._process.wait(GUARDIAN_EXIT_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
 
     def _close(self) -> None:
         with self._writing:
             pipe, self._pipe = self._pipe, -1
         if pipe >= 0:
             os.close(pipe)
+            self._robots.close()
 
     def _close_in_child(self) -> None:
         # A new lock: if another thread held the old one at the fork, it stays locked in the child.

@@ -174,7 +174,7 @@ class SignalDispatcher:
     def _dispatch(self, signum: int) -> None:
         self._note(signum)
         handlers = [*self._handlers]
-        _run_in_threads([partial(handler.on_signal, signum) for handler in handlers])
+        run_in_threads([partial(handler.on_signal, signum) for handler in handlers])
         for handler in handlers:
             handler.wake()
 
@@ -206,7 +206,7 @@ class SignalDispatcher:
             traceback: TracebackType | None) -> None:
         # An interactive prompt continues after an error, so its robots also continue.
         if not hasattr(sys, 'ps1'):
-            for thread in _run_in_threads(
+            for thread in run_in_threads(
                     [partial(handler.uncaught, error) for handler in self._handlers]):
                 thread.join()
         # After Ctrl+C Python already ends with the correct status; a traceback would not help.
@@ -233,7 +233,7 @@ class SignalDispatcher:
             self._excepthook = hook
 
 
-def _run_in_threads(functions: Sequence[Callable[[], None]]) -> list[threading.Thread]:
+def run_in_threads(functions: Sequence[Callable[[], object]]) -> list[threading.Thread]:
     """
     Run functions in one thread each: the stop of one robot must not wait for another robot.
 

@@ -35,16 +35,18 @@ ROUNDING_ERROR = 1e-6
 
 
 class GuardianMessage(bytes, Enum):
-    """The messages from a node to its guardian; each message is one byte."""
+    """The messages from a node to its guardian; one byte follows the slot of the robot."""
 
     #: publish one zero and report it, so that the robot's reader is matched before a run
     PRIME = b'p'
-    #: heartbeat: a run is under way, and its thread works
+    #: the first heartbeat of a run; later ones are in the shared memory
     HEARTBEAT = b'b'
     #: the run is over: a zero is sent next, and more zeros will follow
     STOPPING = b'r'
     #: the complete stop was sent: no heartbeat is due until the next run
     STOPPED = b's'
+    #: the node releases the robot: leave its topic
+    LEAVE = b'l'
 
 
 class Watchdog:
@@ -68,11 +70,11 @@ class Watchdog:
         self.allowed = heartbeat_timeout
         self._silent = 0.0
         self._publishing = 0.0
+        #: the newest heartbeat in the shared memory [s]
+        self._heartbeat = 0.0
         #: when the time without a message was last updated [s]; None if no message is due
         self._counted: float | None = None
         self._must_stop = False
-        #: whether the guardian's process may end
-        self.is_over = False
 
     def on_message(self, message: bytes, now: float) -> None:
         """
@@ -90,6 +92,20 @@ class Watchdog:
         elif message == GuardianMessage.STOPPED:
             self._must_stop, self._counted = False, None
 
+    def on_heartbeat(self, written: float, now: float) -> None:
+        """
+        Process the heartbeat in the shared memory; it has no effect unless a run is under way.
+
+        :param written: when the node wrote it [s]
+        :param now: the time [s]
+        """
+        is_due = self._counted is not None and self.allowed == self._heartbeat_timeout
+        if self._counted is not None and is_due and written != self._heartbeat:
+            self._heartbeat = written
+            # A value that was read while it was written may be any number.
+            self._counted = min(max(written, self._counted), now)
+            self._silent = self._publishing = 0.0
+
     def on_disconnect(self) -> bool:
         """
         Process the end of the connection: the node has ended, or the guardian has to end.
@@ -97,7 +113,7 @@ class Watchdog:
         :returns: whether the robot must be stopped now
         """
         must_stop = self._must_stop
-        self._must_stop, self._counted, self.is_over = False, None, True
+        self._must_stop, self._counted = False, None
         return must_stop
 
     def has_timed_out(self, now: float, is_publishing: bool = False) -> bool:

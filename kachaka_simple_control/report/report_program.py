@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 import contextlib
 import gc
-import mmap
 import os
 from pathlib import Path
 import pickle
@@ -39,7 +38,7 @@ from kachaka_simple_control.control.events import (
     VelocityKind,
     VelocitySent,
 )
-from kachaka_simple_control.control.guardian import shared_state
+from kachaka_simple_control.control.guardian import GuardianMemory
 from kachaka_simple_control.control.output import make_nonblocking, STDERR
 from kachaka_simple_control.control.processes import lower_priority
 from kachaka_simple_control.control.waiting import wait_until
@@ -202,14 +201,15 @@ def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> s
     return None
 
 
-def guardian_stop(file: int) -> VelocitySent | None:
+def guardian_stop(file: int, slot: int) -> VelocitySent | None:
     """
     Return the first zero that the guardian sent after its program was killed.
 
     :param file: the descriptor of the memory that the program shared with its guardian
+    :param slot: the slot of the robot in this memory
     :returns: the message; None if the guardian sent no zero within GUARDIAN_STOP_TIMEOUT
     """
-    latch, _, _ = shared_state(memoryview(mmap.mmap(file, mmap.PAGESIZE)))
+    latch = GuardianMemory(file).slot(slot).latch
     wait_until(lambda: latch.is_set, GUARDIAN_STOP_TIMEOUT)
     time_ = latch.guardian_stop_time
     return None if time_ is None else VelocitySent(time_, ZERO, VelocityKind.GUARDIAN)
@@ -252,7 +252,7 @@ def main() -> int:
             lambda event: ended.set() if isinstance(event, SessionEnded) else None)
         record_events(sys.stdin.buffer, handlers, recorder)
         if sys.argv[2:] and not ended.is_set():
-            stop = guardian_stop(int(sys.argv[2]))
+            stop = guardian_stop(*map(int, sys.argv[2:]))
             if stop is not None:
                 handlers.on_event(stop)
         recording = recorder.finish()

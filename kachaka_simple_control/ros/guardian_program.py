@@ -11,30 +11,37 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The program of the guardian: it stops the robot if the driving process cannot."""
+"""
+The guardian's program: it stops robots if the program that drives them cannot.
+
+It has its own DDS participants, so it can still publish after the other program has ended.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 import contextlib
-import mmap
+from functools import partial
+import json
+import math
 import os
 import select
 import signal
+import socket
 import sys
+import threading
 import time
 
-from kachaka_simple_control.control.guardian import shared_state
+from kachaka_simple_control.control.guardian import GuardianMemory, RobotSlot
 from kachaka_simple_control.control.processes import boottime, is_stopped
-from kachaka_simple_control.control.signals import wakeup_pipe
+from kachaka_simple_control.control.signals import run_in_threads, wakeup_pipe
 from kachaka_simple_control.control.stop import send_stop
 from kachaka_simple_control.control.timing import (
     DISCOVERY_RETRY_TIMEOUTS,
     GUARDIAN_EXIT_TIMEOUT,
     POLL_PERIOD,
 )
-from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.control.watchdog import GuardianMessage, Watchdog
 from kachaka_simple_control.errors import HELD_UP_ADVICE
 from kachaka_simple_control.motion.geometry import ZERO
@@ -43,51 +50,123 @@ from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
 from rclpy.context import Context
 from rclpy.node import Node
 
-#: How many messages are read from the pipe at once [bytes]: more than arrive in a minute.
+#: How many bytes are read from the pipe at once: more than arrive in a minute.  An even number,
+#: because a message has two bytes.
 READ_SIZE = 65536
+#: The longest description of a robot [bytes]; a topic name has at most 255 characters.
+MAX_ROBOT_SIZE = 4096
 
 
 class GuardianNode:
     """
-    The hidden node of the guardian, with its own DDS participant and velocity publisher.
+    A hidden node of the guardian, with its own DDS participant.
 
-    :param topic: the velocity topic, after remapping
-    :param message_type: Twist or TwistStamped
-    :param frame: the frame in the header of a stamped message
     :param domain: the ROS domain
-    :param on_participant: called with the DDS participant before the publisher is created
+    :param on_participant: called with the DDS participant before a publisher is created
     """
 
-    def __init__(
-            self, topic: str, message_type: str, frame: str, domain: int,
-            on_participant: Callable[[bytes], None]) -> None:
+    def __init__(self, domain: int, on_participant: Callable[[bytes], None]) -> None:
         self._context = Context()
-        # Without arguments: the topic must not be remapped again.
+        # Without arguments: the topics must not be remapped again.
         self._context.init(args=[], domain_id=domain)
-        self._node = node = Node(
+        self.node = Node(
             f'_guardian_{os.getpid()}', context=self._context, use_global_arguments=False,
             enable_rosout=False, start_parameter_services=False)
-        on_participant(own_participant(node))
-        self.publisher = VelocityPublisher(node, topic, message_type, frame)
-
-    @property
-    def is_matched(self) -> bool:
-        """Whether the velocity publisher has a subscriber."""
-        return bool(self.publisher.get_subscription_count() > 0)
+        on_participant(own_participant(self.node))
 
     def end(self) -> None:
         """Destroy the node and shut down its context."""
-        self._node.destroy_node()
+        self.node.destroy_node()
         self._context.try_shutdown()
 
 
-def create_matched_node(
-        create: Callable[[], GuardianNode], is_needed: Callable[[], bool]) -> GuardianNode:
+class GuardedRobot:
     """
-    Create nodes until one is matched with a robot, and return the matched node.
+    A robot that the guardian stops: its publishers and its watchdog.
 
-    If a node is not matched within a timeout, the next node is created.  All other nodes are
-    destroyed at the end.  If no node is matched, the newest node is returned.
+    :param slot: the memory that is shared with the node for this robot
+    :param topic: its velocity topic, after remapping
+    :param command_timeout: how long it keeps a velocity [s]
+    :param message_type: Twist or TwistStamped
+    :param frame: the frame in the header of a stamped message
+    """
+
+    def __init__(
+            self, slot: RobotSlot, topic: str, command_timeout: float, message_type: str,
+            frame: str) -> None:
+        self.slot = slot
+        self._arguments = topic, message_type, frame
+        self._command_timeout = command_timeout
+        self.watchdog = Watchdog()
+        #: whether a publisher has a subscriber
+        self.is_matched = False
+        #: its publishers by their nodes, the newest last; only one after it is matched
+        self._publishers: dict[GuardianNode, VelocityPublisher] = {}
+        self._stopping: list[threading.Thread] = []
+
+    @property
+    def nodes(self) -> Collection[GuardianNode]:
+        """Return the nodes that have a publisher for this robot."""
+        return self._publishers.keys()
+
+    @property
+    def is_stopping(self) -> bool:
+        """Whether a stop is being sent."""
+        return any(thread.is_alive() for thread in self._stopping)
+
+    def join(self, node: GuardianNode) -> None:
+        """Create a publisher on a node."""
+        self._publishers[node] = VelocityPublisher(node.node, *self._arguments)
+
+    def match(self) -> bool:
+        """Keep only the publisher that has a subscriber; return whether there is one."""
+        matched = (node for node, publisher in self._publishers.items()
+                   if publisher.get_subscription_count() > 0)
+        if (node := next(matched, None)) is not None:
+            self.is_matched = True
+            self._keep(node)
+        return self.is_matched
+
+    def keep_newest(self) -> None:
+        """Keep only the newest publisher."""
+        self._keep([*self._publishers][-1])
+
+    def leave(self) -> None:
+        """Destroy the publishers."""
+        self._keep(None)
+
+    def send_zero(self) -> bool:
+        """Publish one zero; return True."""
+        [*self._publishers.values()][-1].transmit(ZERO)
+        return True
+
+    def begin_stop(self) -> None:
+        """Set the latch and send the first zero of a stop."""
+        self.slot.latch.trip(time.monotonic())
+        self.send_zero()
+
+    def finish_stop(self) -> None:
+        """Send the whole stop in a thread: meanwhile other robots must be guarded."""
+        self._stopping = run_in_threads(
+            [partial(send_stop, self.send_zero, self._command_timeout)])
+
+    def wait_for_stop(self) -> None:
+        """Wait until the stop was sent."""
+        for thread in self._stopping:
+            thread.join()
+
+    def _keep(self, kept: GuardianNode | None) -> None:
+        for node in [*self._publishers]:
+            if node is not kept:
+                self._publishers.pop(node).destroy()
+
+
+class GuardianNodes:
+    """
+    Creates the nodes of the guardian: one for all robots, and more until each robot is matched.
+
+    If a robot is not matched within a timeout, the next node joins the graph.  Nodes that no robot
+    needs leave it.  If a robot is not matched by any node, its newest publisher remains.
 
     The reason: Fast DDS announces a participant before it listens.  A robot on the same machine
     answers each new participant once.  If the answer comes too early, it is lost.  Then the robot
@@ -95,131 +174,212 @@ def create_matched_node(
     fourth participant (measured).
 
     :param create: creates a node
-    :param is_needed: returns whether the guardian has work to do; then no further node is created
     """
-    nodes: list[GuardianNode] = []
-    for timeout in DISCOVERY_RETRY_TIMEOUTS:
-        nodes.insert(0, create())
-        if wait_until(
-                lambda: any(node.is_matched for node in nodes) or is_needed(), timeout):
-            break
-    kept = next((node for node in nodes if node.is_matched), nodes[0])
-    for node in nodes:
-        if node is not kept:
+
+    def __init__(self, create: Callable[[], GuardianNode]) -> None:
+        self._create = create
+        self._nodes: list[GuardianNode] = []
+        self._timeouts: Iterator[float] = iter(())
+        #: when the next node joins, if a robot is still not matched [s on the steady clock]
+        self._join_at = math.inf
+
+    def add(self, robot: GuardedRobot) -> None:
+        """Create a publisher for a robot."""
+        if not self._nodes:
+            self._nodes.append(self._create())
+        robot.join(self._nodes[-1])
+        self._timeouts = iter(DISCOVERY_RETRY_TIMEOUTS)
+        self._join_at = time.monotonic() + next(self._timeouts)
+
+    def update(self, robots: Collection[GuardedRobot]) -> None:
+        """
+        Let the next node join for robots that are not matched, and unused nodes leave.
+
+        Do not call this while a robot is driven: meanwhile Python may run no other thread.
+
+        :param robots: all robots
+        """
+        waiting = [robot for robot in robots if not robot.is_matched]
+        if waiting and time.monotonic() >= self._join_at:
+            self._join(waiting)
+        used = {node for robot in robots for node in robot.nodes}
+        for node in [node for node in self._nodes if used and node not in used]:
+            self._nodes.remove(node)
             node.end()
-    return kept
+
+    def _join(self, waiting: Collection[GuardedRobot]) -> None:
+        timeout = next(self._timeouts, None)
+        self._join_at = math.inf
+        if timeout is None:
+            for robot in waiting:
+                robot.keep_newest()
+            return
+        self._nodes.append(self._create())
+        for robot in waiting:
+            robot.join(self._nodes[-1])
+        self._join_at = time.monotonic() + timeout
+
+    def end(self) -> None:
+        """Let all nodes leave."""
+        for node in self._nodes:
+            node.end()
 
 
 class GuardianProgram:
     """
-    Reads the messages of the node, and publishes zeros on request or if heartbeats stop.
+    Reads the messages of the node, publishes zeros on request, and stops robots.
 
-    :param publisher: the publisher of the zeros
-    :param shared: the memory that is shared with the node and holds the ``shared_state``
-    :param command_timeout: the command timeout: how long the robot keeps a velocity [s]
+    A robot is stopped if its heartbeats stop, or if the node ends before its complete stop.
+
+    :param memory: the memory that is shared with the node
+    :param nodes: creates the nodes that publish
     """
 
-    def __init__(
-            self, publisher: VelocityPublisher, shared: memoryview,
-            command_timeout: float) -> None:
-        self._publisher = publisher
-        self._latch, self._publishing, self._served = shared_state(shared)
-        self._command_timeout = command_timeout
+    def __init__(self, memory: GuardianMemory, nodes: GuardianNodes) -> None:
+        self._memory = memory
+        self._nodes = nodes
         self._node_pid = os.getppid()
-        self._watchdog = Watchdog()
-        self._is_matched = False
+        self._robots: dict[int, GuardedRobot] = {}
+        self._claims: dict[int, Sequence[int]] = {}
+        #: the slots of the robots that the node releases
+        self._leaving: set[int] = set()
 
-    def serve(self, messages: int, signals: int) -> None:
+    def serve(self, messages: int, robots: socket.socket, signals: int) -> None:
         """
         Run until the node has ended or has closed the pipe.
 
         :param messages: the file descriptor from which the messages of the node are read
+        :param robots: the socket from which the descriptions of robots are read
         :param signals: a file descriptor that becomes readable when this program must end
         """
-        while not self._watchdog.is_over:
-            readable, _, _ = select.select([messages, signals], [], [], self._timeout())
+        robots.setblocking(False)
+        ended_by = ''
+        sources = [messages, robots.fileno(), signals]
+        while True:
+            readable, _, _ = select.select(sources, [], [], self._timeout())
             now = boottime()
+            data = b''
             if signals in readable:
-                self._on_disconnect('the guardian was told to end')
-            elif messages in readable:
-                self._on_messages(os.read(messages, READ_SIZE), now)
-            elif self._watchdog.has_timed_out(now, self._node_is_publishing()):
-                self._stop(
-                    f'the node sent no heartbeat for {self._watchdog.allowed:g} s: the program '
-                    f'was held up, {HELD_UP_ADVICE}')
-            self._report_match()
-
-    def _node_is_publishing(self) -> bool:
-        # If the node was frozen while it published, its flag is still set: it does not publish.
-        return self._publishing.is_set and not is_stopped(self._node_pid)
+                ended_by = 'the guardian was told to end'
+            elif messages in readable and not (data := os.read(messages, READ_SIZE)):
+                ended_by = 'the node is gone'
+            # A robot is described before the first message about it is sent.
+            self._add_robots(robots)
+            self._on_messages(data, now)
+            self._check_heartbeats(now)
+            if ended_by:
+                break
+            self._update()
+        self._stop({number: ended_by for number in [*self._robots] if self._must_stop(number)})
+        for robot in self._robots.values():
+            robot.wait_for_stop()
 
     def _timeout(self) -> float | None:
-        timeout = self._watchdog.timeout()
-        if self._is_matched:
-            return timeout
-        return POLL_PERIOD if timeout is None else min(POLL_PERIOD, timeout)
+        timeouts = [timeout for robot in self._robots.values()
+                    if (timeout := robot.watchdog.timeout()) is not None]
+        if self._leaving or not all(robot.is_matched for robot in self._robots.values()):
+            timeouts.append(POLL_PERIOD)
+        return min(timeouts, default=None)
+
+    def _add_robots(self, robots: socket.socket) -> None:
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                data, claims, _, _ = socket.recv_fds(robots, MAX_ROBOT_SIZE, 1)
+                if not data:
+                    return
+                number, *arguments = json.loads(data)
+                robot = GuardedRobot(self._memory.slot(number), *arguments)
+                self._nodes.add(robot)
+                self._robots[number], self._claims[number] = robot, claims
 
     def _on_messages(self, data: bytes, now: float) -> None:
-        if not data:
-            self._on_disconnect('the node is gone')
-        for value in data:
-            message = bytes([value])
-            self._watchdog.on_message(message, now)
-            if message == GuardianMessage.HEARTBEAT:
-                self._served.increment()
+        for number, value in zip(data[::2], data[1::2]):
+            robot, message = self._robots.get(number), bytes([value])
+            if robot is None:  # it was released
+                continue
+            robot.watchdog.on_message(message, now)
             if message == GuardianMessage.PRIME:
-                self._send_zero()
-                _report('primed')
+                robot.send_zero()
+                _report(f'primed {number}')
+            elif message == GuardianMessage.LEAVE:
+                self._leaving.add(number)
+                if self._must_stop(number):
+                    self._stop({number: 'the node is gone'})
 
-    def _on_disconnect(self, reason: str) -> None:
-        if self._watchdog.on_disconnect():
-            self._stop(reason)
+    def _must_stop(self, number: int) -> bool:
+        return self._robots[number].watchdog.on_disconnect()
 
-    def _stop(self, reason: str) -> None:
-        self._latch.trip(time.monotonic())
-        _report(f'stopped {reason}')
-        send_stop(self._send_zero, self._command_timeout)
+    def _check_heartbeats(self, now: float) -> None:
+        silent = {}
+        for number, robot in self._robots.items():
+            robot.watchdog.on_heartbeat(robot.slot.heartbeat, now)
+            # If the node was frozen while it published, its flag is still set: it does not
+            # publish.
+            is_publishing = robot.slot.sending.is_set and not is_stopped(self._node_pid)
+            if robot.watchdog.has_timed_out(now, is_publishing):
+                silent[number] = (
+                    f'the node sent no heartbeat for {robot.watchdog.allowed:g} s: the program '
+                    f'was held up, {HELD_UP_ADVICE}')
+        self._stop(silent)
+        self._memory.checks.increment()
 
-    def _send_zero(self) -> bool:
-        self._publisher.transmit(ZERO)
-        return True
+    def _stop(self, reasons: dict[int, str]) -> None:
+        """
+        Stop robots: first send one zero to each of them, then the whole stop to each.
 
-    def _report_match(self) -> None:
-        if not self._is_matched and self._publisher.get_subscription_count() > 0:
-            self._is_matched = True
-            _report('matched')
+        :param reasons: for the slot of each robot the reason
+        """
+        for number in reasons:
+            with contextlib.suppress(Exception):  # the other robots must be stopped all the same
+                self._robots[number].begin_stop()
+        for number, reason in reasons.items():
+            _report(f'stopped {number} {reason}')
+            self._robots[number].finish_stop()
+
+    def _update(self) -> None:
+        for number, robot in self._robots.items():
+            if not (robot.is_matched or robot.is_stopping) and robot.match():
+                _report(f'matched {number}')
+        for number in [*self._leaving]:
+            if not self._robots[number].is_stopping:
+                self._leave(number)
+        if not any(robot.is_stopping or robot.watchdog.timeout() is not None
+                   for robot in self._robots.values()):
+            self._nodes.update(self._robots.values())
+
+    def _leave(self, number: int) -> None:
+        self._leaving.remove(number)
+        self._robots.pop(number).leave()
+        for claim in self._claims.pop(number):
+            os.close(claim)
+        _report(f'left {number}')
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """
     Run the guardian.
 
-    :param args: the topic, the ROS domain, the command timeout [s], the message type, its frame,
-        and two file descriptors: the messages of the node, and the memory shared with the node
+    :param args: the ROS domain, and three file descriptors: the messages of the node, the socket
+        for the descriptions of robots, and the memory shared with the node
     :returns: the exit code
     """
     parser = argparse.ArgumentParser()
-    for name, kind in (
-            ('topic', str), ('domain', int), ('command_timeout', float), ('type', str),
-            ('frame', str), ('messages', int), ('shared', int)):
-        parser.add_argument(name, type=kind)
+    for name in ('domain', 'messages', 'robots', 'shared'):
+        parser.add_argument(name, type=int)
     options = parser.parse_args(args)
     signals = _handle_signals()
-    shared = memoryview(mmap.mmap(options.shared, mmap.PAGESIZE))
-    node = create_matched_node(
-        lambda: GuardianNode(
-            options.topic, options.type, options.frame, options.domain,
-            lambda participant: _report(f'participant {participant.hex()}')),
-        lambda: bool(select.select([options.messages, signals], [], [], 0.0)[0]))
+    nodes = GuardianNodes(lambda: GuardianNode(
+        options.domain, lambda participant: _report(f'participant {participant.hex()}')))
     try:
-        program = GuardianProgram(node.publisher, shared, options.command_timeout)
-        program.serve(options.messages, signals)
+        with socket.socket(fileno=options.robots) as robots:
+            GuardianProgram(GuardianMemory(options.shared), nodes).serve(
+                options.messages, robots, signals)
     finally:
         # Measured: 1 of 80 guardians never returned from Fast DDS here after its node was killed,
         # and kept the claim on the robot.  The alarm ends the process.
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_REAL, GUARDIAN_EXIT_TIMEOUT)
-        node.end()
+        nodes.end()
     return 0
 
 

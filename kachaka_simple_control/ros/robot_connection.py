@@ -17,11 +17,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+import threading
 import time
+from weakref import WeakKeyDictionary
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.events import VelocityKind
-from kachaka_simple_control.control.guardian import Guardian, NullGuardian
+from kachaka_simple_control.control.guardian import Guardian, GuardianProcess, NullGuardian
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.run_monitor import LeaseRenewer
 from kachaka_simple_control.control.standstill import StandstillDetector
@@ -45,6 +47,7 @@ from kachaka_simple_control.ros.node_parameters import NodeParameters
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.robot_discovery import RobotDiscovery
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from rclpy.context import Context
 from rclpy.node import Node
 
 #: Raises the reason if the drive that waits for the robot was stopped.
@@ -185,25 +188,40 @@ class RobotConnection:
             raise RunFaultError(f'the guardian did not answer within {GUARDIAN_PRIME_TIMEOUT:g} s')
 
 
+#: The guardian's process of each ROS context.
+_guardian_processes: WeakKeyDictionary[Context, GuardianProcess] = WeakKeyDictionary()
+_starting = threading.Lock()
+
+
 def start_guardian(
         node: Node, publisher: VelocityPublisher, profile: RobotProfile,
         parameters: NodeParameters, claim: int) -> Guardian | NullGuardian:
     """
-    Start the guardian of a velocity publisher, unless the parameter ``guardian`` is false.
+    Let a guardian stop the robot if this program cannot, unless ``guardian`` is false.
+
+    One process guards all robots of a ROS context; the first robot starts it.
 
     :param claim: the file descriptor of the claim on the robot; the guardian keeps it open while
-        it runs
-    :returns: the guardian, or a NullGuardian
+        it guards the robot
+    :returns: the guardian of the robot, or a NullGuardian
+    :raises UsageError: if the process guards too many robots already
+    :raises RunFaultError: if the process could not start
     """
     if not parameters.guardian:
         return NullGuardian()
-    arguments = [
-        publisher.topic_name, node.context.get_domain_id(), profile.command_timeout,
-        profile.message_type, profile.frame]
-    return Guardian(
-        [*processes.python_command('kachaka_simple_control.ros.guardian_program'),
-         *map(str, arguments)],
-        processes.child_environment(), claim)
+    robot = (publisher.topic_name, profile.command_timeout, profile.message_type, profile.frame,
+             claim)
+    with _starting:
+        process = _guardian_processes.get(node.context)
+        guardian = None if process is None else process.add(*robot)
+        if guardian is None:
+            process = _guardian_processes[node.context] = GuardianProcess(
+                [*processes.python_command('kachaka_simple_control.ros.guardian_program'),
+                 str(node.context.get_domain_id())], processes.child_environment())
+            guardian = process.add(*robot)
+    if guardian is None:
+        raise RunFaultError('the guardian has ended at its start')
+    return guardian
 
 
 def wait_for_rest(

@@ -363,13 +363,13 @@ class Session:
         self._discovery.require_participant(participant)
 
     @property
-    def guardian_file(self) -> int | None:
+    def guardian_memory(self) -> tuple[int, int] | None:
         """
-        Return the file descriptor of the memory that is shared with the guardian.
+        Return the descriptor of the memory that is shared with the guardian, and the robot's slot.
 
         The value is None without a guardian.
         """
-        return self._guardian.shared_file
+        return self._guardian.shared_memory
 
     @property
     def is_driving(self) -> bool:

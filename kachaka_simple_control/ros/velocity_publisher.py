@@ -51,6 +51,7 @@ class VelocityPublisher:
     """
 
     def __init__(self, node: Node, topic: str, message_type: str, frame: str) -> None:
+        self._node = node
         self._publisher = node.create_publisher(TYPES[message_type], topic, DEPTH)
         self._messages = _MessageCache(node, message_type, frame)
         #: the sent messages, to distinguish them from the messages of other publishers
@@ -61,6 +62,10 @@ class VelocityPublisher:
         data = self._messages.serialized(velocity)
         self.sent.record(time.monotonic(), data)
         self._publisher.publish(data)
+
+    def destroy(self) -> None:
+        """Destroy the wrapped publisher."""
+        self._node.destroy_publisher(self._publisher)
 
     def publish(self, msg: Any) -> None:  # noqa: ARG002
         """

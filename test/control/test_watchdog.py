@@ -32,6 +32,8 @@ import pytest
 
 MESSAGES = st.lists(
     st.tuples(st.floats(0.0, 0.3), st.sampled_from(list(GuardianMessage))), max_size=40)
+#: The messages that say nothing of a run.
+NEUTRAL = (GuardianMessage.PRIME, GuardianMessage.LEAVE)
 
 
 def after(*messages, pause=0.02):
@@ -46,7 +48,6 @@ def after(*messages, pause=0.02):
 def test_a_disconnect_during_a_run_requires_a_stop():
     watchdog, _ = after(GuardianMessage.PRIME, GuardianMessage.HEARTBEAT)
     assert watchdog.on_disconnect()
-    assert watchdog.is_over
 
 
 @pytest.mark.parametrize('messages', [
@@ -197,7 +198,7 @@ def test_silence_is_detected_within_its_timeout(messages):
         now += pause
         watchdog.on_message(message, now)
     detected = wait(watchdog, now, 10.0)
-    left = [message for message in since_stop(messages) if message is not GuardianMessage.PRIME]
+    left = [message for message in since_stop(messages) if message not in NEUTRAL]
     if GuardianMessage.HEARTBEAT not in left:
         assert detected is None
     else:
@@ -211,6 +212,52 @@ def since_stop(messages):
     received = [message for _, message in messages]
     ends = [index for index, message in enumerate(received) if message is GuardianMessage.STOPPED]
     return received[ends[-1] + 1:] if ends else received
+
+
+def test_a_heartbeat_in_memory_counts_from_when_it_was_written():
+    watchdog, now = after(GuardianMessage.HEARTBEAT)
+    for _ in range(50):
+        assert not watchdog.has_timed_out(now + 0.01)
+        watchdog.on_heartbeat(now + 0.015, now + 0.02)
+        assert not watchdog.has_timed_out(now + 0.02)
+        now += 0.02
+    assert wait(watchdog, now, 60.0) == pytest.approx(now - 0.005 + HEARTBEAT_TIMEOUT)
+
+
+def test_the_same_heartbeat_in_memory_counts_once():
+    watchdog, now = after(GuardianMessage.HEARTBEAT)
+    begin = now
+    watchdog.on_heartbeat(begin, begin)
+    while not watchdog.has_timed_out(now):
+        now += 0.01
+        watchdog.on_heartbeat(begin, now)
+    assert now - begin == pytest.approx(HEARTBEAT_TIMEOUT)
+
+
+@pytest.mark.parametrize('messages', [
+    (), (GuardianMessage.PRIME,), (GuardianMessage.HEARTBEAT, GuardianMessage.STOPPED),
+    (GuardianMessage.HEARTBEAT, GuardianMessage.STOPPING, GuardianMessage.STOPPED)])
+def test_a_late_heartbeat_in_memory_begins_no_run(messages):
+    """It was written before the stop, and is read after it; nobody sends another."""
+    watchdog, now = after(*messages)
+    watchdog.on_heartbeat(now - 0.001, now + 0.01)
+    assert watchdog.timeout() is None
+    assert not watchdog.on_disconnect()
+
+
+def test_a_late_heartbeat_in_memory_does_not_shorten_the_time_for_a_stop():
+    watchdog, now = after(GuardianMessage.HEARTBEAT, GuardianMessage.STOPPING)
+    watchdog.on_heartbeat(now - 0.001, now + 0.01)
+    assert wait(watchdog, now, 60.0) == pytest.approx(now + STOPPING_TIMEOUT)
+
+
+@given(st.floats(allow_nan=False))
+def test_a_heartbeat_that_is_read_while_it_is_written_delays_a_stop_by_one_check(value):
+    """Half of the old number and half of the new one may be any number."""
+    watchdog, now = after(GuardianMessage.HEARTBEAT)
+    watchdog.on_heartbeat(value, now + 0.02)
+    timed_out = wait(watchdog, now + 0.02, 60.0)
+    assert timed_out <= now + 0.02 + HEARTBEAT_TIMEOUT + ROUNDING_ERROR
 
 
 def test_a_guardian_that_serves_nothing_for_half_a_second_is_frozen():

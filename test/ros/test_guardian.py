@@ -17,11 +17,9 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import time
 
 from benchmarks.load import busy
-from kachaka_simple_control.control.guardian import Guardian
 from kachaka_simple_control.control.processes import is_running, is_stopped
 from kachaka_simple_control.errors import HELD_UP_ADVICE
 from program import children_of, COMMAND, find_process, program, script
@@ -345,20 +343,6 @@ time.sleep(20)
         time.sleep(0.5)
         assert len(listener.received) == count
     assert len(listener.released) == 1
-
-
-def test_all_participants_of_a_guardian_that_joined_again_are_known():
-    """A participant that has left may be listed for a while, and is no foreign publisher."""
-    guardian = Guardian([sys.executable, '-c', """
-import os, sys
-print('participant 0a', 'participant 0b', 'matched', sep=os.linesep, flush=True)
-os.read(int(sys.argv[1]), 1)
-"""], dict(os.environ))
-    try:
-        assert wait_until(lambda: guardian.is_matched)
-        assert guardian.participants == {b'\x0a', b'\x0b'}
-    finally:
-        guardian.shutdown()
 
 
 def test_a_node_without_a_guardian_is_not_stopped_after_sigkill(listener, tmp_path):

@@ -11,27 +11,40 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How the guardian discovers the robot, and leaves no second publisher behind."""
+"""How the guardian discovers robots, guards several, and leaves no publisher behind."""
 
-import mmap
+from contextlib import contextmanager
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 
+from kachaka_simple_control.control.guardian import GuardianMemory, GuardianProcess
+from kachaka_simple_control.control.processes import (
+    child_environment,
+    is_running,
+    python_command,
+)
 from optional_libraries import optional_imports
 import pytest
+from waiting import wait_until
 
 with optional_imports():
-    from kachaka_simple_control.ros.guardian_program import create_matched_node, GuardianNode
+    from kachaka_simple_control.ros.guardian_program import (
+        GuardedRobot,
+        GuardianNode,
+        GuardianNodes,
+    )
     import rclpy
 
 pytestmark = [pytest.mark.ros, pytest.mark.needs('rclpy')]
 
 TOPIC = '/kachaka/manual_control/cmd_vel'
-#: A guardian whose middleware never returns from leaving the graph.
+NOBODY = '/nobody/cmd_vel'
 HANGS = """
 import sys, time
 from kachaka_simple_control.ros import guardian_program
@@ -41,68 +54,213 @@ sys.exit(guardian_program.main())
 
 
 @pytest.fixture
+def domain():
+    """Return the domain of this test."""
+    context = rclpy.Context()
+    context.init(args=[])
+    domain = context.get_domain_id()
+    context.try_shutdown()
+    return domain
+
+
+@pytest.fixture
 def greeted():
     """Return who has greeted, in order."""
     return []
 
 
 @pytest.fixture
-def enter(greeted):
-    """Return a function that makes nodes in the domain of this test."""
-    context = rclpy.Context()
-    context.init(args=[])
-    domain = context.get_domain_id()
-    context.try_shutdown()
-    return lambda: GuardianNode(TOPIC, 'Twist', 'base_link', domain, greeted.append)
+def shared():
+    """Yield the descriptor of the memory of a guardian."""
+    with tempfile.TemporaryFile() as file:
+        file.truncate(GuardianMemory.SIZE)
+        yield file.fileno()
 
 
-def publishers(observer):
+@pytest.fixture
+def nodes(domain, greeted):
+    """Yield the nodes of a guardian."""
+    nodes = GuardianNodes(lambda: GuardianNode(domain, greeted.append))
+    yield nodes
+    nodes.end()
+
+
+@pytest.fixture
+def process(domain):
+    """Yield the process of a guardian."""
+    process = GuardianProcess(
+        [*python_command('kachaka_simple_control.ros.guardian_program'), str(domain)],
+        child_environment())
+    yield process
+    for guardian in [*process._guardians.values()]:
+        guardian.shutdown()
+    assert not is_running(process._process.pid)
+
+
+def robot(nodes, shared, topic=TOPIC):
+    """Return a robot with its first publisher."""
+    robot = GuardedRobot(GuardianMemory(shared).slot(1), topic, 0.3, 'Twist', 'base_link')
+    nodes.add(robot)
+    return robot
+
+
+def add(process, shared, topic=TOPIC):
+    """Let a process guard a robot."""
+    return process.add(topic, 0.3, 'Twist', 'base_link', shared)
+
+
+def match(nodes, *robots, timeout=4.0):
+    """Let nodes join and leave until the robots are matched and nothing changes any more."""
+    end = time.monotonic() + timeout
+    while time.monotonic() < end:
+        matched = [one.match() for one in robots]
+        if all(matched):
+            end = min(end, time.monotonic() + 0.1)
+        nodes.update(robots)
+        time.sleep(0.02)
+
+
+@contextmanager
+def driving(guardian):
+    """Send the heartbeats of a run during a block, and then report its stop."""
+    ended = threading.Event()
+
+    def beat():
+        while not ended.wait(0.02):
+            guardian.heartbeat()
+
+    guardian.heartbeat()
+    thread = threading.Thread(target=beat)
+    thread.start()
+    yield
+    ended.set()
+    thread.join()
+    guardian.report_stopping()
+    guardian.report_stopped()
+
+
+def publishers(observer, topic=TOPIC):
     """Return how many publishers of velocities there are, once that is known."""
     time.sleep(0.5)
-    return observer.node.count_publishers(TOPIC)
+    return observer.node.count_publishers(topic)
 
 
-def test_a_node_that_is_matched_stays(listener, observer, enter, greeted):
-    node = create_matched_node(enter, lambda: False)
-    try:
-        assert node.is_matched
-        assert publishers(observer) == 1
-    finally:
-        node.end()
+def test_a_node_that_is_matched_stays(listener, observer, nodes, greeted, shared):
+    one = robot(nodes, shared)
+    match(nodes, one)
+    assert one.is_matched
+    assert len(one.nodes) == 1
+    assert publishers(observer) == 1
     assert len(greeted) <= 3
 
 
-def test_a_node_that_is_not_matched_joins_again(observer, enter, greeted):
-    began = time.monotonic()
-    node = create_matched_node(enter, lambda: False)
-    try:
-        assert time.monotonic() - began > 2.0
-        assert len(set(greeted)) == len(greeted) == 5
-        assert publishers(observer) == 1
-    finally:
-        node.end()
+def test_a_node_that_is_not_matched_joins_again(observer, nodes, greeted, shared):
+    one = robot(nodes, shared)
+    match(nodes, one, timeout=3.0)
+    assert len(set(greeted)) == len(greeted) == 5
+    assert publishers(observer) == 1
+    nodes.end()
     assert publishers(observer) == 0
+    nodes._nodes.clear()
 
 
-def test_a_node_that_is_needed_stays(enter, greeted):
-    node = create_matched_node(enter, lambda: True)
-    node.end()
-    assert len(greeted) == 1
+def test_a_robot_that_comes_later_gets_its_publisher_on_a_node_that_is_there(
+        listener, nodes, greeted, shared):
+    one = robot(nodes, shared)
+    match(nodes, one)
+    before = len(greeted)
+    other = robot(nodes, shared)
+    assert len(greeted) == before
+    match(nodes, one, other)
+    assert other.is_matched
+    assert one.is_matched
 
 
-def test_a_guardian_that_cannot_leave_the_graph_ends_all_the_same():
+def test_the_publisher_of_a_robot_that_is_left_is_gone(listener, observer, nodes, shared):
+    one, other = robot(nodes, shared), robot(nodes, shared, NOBODY)
+    match(nodes, one, timeout=0.5)
+    one.leave()
+    assert publishers(observer) == 0
+    assert observer.node.count_publishers(NOBODY) == 1
+    other.leave()
+
+
+def test_no_node_joins_while_a_robot_is_driven(listener, process, shared):
+    """To join takes some hundredths of a second, in which nobody would be guarded."""
+    driven = add(process, shared)
+    wait_until(lambda: driven.is_matched)
+    before = len(process.participants)
+    with driving(driven):
+        other = add(process, shared, NOBODY)
+        time.sleep(1.0)
+        assert len(process.participants) == before
+    wait_until(lambda: len(process.participants) > before)
+    assert driven.stopped_because is other.stopped_because is None
+
+
+def test_a_robot_whose_thread_hangs_is_stopped_alone(listener, process, shared):
+    silent, driven = add(process, shared), add(process, shared)
+    wait_until(lambda: silent.is_matched and driven.is_matched)
+    with driving(driven):
+        silent.heartbeat()
+        wait_until(lambda: silent.stopped_because)
+        assert 'the node sent no heartbeat for 0.1 s' in silent.stopped_because
+        time.sleep(0.5)
+    assert silent.latch.guardian_stop_time is not None
+    assert driven.stopped_because is None
+    assert not driven.latch.is_set
+    assert len(listener.received) > 15
+
+
+def test_a_robot_that_is_left_in_a_run_is_stopped_first(listener, process, shared):
+    left, other = add(process, shared), add(process, shared, NOBODY)
+    wait_until(lambda: left.is_matched)
+    left.heartbeat()
+    left.shutdown()
+    assert len(listener.received) > 15
+    assert left.stopped_because == 'the node is gone'
+    assert other.stopped_because is None
+
+
+def test_all_robots_are_stopped_at_once_when_the_guardian_is_told_to_end(
+        listener, process, shared):
+    robots = [add(process, shared) for _ in range(3)]
+    wait_until(lambda: all(one.is_matched for one in robots))
+    for one in robots:
+        one.heartbeat()
+    process._process.send_signal(signal.SIGTERM)
+    wait_until(lambda: process.has_ended)
+    assert {one.stopped_because for one in robots} == {'the guardian was told to end'}
+    times = [one.latch.guardian_stop_time for one in robots]
+    assert max(times) - min(times) < 0.05  # a whole stop takes 0.4 s
+    assert len(listener.received) > 45
+
+
+def test_one_process_guards_all_robots_of_a_context(make):
+    first, second = (make(guardian=True) for _ in range(2))
+    process = first.session._guardian._process
+    assert second.session._guardian._process is process
+    first.destroy_node()
+    assert is_running(process._process.pid)
+    second.destroy_node()
+    assert not is_running(process._process.pid)
+    third = make(guardian=True)
+    assert third.session._guardian._process is not process
+
+
+def test_a_guardian_that_cannot_leave_the_graph_ends_all_the_same(domain, shared):
     """Otherwise it keeps the claim: the robot of a program that was killed stays taken."""
     reader, writer = os.pipe()
-    with tempfile.TemporaryFile() as memory:
-        memory.truncate(mmap.PAGESIZE)
-        kept = (reader, memory.fileno())
-        options = (TOPIC, os.environ['ROS_DOMAIN_ID'], 0.3, 'Twist', 'base_link', *kept)
-        with subprocess.Popen(
-                [sys.executable, '-c', HANGS, *map(str, options)], pass_fds=kept,
-                stdout=subprocess.PIPE) as program:
-            os.close(reader)
-            os.close(writer)
-            try:
-                assert program.wait(20.0) == -signal.SIGALRM
-            finally:
-                program.kill()
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    kept = (reader, theirs.fileno(), shared)
+    with ours, theirs, subprocess.Popen(
+            [sys.executable, '-c', HANGS, *map(str, (domain, *kept))], pass_fds=kept,
+            stdout=subprocess.PIPE) as program:
+        socket.send_fds(ours, [b'[1, "/cmd_vel", 0.3, "Twist", "base_link"]'], [shared])
+        assert program.stdout.readline().startswith(b'participant')
+        os.close(reader)
+        os.close(writer)
+        try:
+            assert program.wait(20.0) == -signal.SIGALRM
+        finally:
+            program.kill()

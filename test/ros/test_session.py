@@ -96,7 +96,7 @@ def test_the_guardian_is_gone_before_the_robot_is_released(listener, make, monke
     release, ran = manual_control.release, []
 
     def released(timeout):
-        ran.append(is_running(guardian._process.pid))
+        ran.append(is_running(guardian._process._process.pid))
         return release(timeout)
 
     monkeypatch.setattr(manual_control, 'release', released)

@@ -1,0 +1,218 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The node's side of the guardian: a slot for each robot, and one process for all of them."""
+
+import contextlib
+import os
+import sys
+import tempfile
+import time
+
+from kachaka_simple_control.control.guardian import GuardianMemory, GuardianProcess, RobotSlot
+from kachaka_simple_control.control.processes import boottime, is_running
+from kachaka_simple_control.control.timing import GUARDIAN_EXIT_TIMEOUT
+from kachaka_simple_control.control.watchdog import GuardianMessage
+from kachaka_simple_control.errors import RunFaultError, UsageError
+import pytest
+from waiting import wait_until
+
+pytestmark = pytest.mark.real_time
+
+#: A guardian's program that answers as the real one does, and shows each message it gets.
+PROGRAM = """
+import json, os, socket, sys
+pipe, robots, shared = map(int, sys.argv[1:])
+robots = socket.socket(fileno=robots)
+print('participant 0a', 'participant 0b', sep=os.linesep, flush=True)
+while data := os.read(pipe, 2):
+    number, message = data[0], chr(data[1])
+    with open(os.environ['SEEN'], 'a') as seen:
+        seen.write(f'{number}{message} ')
+    if message == 'l':
+        print('left', number, flush=True)
+    elif message == 'p':
+        claim = socket.recv_fds(robots, 4096, 1)[1]
+        print('matched', number, flush=True)
+        print('primed', number, flush=True)
+"""
+ROBOT = ('/cmd_vel', 0.3, 'Twist', 'base_link')
+
+
+@pytest.fixture
+def seen(tmp_path, monkeypatch):
+    """Return a function that returns the messages which the guardian has got."""
+    file = tmp_path / 'seen'
+    file.touch()
+    monkeypatch.setenv('SEEN', str(file))
+    return lambda: file.read_text().split()
+
+
+@pytest.fixture
+def start(seen):
+    """Return a function that starts a guardian's program; it is ended after the test."""
+    started = []
+
+    def start(text=PROGRAM):
+        process = GuardianProcess([sys.executable, '-c', text], dict(os.environ))
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process._process.kill()
+        process._process.wait()
+
+
+@pytest.fixture
+def claim():
+    """Return a descriptor to pass to the guardian."""
+    with tempfile.TemporaryFile() as file:
+        yield file.fileno()
+
+
+def test_all_participants_of_a_guardian_that_joined_again_are_known(start, claim):
+    """A participant that has left may be listed for a while, and is no foreign publisher."""
+    process = start()
+    guardian = process.add(*ROBOT, claim)
+    assert wait_until(lambda: len(guardian.participants) == 2)
+    assert guardian.participants == {b'\x0a', b'\x0b'}
+
+
+def test_each_robot_has_its_own_slot_and_answers(start, claim, seen):
+    process = start()
+    first, second = (process.add(*ROBOT, claim) for _ in range(2))
+    second.prime()
+    wait_until(lambda: second.prime_count)
+    assert (first.is_matched, second.is_matched) == (False, True)
+    first.latch.trip()
+    first.sending.set()
+    first.heartbeat()
+    assert not second.latch.is_set
+    assert not second.sending.is_set
+    assert wait_until(lambda: seen() == ['2p', '1b'])
+
+
+def test_a_heartbeat_is_a_message_once_and_then_in_memory(start, claim, seen):
+    process = start()
+    guardian = process.add(*ROBOT, claim)
+    slot = GuardianMemory(guardian.shared_memory[0]).slot(guardian.shared_memory[1])
+    for _ in range(3):
+        before = boottime()
+        guardian.heartbeat()
+        assert before <= slot.heartbeat <= boottime()
+    guardian.report_stopping()
+    guardian.report_stopped()
+    guardian.heartbeat()
+    assert wait_until(lambda: seen() == ['1b', '1r', '1s', '1b'])
+
+
+def test_the_process_ends_with_its_last_robot(start, claim):
+    process = start()
+    first, second = (process.add(*ROBOT, claim) for _ in range(2))
+    first.shutdown()
+    assert is_running(process._process.pid)
+    assert second.shared_memory is not None
+    second.shutdown()
+    assert not is_running(process._process.pid)
+    assert process.add(*ROBOT, claim) is None
+    assert second.shared_memory is None
+    second.shutdown()  # without effect
+
+
+def test_nothing_is_sent_for_a_robot_after_it_was_released(start, claim, seen):
+    """Its slot may belong to another robot by then, whose run must not be called stopped."""
+    process = start()
+    first, second = (process.add(*ROBOT, claim) for _ in range(2))
+    first.shutdown()
+    process._number = 0
+    third = process.add(*ROBOT, claim)
+    assert third.number == first.number
+    first.report_stopping()
+    first.report_stopped()
+    for send in (first.prime, first.heartbeat):
+        with pytest.raises(RunFaultError, match=r'the guardian is gone \(Bad file descriptor\)'):
+            send()
+    second.report_stopped()
+    assert wait_until(lambda: seen() == ['1l', '2s'])
+    assert third.latch.guardian_stop_time is None
+
+
+def test_a_slot_is_used_again_as_late_as_possible_and_is_then_empty(start, claim, monkeypatch):
+    monkeypatch.setattr(GuardianMemory, 'MAX_ROBOTS', 5)
+    process = start()
+    first, kept = (process.add(*ROBOT, claim) for _ in range(2))
+    first.latch.trip(1.0)
+    first.heartbeat()
+    first.shutdown()
+    numbers = []
+    for _ in range(GuardianMemory.MAX_ROBOTS - 2):
+        following = process.add(*ROBOT, claim)
+        numbers.append(following.number)
+        following.shutdown()
+    assert numbers == [3, 4, 5]
+    last = process.add(*ROBOT, claim)
+    assert last.number == first.number
+    assert not last.latch.is_set
+    assert last._slot.heartbeat == 0.0
+    assert kept.number == 2
+
+
+def test_more_robots_than_slots_are_refused(start, claim, monkeypatch):
+    monkeypatch.setattr(GuardianMemory, 'MAX_ROBOTS', 2)
+    process = start()
+    robots = [process.add(*ROBOT, claim) for _ in range(2)]
+    assert [robot.number for robot in robots] == [1, 2]
+    with pytest.raises(UsageError, match='a guardian stops at most 2 robots'):
+        process.add(*ROBOT, claim)
+
+
+@pytest.mark.parametrize('text', ['', 'import time; time.sleep(0.3)'])
+def test_a_guardian_that_has_ended_is_noticed_at_the_next_heartbeat(text, start, claim):
+    process = start(text)
+    guardian = process.add(*ROBOT, claim)
+    with contextlib.suppress(RunFaultError):
+        guardian.heartbeat()
+    wait_until(lambda: process.has_ended)
+    with pytest.raises(RunFaultError, match=r'the guardian is gone \(Broken pipe\)'):
+        guardian.heartbeat()
+    began = time.monotonic()
+    guardian.shutdown()
+    assert time.monotonic() - began < GUARDIAN_EXIT_TIMEOUT
+
+
+def test_a_guardian_that_does_not_leave_a_robot_is_killed(start, claim):
+    """Its publisher must be gone before the robot is released; it guards no other robot either."""
+    process = start('import time; time.sleep(60)')
+    first, second = (process.add(*ROBOT, claim) for _ in range(2))
+    first.shutdown()
+    wait_until(lambda: process.has_ended)
+    with pytest.raises(RunFaultError, match='the guardian is gone'):
+        second.heartbeat()
+
+
+def test_the_values_of_a_slot_do_not_overlap():
+    slot = RobotSlot(memoryview(bytearray(RobotSlot.SIZE)))
+    slot.heartbeat = 12.5
+    slot.latch.trip(7.25)
+    slot.sending.set()
+    assert (slot.heartbeat, slot.latch.guardian_stop_time, slot.sending.is_set) == (
+        12.5, 7.25, True)
+    slot.sending.clear()
+    assert slot.latch.is_set
+    slot.clear()
+    assert (slot.heartbeat, slot.latch.is_set) == (0.0, False)
+
+
+def test_a_message_is_the_slot_and_one_byte():
+    assert {len(message.value) for message in GuardianMessage} == {1}
