@@ -31,7 +31,7 @@ if __name__ == '__main__':
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control.closing import Closers
 from kachaka_simple_control.control.drive_requests import DriveRequest
-from kachaka_simple_control.control.events import OdometryReceived, SpeedFactorChanged
+from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import discard_unread, make_log_nonblocking
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.timing import MAX_LATENESS
@@ -41,7 +41,6 @@ from kachaka_simple_control.errors import (
     UsageError,
 )
 from kachaka_simple_control.kachaka.own_simulation import OwnSimulation, start_on_this_machine
-from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import DriveOrder, Plan
 from kachaka_simple_control.motion.steps import Motion, Move
@@ -136,16 +135,16 @@ class KachakaSimpleControl(Node):
         self.publisher = VelocityPublisher(
             self, self.robot_names.velocity, self.profile.message_type, self.profile.frame)
         self._introspection = IntrospectionPublishers(self, self.publisher, self.profile)
-        parameters = self.node_parameters
+        parameters, reader = self.node_parameters, None
         if parameters.summary or parameters.odometry_timeout or parameters.closed_loop:
-            is_subscribed = subscribe_to_odometry(
-                self, self.robot_names, self._on_odometry, self._introspection.set_frame)
-            if parameters.closed_loop and not is_subscribed:
+            reader = subscribe_to_odometry(
+                self, self.robot_names, self._introspection.set_frame)
+            if parameters.closed_loop and reader is None:
                 raise UsageError('a closed loop needs odometry, and nav_msgs is not installed')
         self.event_bus = EventBus(self.get_logger().warning)
         self.session = Session(
             self, self.publisher, self.profile, self.robot_names, self.node_parameters,
-            self.event_bus.publish)
+            self.event_bus.publish, reader)
         if sim:
             self._simulation = OwnSimulation(
                 self.profile, self.node_parameters.robot_namespace)
@@ -301,10 +300,6 @@ class KachakaSimpleControl(Node):
 
     def _on_speed_factor(self, now: float, factors: Mapping[str, float]) -> None:
         self.event_bus.publish(SpeedFactorChanged(now, dict(factors)))
-
-    def _on_odometry(self, now: float, pose: Pose, velocity: Velocity, is_new: bool) -> None:
-        self.session.on_odometry(now, pose, velocity, is_new)
-        self.event_bus.publish(OdometryReceived(now, pose, velocity))
 
     def _stop_on_every_exit(self) -> None:
         # rclpy's handlers would shut the context down before the stop could be published.

@@ -66,13 +66,6 @@ def odometry(
     return message
 
 
-def pose(odometry: Odometry) -> Pose:
-    """Return the pose in an Odometry message; its heading (yaw) is between -pi and pi [rad]."""
-    position, q = odometry.pose.pose.position, odometry.pose.pose.orientation
-    yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
-    return Pose(position.x, position.y, yaw)
-
-
 def diagnostics(
         diagnoses: Mapping[str, Diagnosis], stamp: Time, hardware_id: str) -> DiagnosticArray:
     """

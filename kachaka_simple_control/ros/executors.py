@@ -89,24 +89,32 @@ class BackgroundExecutor:
         return executor is not None and self._node in executor.get_nodes()
 
     def _run(self) -> None:
-        while (error := self._spin()) is not None:
-            # Continue: the response to the release of manual control must still be received.
-            self._on_error(error)
-            time.sleep(PAUSE_AFTER_ERROR)
+        # After an error go on: the response to the release of manual control must still come.
+        spin_until_stopped(self._executor.spin, self._on_error)
 
-    def _spin(self) -> BaseException | None:
-        """
-        Spin until the executor is shut down or a callback raises an exception.
 
-        :returns: the exception; None after a shutdown
-        """
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            return None
-        except BaseException as error:
-            return error
+def spin_until_stopped(
+        spin: Callable[[], None], on_error: Callable[[BaseException], None]) -> None:
+    """
+    Call a function that runs callbacks, and call it again after an error, until it returns.
+
+    :param spin: runs callbacks until it is stopped, or until the context is shut down
+    :param on_error: called with the exception that a callback raised
+    """
+    while (error := _error_of(spin)) is not None:
+        on_error(error)
+        time.sleep(PAUSE_AFTER_ERROR)
+
+
+def _error_of(function: Callable[[], None]) -> BaseException | None:
+    """Return the exception that a function raises; None without one, or after a shutdown."""
+    try:
+        function()
+    except ExternalShutdownException:
         return None
+    except BaseException as error:
+        return error
+    return None
 
 
 def wake_main_thread() -> None:
@@ -197,14 +205,16 @@ class SubscriptionExecutor:
     :param node: the node
     :param subscription: a subscription of the node, in its own callback group
     :param on_message: called with each message, the oldest first
+    :param raw: whether the messages stay serialized
     """
 
     def __init__(
             self, node: Node, subscription: Subscription, on_message: Callable[[Any], None],
-    ) -> None:
+            raw: bool = False) -> None:
         self._context = node.context
         self._subscription = subscription
         self._on_message = on_message
+        self._raw = raw
         self._stopped = threading.Event()
         group = subscription.callback_group
         # The node destroys the guard condition, but only after run(), which holds a reference.
@@ -216,7 +226,24 @@ class SubscriptionExecutor:
         group.beginning_execution(subscription)
 
     def run(self) -> None:
-        """Run callbacks until ``stop()`` is called."""
+        """
+        Run callbacks until ``stop()`` is called.
+
+        :raises ExternalShutdownException: if the context was shut down
+        """
+        try:
+            self._run()
+        except Exception:
+            if self._context.ok():
+                raise
+            raise ExternalShutdownException from None
+
+    def stop(self) -> None:
+        """Make ``run()`` return, also if it has not started; call once, from any thread."""
+        self._stopped.set()
+        self._guard_condition.trigger()
+
+    def _run(self) -> None:
         subscription, guard_condition = self._subscription.handle, self._guard_condition.handle
         context = self._context.handle
         assert context is not None, 'ROS is running'
@@ -230,13 +257,8 @@ class SubscriptionExecutor:
                 self._take_all()
                 time.sleep(YIELD_TIME)
 
-    def stop(self) -> None:
-        """Make ``run()`` return, also if it has not started; call once, from any thread."""
-        self._stopped.set()
-        self._guard_condition.trigger()
-
     def _take_all(self) -> None:
         take, kind = self._subscription.handle.take_message, self._subscription.msg_type
         # A publisher faster than this loop must not prevent the end of the loop.
-        while not self._stopped.is_set() and (taken := take(kind, False)) is not None:
+        while not self._stopped.is_set() and (taken := take(kind, self._raw)) is not None:
             self._on_message(taken[0])

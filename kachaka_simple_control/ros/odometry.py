@@ -11,64 +11,106 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Subscribe to the odometry of the robot."""
+"""Receives the odometry of a robot."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
 import math
+import threading
 import time
-from typing import Any
 
 from kachaka_simple_control.motion.geometry import Pose, Velocity
-from kachaka_simple_control.ros.conversions import pose, velocity
 from kachaka_simple_control.ros.endpoints import with_qos_overrides
+from kachaka_simple_control.ros.executors import spin_until_stopped, SubscriptionExecutor
 from kachaka_simple_control.ros.names import RobotNames
+from kachaka_simple_control.telemetry.cdr import read_odometry
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.subscription import Subscription
+
+#: How long the thread may take to end [s].
+THREAD_EXIT_TIMEOUT = 2.0
+
+
+class OdometryReader:
+    """
+    Receives odometry in a thread of its own, which spends little CPU time on a message.
+
+    An executor of rclpy waits for everything of the node anew after each message, and converts
+    all 72 numbers of covariance.  This thread waits for one subscription, and reads what is
+    needed from the serialized message.
+
+    :param subscription: the subscription, in a callback group of its own
+    :param on_frame: called with the frame of the poses, before the first pose in this frame
+    """
+
+    def __init__(
+            self, node: Node, subscription: Subscription, on_frame: Callable[[str], None]) -> None:
+        self._executor = SubscriptionExecutor(node, subscription, self._on_message, raw=True)
+        self._on_frame = on_frame
+        self._frame: bytes | None = None
+        self._newest = 0
+        self._thread = threading.Thread(target=self._run, name='odometry', daemon=True)
+
+    def start(
+            self, on_odometry: Callable[[float, Pose, Velocity, bool], None],
+            on_error: Callable[[BaseException], None]) -> None:
+        """
+        Start the thread.
+
+        :param on_odometry: called for each message, with the time of arrival [s on the steady
+            clock], the pose, the velocity, and whether the message is new: its stamp is later than
+            the stamp of the previous message, or is not set
+        :param on_error: called with the exception that a function raised
+        """
+        self._on_odometry, self._on_error = on_odometry, on_error
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread; in the thread itself, do not wait for its end."""
+        if self._thread.is_alive():
+            self._executor.stop()
+            if threading.current_thread() is not self._thread:
+                self._thread.join(THREAD_EXIT_TIMEOUT)
+
+    def _run(self) -> None:
+        spin_until_stopped(self._executor.run, self._on_error)
+
+    def _on_message(self, data: bytes) -> None:
+        frame, stamp, pose, velocity = read_odometry(data)
+        if frame != self._frame:
+            self._frame = frame
+            self._on_frame(frame.decode(errors='replace'))
+        is_new, self._newest = stamp > self._newest or not stamp, stamp
+        # Ignore a message with a value that is NaN or infinite.
+        if math.isfinite(
+                pose.x + pose.y + pose.theta + velocity.linear_x + velocity.angular_z):
+            self._on_odometry(time.monotonic(), pose, velocity, is_new)
 
 
 def subscribe_to_odometry(
-        node: Node, names: RobotNames,
-        on_odometry: Callable[[float, Pose, Velocity, bool], None],
-        on_frame: Callable[[str], None]) -> bool:
+        node: Node, names: RobotNames, on_frame: Callable[[str], None]) -> OdometryReader | None:
     """
     Subscribe to odometry, unless the robot has no odometry or nav_msgs is not installed.
 
     :param names: the names of the robot, before remapping
-    :param on_odometry: called for each message, with the time of arrival [s on the steady clock],
-        the pose, the velocity, and whether the message is new: its stamp is later than the stamp
-        of the previous message, or is not set
     :param on_frame: called with the frame of the poses, before the first pose in this frame
-    :returns: whether a subscription was created
+    :returns: the reader, which is not started yet; None without a subscription
     :raises UsageError: if a parameter requests an invalid quality of service
     """
     topic = names.odometry
     if topic is None:
-        return False
+        return None
     # Optional: without nav_msgs a drive works, but without the checks by odometry.
     try:
         from nav_msgs.msg import Odometry
     except ImportError:
-        return False
-
-    frame, newest = None, 0
-
-    def on_message(message: Any) -> None:
-        nonlocal frame, newest
-        if message.header.frame_id != frame:
-            frame = message.header.frame_id
-            on_frame(frame)
-        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        is_new, newest = stamp > newest or not stamp, stamp
-        at, speed = pose(message), velocity(message.twist.twist)
-        # Ignore a message with a value that is NaN or infinite.
-        if math.isfinite(at.x + at.y + at.theta + speed.linear_x + speed.angular_z):
-            on_odometry(time.monotonic(), at, speed, is_new)
-
+        return None
     # Best effort, like the publisher of the robot: a reliable subscription would not match.
-    with_qos_overrides(lambda options: node.create_subscription(
-        Odometry, topic, on_message, copy(qos_profile_sensor_data),
-        qos_overriding_options=options))
-    return True
+    subscription = with_qos_overrides(lambda options: node.create_subscription(
+        Odometry, topic, lambda _: None, copy(qos_profile_sensor_data),
+        callback_group=MutuallyExclusiveCallbackGroup(), qos_overriding_options=options))
+    return OdometryReader(node, subscription, on_frame)

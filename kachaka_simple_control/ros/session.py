@@ -27,6 +27,7 @@ from kachaka_simple_control.control.events import (
     Event,
     MotionEnded,
     MotionPlanned,
+    OdometryReceived,
 )
 from kachaka_simple_control.control.pose_feedback import PoseFeedback
 from kachaka_simple_control.control.robot_drive import RobotDrive
@@ -54,6 +55,7 @@ from kachaka_simple_control.ros.foreign_messages import ForeignMessages
 from kachaka_simple_control.ros.manual_control_client import ManualControlClient
 from kachaka_simple_control.ros.names import RobotNames
 from kachaka_simple_control.ros.node_parameters import NodeParameters
+from kachaka_simple_control.ros.odometry import OdometryReader
 from kachaka_simple_control.ros.robot_claim import RobotClaim
 from kachaka_simple_control.ros.robot_connection import (
     RobotConnection,
@@ -81,12 +83,13 @@ class Session:
     :param names: the ROS names of this robot
     :param parameters: the node's parameters
     :param publish: puts an event into a queue, and returns at once
+    :param reader: receives odometry; None without odometry
     """
 
     def __init__(
             self, node: Node, publisher: VelocityPublisher, profile: RobotProfile,
             names: RobotNames, parameters: NodeParameters,
-            publish: Callable[[Event], None]) -> None:
+            publish: Callable[[Event], None], reader: OdometryReader | None) -> None:
         self._node = node
         #: corrects velocities by odometry; None without the parameter ``closed_loop``
         self._feedback = PoseFeedback(
@@ -152,6 +155,9 @@ class Session:
         self.status_reader = StatusReader(
             self.robot_drive, self._discovery, self._guardian, self.odometry,
             self._manual_control, lambda: self._stopped_by)
+        self._reader = reader
+        if reader is not None:
+            reader.start(self._on_odometry, self._on_callback_error)
 
     def request(self, elsewhere: bool = False) -> DriveRequest:
         """
@@ -341,6 +347,8 @@ class Session:
                 self._is_closed = True
                 self._claim.release()
             self._executor.stop()
+            if self._reader is not None:
+                self._reader.stop()
 
     def serve_until_stopped(self) -> None:
         """
@@ -458,6 +466,10 @@ class Session:
         if not self._requests.is_busy:
             return
         self.robot_drive.end(reason)
+
+    def _on_odometry(self, now: float, pose: Pose, velocity: Velocity, is_new: bool) -> None:
+        self.on_odometry(now, pose, velocity, is_new)
+        self._publish(OdometryReceived(now, pose, velocity))
 
     def _on_callback_error(self, error: BaseException) -> None:
         self.stop_permanently(

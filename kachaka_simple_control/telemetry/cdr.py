@@ -28,6 +28,9 @@ ODOM, BASE = 'odom', 'base_link'
 #: Size of a time stamp, and of the position and orientation of a pose [bytes].
 STAMP_SIZE, POSE_SIZE = 8, 56
 NANO = 1_000_000_000
+#: From the start of the velocity, or of the pose, to the end of serialized odometry [bytes].  A
+#: covariance of 36 numbers follows each of them.
+VELOCITY_TO_END, POSE_TO_END = (6 + 36) * 8, (7 + 36 + 6 + 36) * 8
 #: A covariance of zeros means that it is unknown.
 COVARIANCE = (0.0,) * 36
 
@@ -94,6 +97,24 @@ def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:
     return (CdrWriter().header(time, ODOM).string(BASE)
             .pose(pose).doubles(*COVARIANCE)
             .velocity(velocity).doubles(*COVARIANCE).message())
+
+
+def read_odometry(data: bytes) -> tuple[bytes, int, Pose, Velocity]:
+    """
+    Read what a drive needs of a ``nav_msgs/msg/Odometry``.
+
+    :param data: the message, as a subscription receives it
+    :returns: the frame of the pose, the stamp [ns], the pose with a heading (yaw) between -pi and
+        pi [rad], and the velocity
+    """
+    order = '<' if data[1] & 1 else '>'
+    seconds, nanoseconds, length = struct.unpack_from(f'{order}iII', data, len(ENCAPSULATION))
+    begin = len(ENCAPSULATION) + STAMP_SIZE + 4
+    x, y, _, qx, qy, qz, qw = struct.unpack_from(f'{order}7d', data, len(data) - POSE_TO_END)
+    linear_x, *_, angular_z = struct.unpack_from(f'{order}6d', data, len(data) - VELOCITY_TO_END)
+    yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    return (data[begin:begin + length - 1], seconds * NANO + nanoseconds, Pose(x, y, yaw),
+            Velocity(linear_x, angular_z))
 
 
 class PathSerializer:

@@ -16,17 +16,18 @@
 from __future__ import annotations
 
 import math
+import struct
 
 from hypothesis import given
 from hypothesis import strategies as st
-from kachaka_simple_control.motion.geometry import Pose
-from kachaka_simple_control.telemetry.cdr import PathSerializer
+from kachaka_simple_control.motion.geometry import Pose, Velocity
+from kachaka_simple_control.telemetry.cdr import PathSerializer, read_odometry
 from optional_libraries import optional_imports
 import pytest
 
 with optional_imports():
     from geometry_msgs.msg import PoseStamped
-    from nav_msgs.msg import Path
+    from nav_msgs.msg import Odometry, Path
     from rclpy.serialization import deserialize_message, serialize_message
 
 pytestmark = pytest.mark.needs('nav_msgs')
@@ -68,3 +69,29 @@ def test_a_path_is_serialized_as_by_ros(frame, poses, time):
     # Not the bytes: the padding that ROS leaves is undefined.
     assert deserialize_message(packed, Path) == meant
     assert len(packed) == len(serialize_message(meant))
+
+
+@given(TIMES, FRAMES, FRAMES, POSES, st.lists(NUMBERS, min_size=78, max_size=78))
+def test_what_is_read_of_odometry_is_what_was_serialized(time, frame, child, pose, numbers):
+    message = Odometry(child_frame_id=child)
+    stamp(message.header, frame, time)
+    position, orientation = message.pose.pose.position, message.pose.pose.orientation
+    position.x, position.y, position.z = pose.x, pose.y, numbers[0]
+    half = math.remainder(pose.theta, math.tau) / 2.0
+    orientation.z, orientation.w = math.sin(half), math.cos(half)
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = numbers[:6]
+    message.pose.covariance, message.twist.covariance = numbers[6:42], numbers[42:]
+    read_frame, read_time, read_pose, velocity = read_odometry(bytes(serialize_message(message)))
+    assert (read_frame.decode(), read_time) == (frame, time)
+    assert (read_pose.x, read_pose.y) == (pose.x, pose.y)
+    assert abs(math.remainder(read_pose.theta - pose.theta, math.tau)) < 1e-6
+    assert velocity == Velocity(linear.x, angular.z)
+
+
+def test_odometry_of_a_machine_with_another_byte_order_is_read_as_well():
+    numbers = [1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0, *[0.0] * 36, 0.1, *[0.0] * 4, 0.5, *[0.0] * 36]
+    data = b'\0\0\0\0' + struct.pack('>iII5s3xI3s1x', 7, 8, 5, b'odom', 3, b'b') + struct.pack(
+        f'>{len(numbers)}d', *numbers)
+    assert read_odometry(data) == (
+        b'odom', 7 * SECOND + 8, Pose(1.0, 2.0, 0.0), Velocity(0.1, 0.5))
