@@ -36,6 +36,10 @@ from kachaka_simple_control.control.timing import GUARDIAN_EXIT_TIMEOUT, GUARDIA
 from kachaka_simple_control.control.watchdog import GuardianMessage, GuardianWatch
 from kachaka_simple_control.errors import HELD_UP_ADVICE, RunFaultError, UsageError
 
+#: How long the guardian may take to read the description of a robot if its socket is full, after
+#: 200 robots [s]: while it starts, it reads nothing.
+ADD_TIMEOUT = 5.0
+
 
 class SharedByte:
     """
@@ -88,19 +92,6 @@ class Latch(SharedByte):
         return stop_time or None
 
 
-class SharedCounter(SharedByte):
-    """A counter from 0 to 255; after 255 it restarts at 0."""
-
-    @property
-    def value(self) -> int:
-        """Return the count."""
-        return self._memory[0]
-
-    def increment(self) -> None:
-        """Add 1 to the count; only one process may call this."""
-        self._memory[0] = (self._memory[0] + 1) % 256
-
-
 class SharedFlag(SharedByte):
     """A flag that can be set and cleared."""
 
@@ -150,7 +141,6 @@ class GuardianMemory:
     The memory that a program shares with its guardian.
 
     :param file: the descriptor of a file of ``GuardianMemory.SIZE`` bytes
-    :ivar checks: how often the guardian has checked all heartbeats
     """
 
     #: the slots of all robots: 1 to MAX_ROBOTS; slot 0 holds the values of the guardian itself
@@ -160,7 +150,15 @@ class GuardianMemory:
 
     def __init__(self, file: int) -> None:
         self._memory = memoryview(mmap.mmap(file, self.SIZE))
-        self.checks = SharedCounter(self._memory[:1])
+
+    @property
+    def check_count(self) -> int:
+        """Return how often the guardian has checked all heartbeats; after 255 comes 0."""
+        return self._memory[0]
+
+    def count_check(self) -> None:
+        """Add 1 to ``check_count``; only the guardian may call this."""
+        self._memory[0] = (self._memory[0] + 1) % 256
 
     def slot(self, number: int) -> RobotSlot:
         """Return the slot of one robot."""
@@ -257,7 +255,7 @@ class Guardian:
         :raises RunFaultError: if the guardian has ended or is frozen
         """
         now = boottime()
-        if self._watch.is_frozen(now, self._process.check_count):
+        if self._watch.is_frozen(now, self._process.memory.check_count):
             raise RunFaultError(
                 f'the guardian has not answered for {GUARDIAN_TIMEOUT:g} s: it was held up, '
                 f'{HELD_UP_ADVICE}')
@@ -328,12 +326,13 @@ class GuardianProcess:
         self._adding, self._writing = threading.Lock(), threading.Lock()
         with tempfile.TemporaryFile() as file:
             file.truncate(GuardianMemory.SIZE)
-            self._memory = GuardianMemory(file.fileno())
+            self.memory = GuardianMemory(file.fileno())
             #: descriptor of the shared memory; None after the process has ended
             self.shared_file: int | None = os.dup(file.fileno())
             messages, self._pipe = os.pipe()
             os.set_blocking(self._pipe, False)
             robots, self._robots = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            self._robots.settimeout(ADD_TIMEOUT)
             os.register_at_fork(after_in_child=self._close_in_child)
             kept = (messages, robots.fileno(), file.fileno())
             self._process = subprocess.Popen(
@@ -355,7 +354,7 @@ class GuardianProcess:
         :param message_type: Twist or TwistStamped
         :param frame: the frame in the header of a stamped message
         :param claim: the descriptor of the claim on the robot; the guardian keeps it open
-        :returns: its guardian; None if the process has ended
+        :returns: its guardian; None if the process has ended or reads nothing
         :raises UsageError: if the process guards MAX_ROBOTS robots already
         """
         with self._adding:
@@ -369,7 +368,7 @@ class GuardianProcess:
             while (number := self._number % GuardianMemory.MAX_ROBOTS + 1) in self._guardians:
                 self._number = number
             self._number = number
-            slot = self._memory.slot(number)
+            slot = self.memory.slot(number)
             slot.clear()
             guardian = self._guardians[number] = Guardian(self, number, slot)
             robot = json.dumps([number, topic, command_timeout, message_type, frame])
@@ -400,11 +399,6 @@ class GuardianProcess:
         if self.shared_file is not None:
             os.close(self.shared_file)
             self.shared_file = None
-
-    @property
-    def check_count(self) -> int:
-        """Return how often the guardian has checked all heartbeats; after 255 comes 0."""
-        return self._memory.checks.value
 
     def send(self, guardian: Guardian, message: GuardianMessage) -> None:
         """

@@ -19,9 +19,9 @@ from collections.abc import Callable
 from functools import partial
 import threading
 import time
-from typing import Protocol
 
 from kachaka_simple_control.control.events import Event, StopBegan, StopConfirmed
+from kachaka_simple_control.control.guardian import Guardian, NullGuardian
 from kachaka_simple_control.control.timing import (
     STOP_BURST_COUNT,
     STOP_CONFIRM_TIMEOUT,
@@ -30,16 +30,6 @@ from kachaka_simple_control.control.timing import (
 )
 from kachaka_simple_control.control.velocity_gate import Run, VelocityGate
 from kachaka_simple_control.errors import ControlError, RunFaultError
-
-
-class GuardianClient(Protocol):
-    """The interface that reports a stop to the guardian."""
-
-    def report_stopping(self) -> None:
-        """Report that a zero is sent next, and that more zeros will follow."""
-
-    def report_stopped(self) -> None:
-        """Report that the complete stop was sent: no heartbeat is due until the next run."""
 
 
 def send_stop(
@@ -87,7 +77,7 @@ class StopController:
             self,
             gate: VelocityGate,
             command_timeout: float,
-            guardian: GuardianClient,
+            guardian: Guardian | NullGuardian,
             still_moving: Callable[[], bool] = lambda: False,
             clock: Callable[[], float] = time.monotonic,
             sleep: Callable[[float], None] = time.sleep,

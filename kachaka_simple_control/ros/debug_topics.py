@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from queue import SimpleQueue
 import threading
@@ -23,13 +23,27 @@ import time
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
-from kachaka_simple_control.control.events import Event, VelocitySent
+from kachaka_simple_control.analysis.paths import MAX_POSES, PoseHistory, sample_path
+from kachaka_simple_control.control.events import (
+    Event,
+    MotionStarted,
+    OdometryReceived,
+    VelocitySent,
+)
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.motion.geometry import Velocity
+from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity
+from kachaka_simple_control.motion.plan import Plan
 from kachaka_simple_control.ros import conversions
 from kachaka_simple_control.ros.endpoints import with_qos_overrides
-from kachaka_simple_control.ros.names import COMMANDED_VELOCITY, DIAGNOSTICS, SPEED_FACTOR
+from kachaka_simple_control.ros.names import (
+    COMMANDED_VELOCITY,
+    DIAGNOSTICS,
+    DRIVEN_PATH,
+    PLANNED_PATH,
+    SPEED_FACTOR,
+)
 from kachaka_simple_control.ros.velocity_publisher import VelocityPublisher
+from kachaka_simple_control.telemetry.cdr import PathSerializer
 from kachaka_simple_control.telemetry.diagnosis import Diagnosis
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
@@ -44,6 +58,12 @@ MAX_QUEUE = 200
 THREAD_EXIT_TIMEOUT = 1.0
 #: Time between two counts of the subscribers [s]: a count takes longer than the rest of a call.
 SUBSCRIBER_COUNT_PERIOD = 0.2
+#: The shortest time between two messages of the driven path [s].
+MIN_PATH_PERIOD = 0.5
+#: The frame of the poses until odometry arrives and gives its frame.
+FRAME = 'odom'
+#: The QoS of a topic whose late subscribers get the newest message.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class NoEventCallbacks:
@@ -57,31 +77,6 @@ class NoEventCallbacks:
     def create_event_handlers(self, *_: object) -> list[Any]:
         """Return an empty list of event handlers."""
         return []
-
-
-def create_debug_publisher(
-        node: Node, velocities: VelocityPublisher, kind: type, topic: str,
-        qos: QoSProfile) -> Publisher:
-    """
-    Create a publisher whose QoS can be changed with the ROS parameters ``qos_overrides``.
-
-    :param velocities: the publisher of the velocities that move the robot
-    :param kind: the type of the message
-    :param topic: the name of the topic, before remapping
-    :param qos: the default QoS
-    :raises UsageError: if the topic is remapped to the velocity topic, or the QoS is refused
-    """
-    name = node.resolve_topic_name(topic)
-    if name == velocities.topic_name:
-        raise UsageError(
-            f'{topic} is remapped to {name}, which moves the robot: what is shown needs a topic '
-            'of its own')
-    callbacks: Any = NoEventCallbacks()
-    publisher: Publisher = with_qos_overrides(
-        lambda options: node.create_publisher(
-            kind, topic, qos, event_callbacks=callbacks, qos_overriding_options=options),
-        _check_history)
-    return publisher
 
 
 def _check_history(qos: QoSProfile) -> SetParametersResult:
@@ -100,17 +95,40 @@ class PublisherThread:
     """
     One thread that publishes all debug topics of a node; the first message starts it.
 
+    :param velocities: the publisher of the velocities that move the robot
     :param may_publish: returns whether messages may be published now
     :param on_error: called with the publisher and the error if a message could not be published
     """
 
     def __init__(
-            self, may_publish: Callable[[], bool],
+            self, node: Node, velocities: VelocityPublisher, may_publish: Callable[[], bool],
             on_error: Callable[[Publisher, Exception], None]) -> None:
+        self.node, self._velocity_topic = node, velocities.topic_name
         self._may_publish, self._on_error = may_publish, on_error
         self._queue: SimpleQueue[tuple[Publisher, Serialize] | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
         self._starting = threading.Lock()
+
+    def create_publisher(self, kind: type, topic: str, qos: QoSProfile) -> Publisher:
+        """
+        Create a publisher whose QoS can be changed with the ROS parameters ``qos_overrides``.
+
+        :param kind: the type of the message
+        :param topic: the name of the topic, before remapping
+        :param qos: the default QoS
+        :raises UsageError: if the topic is remapped to the velocity topic, or the QoS is refused
+        """
+        name = self.node.resolve_topic_name(topic)
+        if name == self._velocity_topic:
+            raise UsageError(
+                f'{topic} is remapped to {name}, which moves the robot: what is shown needs a '
+                'topic of its own')
+        callbacks: Any = NoEventCallbacks()
+        publisher: Publisher = with_qos_overrides(
+            lambda options: self.node.create_publisher(
+                kind, topic, qos, event_callbacks=callbacks, qos_overriding_options=options),
+            _check_history)
+        return publisher
 
     def publish(self, publisher: Publisher, serialize: Serialize) -> None:
         """Put a message into the queue, and return at once."""
@@ -145,51 +163,55 @@ class PublisherThread:
         publisher.publish(serialize())
 
 
-class SpeedFactorPublisher:
+class DebugTopic:
     """
-    Publishes the speed factor when it changes; a late subscriber gets the newest value.
+    A debug topic of a node.
 
-    :param velocities: the publisher of the velocities that move the robot
     :raises UsageError: if the topic is remapped to the velocity topic
     """
 
-    def __init__(
-            self, node: Node, velocities: VelocityPublisher, thread: PublisherThread) -> None:
-        self._publisher = create_debug_publisher(
-            node, velocities, Float64, SPEED_FACTOR,
-            QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    def __init__(self, thread: PublisherThread, kind: type, topic: str, qos: QoSProfile) -> None:
         self._thread = thread
+        self._publisher = thread.create_publisher(kind, topic, qos)
+        self._clock = thread.node.get_clock()
+
+    @property
+    def _has_subscribers(self) -> bool:
+        return bool(self._publisher.get_subscription_count())
+
+    def _send(self, serialize: Serialize) -> None:
+        self._thread.publish(self._publisher, serialize)
+
+
+class SpeedFactorPublisher(DebugTopic):
+    """Publishes the speed factor when it changes; a late subscriber gets the newest value."""
+
+    def __init__(self, thread: PublisherThread) -> None:
+        super().__init__(thread, Float64, SPEED_FACTOR, LATCHED)
 
     def publish(self, factor: float) -> None:
         """Publish the speed factor, from 0 to 1."""
-        self._thread.publish(
-            self._publisher, lambda: bytes(serialize_message(Float64(data=factor))))
+        self._send(lambda: bytes(serialize_message(Float64(data=factor))))
 
 
-class CommandedVelocityPublisher:
+class CommandedVelocityPublisher(DebugTopic):
     """
     Publishes each velocity again on a debug topic after it was sent, while there are subscribers.
 
     The QoS is best effort: a plot needs the newest value only.  A reliable writer has more work
     with readers that are slow, gone or frozen.
 
-    :param velocities: the publisher of the velocities that move the robot
     :param frame: the frame of the robot
-    :raises UsageError: if the topic is remapped to the velocity topic
     """
 
-    def __init__(
-            self, node: Node, velocities: VelocityPublisher, thread: PublisherThread,
-            frame: str) -> None:
-        self._publisher = create_debug_publisher(
-            node, velocities, TwistStamped, COMMANDED_VELOCITY,
+    def __init__(self, thread: PublisherThread, frame: str) -> None:
+        super().__init__(
+            thread, TwistStamped, COMMANDED_VELOCITY,
             QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
-        self._thread = thread
-        self._clock = node.get_clock()
         # Created once: creating a message takes longer than sending it.
         self._message = TwistStamped()
         self._message.header.frame_id = frame
-        self._has_subscribers = False
+        self._is_wanted = False
         self._check_time = float('-inf')
 
     def on_sent(self, event: Event) -> None:
@@ -198,9 +220,9 @@ class CommandedVelocityPublisher:
             return
         if event.time - self._check_time >= SUBSCRIBER_COUNT_PERIOD:
             self._check_time = event.time
-            self._has_subscribers = self._publisher.get_subscription_count() > 0
-        if self._has_subscribers:
-            self._thread.publish(self._publisher, partial(
+            self._is_wanted = self._has_subscribers
+        if self._is_wanted:
+            self._send(partial(
                 self._serialize, event.velocity,
                 self._clock.now().nanoseconds - round((time.monotonic() - event.time) * 1e9)))
 
@@ -212,36 +234,103 @@ class CommandedVelocityPublisher:
         return bytes(serialize_message(message))
 
 
-class DiagnosticsPublisher:
+class DiagnosticsPublisher(DebugTopic):
     """
     Publishes a diagnosis each time ``publish`` is called, if there are subscribers.
 
-    :param velocities: the publisher of the velocities that move the robot
-    :param robot: the name of the robot
+    :param robot: the name of the robot, and its velocity topic
     :param diagnose: returns the diagnosis; None if there is none
     :raises ImportError: if diagnostic_msgs is not installed
-    :raises UsageError: if the topic is remapped to the velocity topic
     """
 
     def __init__(
-            self, node: Node, velocities: VelocityPublisher, thread: PublisherThread, robot: str,
+            self, thread: PublisherThread, robot: str,
             diagnose: Callable[[], Diagnosis | None]) -> None:
         from diagnostic_msgs.msg import DiagnosticArray
-        self._publisher = create_debug_publisher(
-            node, velocities, DiagnosticArray, DIAGNOSTICS, QoSProfile(depth=10))
-        self._thread = thread
-        self._clock = node.get_clock()
-        self._name = f'{node.get_fully_qualified_name().lstrip("/")}: drive'
-        self._robot = f'{robot} on {velocities.topic_name}'
+        super().__init__(thread, DiagnosticArray, DIAGNOSTICS, QoSProfile(depth=10))
+        self._name = f'{thread.node.get_fully_qualified_name().lstrip("/")}: drive'
+        self._robot = robot
         self._diagnose = diagnose
 
     def publish(self) -> None:
         """Publish the current diagnosis."""
-        if not self._publisher.get_subscription_count():
-            return
-        diagnosis = self._diagnose()
-        if diagnosis is None:
-            return
-        message = conversions.diagnostics(
-            {self._name: diagnosis}, self._clock.now().to_msg(), self._robot)
-        self._thread.publish(self._publisher, lambda: bytes(serialize_message(message)))
+        if self._has_subscribers and (diagnosis := self._diagnose()) is not None:
+            message = conversions.diagnostics(
+                {self._name: diagnosis}, self._clock.now().to_msg(), self._robot)
+            self._send(lambda: bytes(serialize_message(message)))
+
+
+class PathTopic(DebugTopic):
+    """
+    A debug topic with a path.
+
+    :raises ImportError: if nav_msgs is not installed
+    """
+
+    def __init__(self, thread: PublisherThread, topic: str, qos: QoSProfile) -> None:
+        from nav_msgs.msg import Path
+        super().__init__(thread, Path, topic, qos)
+        self.set_frame(FRAME)
+
+    def set_frame(self, frame: str) -> None:
+        """Use the frame of odometry from now on."""
+        self._serializer = PathSerializer(frame)
+
+    def _send_path(self, poses: Sequence[bytes]) -> None:
+        path = self._serializer.path(poses, self._clock.now().nanoseconds)
+        self._send(lambda: path)
+
+
+class PlannedPathPublisher(PathTopic):
+    """
+    Publishes the path of the newest plan before the robot moves.
+
+    A late subscriber gets the newest path.
+    """
+
+    def __init__(self, thread: PublisherThread) -> None:
+        super().__init__(thread, PLANNED_PATH, LATCHED)
+        self._pose: Pose | None = None
+        #: the plan that was published from the origin, because the robot's pose was unknown
+        self._plan_from_origin: Plan | None = None
+
+    def on_plan(self, plan: Plan) -> None:
+        """Publish the path of the plan that is driven next."""
+        self._plan_from_origin = plan if self._pose is None else None
+        self._publish(plan, self._pose or ORIGIN)
+
+    def on_motion_started(self, event: MotionStarted) -> None:
+        """Keep the published path from now on, because the robot moves."""
+        del event
+        self._plan_from_origin = None
+
+    def on_odometry(self, event: OdometryReceived) -> None:
+        """Publish the path again from the robot's pose, if it was published from the origin."""
+        self._pose = event.pose
+        plan, self._plan_from_origin = self._plan_from_origin, None
+        if plan is not None:
+            self._publish(plan, event.pose)
+
+    def _publish(self, plan: Plan, start: Pose) -> None:
+        self._send_path([self._serializer.pose(pose) for pose in sample_path(plan, start)])
+
+
+class DrivenPathPublisher(PathTopic):
+    """Publishes the path that odometry has measured, if there are subscribers."""
+
+    def __init__(self, thread: PublisherThread) -> None:
+        super().__init__(thread, DRIVEN_PATH, QoSProfile(depth=1))
+        self._publish_time = float('-inf')
+
+    def set_frame(self, frame: str) -> None:
+        """Start a new path in the frame of odometry."""
+        super().set_frame(frame)
+        self._history = PoseHistory(
+            MAX_POSES, lambda pose: self._serializer.pose(pose, self._clock.now().nanoseconds))
+
+    def on_odometry(self, event: OdometryReceived) -> None:
+        """Add a pose to the path, and publish the path at most once per MIN_PATH_PERIOD."""
+        self._history.add(event.pose)
+        if event.time - self._publish_time >= MIN_PATH_PERIOD and self._has_subscribers:
+            self._publish_time = event.time
+            self._send_path(self._history.kept)

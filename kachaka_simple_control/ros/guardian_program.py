@@ -321,7 +321,7 @@ class GuardianProgram:
                     f'the node sent no heartbeat for {robot.watchdog.allowed:g} s: the program '
                     f'was held up, {HELD_UP_ADVICE}')
         self._stop(silent)
-        self._memory.checks.increment()
+        self._memory.count_check()
 
     def _stop(self, reasons: dict[int, str]) -> None:
         """

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from kachaka_simple_control.control.events import (
     Event,
@@ -31,6 +31,8 @@ from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.ros.debug_topics import (
     CommandedVelocityPublisher,
     DiagnosticsPublisher,
+    DrivenPathPublisher,
+    PlannedPathPublisher,
     PublisherThread,
     SpeedFactorPublisher,
 )
@@ -48,9 +50,6 @@ from kachaka_simple_control.telemetry.event_bus import EventBus
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-
-if TYPE_CHECKING:
-    from kachaka_simple_control.ros.path_topics import PlannedPathPublisher
 
 #: Time between two diagnoses [s].
 DIAGNOSTICS_PERIOD = 1.0
@@ -74,20 +73,20 @@ class IntrospectionPublishers:
     def __init__(self, node: Node, velocities: VelocityPublisher, profile: RobotProfile) -> None:
         self._node = node
         self._status_reader: StatusReader | None = None
-        self._thread = PublisherThread(lambda: self._is_open, self._log_error)
+        self._thread = thread = PublisherThread(
+            node, velocities, lambda: self._is_open, self._log_error)
         self._failed: set[str] = set()
         self._on_frame: list[Handler] = []
         #: the handlers by type of event; called only while the session is open
         self._on_event: dict[type, list[Handler]] = {}
         #: the handlers that are called with all events, at any time; they return at once
         self._always: list[EventHandler] = [self._failing_once(
-            COMMANDED_VELOCITY, CommandedVelocityPublisher(
-                node, velocities, self._thread, profile.frame).on_sent)]
-        self._speed_factor = SpeedFactorPublisher(node, velocities, self._thread)
+            COMMANDED_VELOCITY, CommandedVelocityPublisher(thread, profile.frame).on_sent)]
+        self._speed_factor = SpeedFactorPublisher(thread)
         self._on_event[SpeedFactorChanged] = [self._failing_once(
             SPEED_FACTOR, lambda event: self._speed_factor.publish(event.product))]
-        self._add_paths(velocities)
-        self._add_diagnostics(velocities, profile.name)
+        self._add_paths()
+        self._add_diagnostics(f'{profile.name} on {velocities.topic_name}')
 
     def attach(self, event_bus: EventBus, status_reader: StatusReader) -> None:
         """Start publishing: subscribe to the session's events, and publish a speed factor of 1."""
@@ -115,17 +114,13 @@ class IntrospectionPublishers:
             for handler in handlers:
                 handler(event)
 
-    def _add_paths(self, velocities: VelocityPublisher) -> None:
+    def _add_paths(self) -> None:
         # Optional: without nav_msgs a drive works, but the path topics are not published.
         try:
-            from kachaka_simple_control.ros.path_topics import (
-                DrivenPathPublisher,
-                PlannedPathPublisher,
-            )
+            planned = PlannedPathPublisher(self._thread)
+            driven = DrivenPathPublisher(self._thread)
         except ImportError:
             return
-        planned = PlannedPathPublisher(self._node, velocities, self._thread)
-        driven = DrivenPathPublisher(self._node, velocities, self._thread)
         self._on_event[MotionPlanned] = [
             self._failing_once(PLANNED_PATH, lambda _: self._publish_plan(planned))]
         self._on_frame += [self._failing_once(PLANNED_PATH, planned.set_frame),
@@ -140,11 +135,10 @@ class IntrospectionPublishers:
         if plan is not None:
             publisher.on_plan(plan)
 
-    def _add_diagnostics(self, velocities: VelocityPublisher, robot: str) -> None:
+    def _add_diagnostics(self, robot: str) -> None:
         # Optional, like the paths: diagnostic_msgs may be missing.
         try:
-            diagnostics = DiagnosticsPublisher(
-                self._node, velocities, self._thread, robot, self._diagnose)
+            diagnostics = DiagnosticsPublisher(self._thread, robot, self._diagnose)
         except ImportError:
             return
         # With the default clock, the timer may follow /clock, and /clock may stop during a drive.

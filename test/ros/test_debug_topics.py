@@ -154,13 +154,13 @@ def stop_soon(node, listener):
 
 
 def test_a_topic_that_fails_is_logged_once_and_ends_nothing(listener, observer, make, monkeypatch):
-    from kachaka_simple_control.ros import debug_topics, path_topics, session_status
+    from kachaka_simple_control.ros import debug_topics, session_status
 
     def fail(*what):
         raise RuntimeError('cannot show')
 
     monkeypatch.setattr(debug_topics.CommandedVelocityPublisher, 'on_sent', fail)
-    monkeypatch.setattr(path_topics.PathSerializer, 'pose', fail)
+    monkeypatch.setattr(debug_topics.PathSerializer, 'pose', fail)
     monkeypatch.setattr(session_status.StatusReader, 'read', fail)
     observer.publish_odometry(ODOMETRY, 0.0, 0.0, 0.0, 1.0, 'odom')
     node = make()
