@@ -39,7 +39,7 @@ from kachaka_simple_control.files.document import (
 from kachaka_simple_control.files.schema import motion_schema, read_document
 from kachaka_simple_control.files.yaml_document import read_text
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, LIMIT_QUANTITIES, Limits
-from kachaka_simple_control.motion.planner import find_errors, MAX_STEPS
+from kachaka_simple_control.motion.plan import find_errors, MAX_STEPS
 from kachaka_simple_control.motion.step_base import FieldKind, KINDS, Step, StepList
 from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.motion.units import FREQUENCY, Quantity

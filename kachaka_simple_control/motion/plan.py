@@ -11,12 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The plan of a motion: timed velocities, fully checked before the drive."""
+"""Check a motion against limits, and plan it: timed velocities, complete before the drive."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import NamedTuple
@@ -24,11 +24,13 @@ from typing import NamedTuple
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import advance, integrate, ORIGIN, Pose, Velocity
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
-from kachaka_simple_control.motion.planner import MotionValidator, PlannedItem
-from kachaka_simple_control.motion.steps import Motion, Step
+from kachaka_simple_control.motion.step_base import MAX_DURATION, Step
+from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.motion.trajectory import Trajectory
 from kachaka_simple_control.motion.units import require_finite, require_positive
 
+#: The largest number of steps of a motion, each repetition counted.
+MAX_STEPS = 1_000_000
 #: The largest number of segments of a plan: a day at 50 Hz, in less than a gigabyte.
 MAX_SEGMENTS = 5_000_000
 
@@ -142,6 +144,18 @@ class Plan:
         return max(0, bisect_right(self.steps, elapsed, key=attrgetter('start')) - 1)
 
 
+def find_errors(motion: Motion, limits: Limits) -> list[InvalidMotionError]:
+    """
+    Return all errors of a motion for the limits of a robot.
+
+    :param motion: the motion
+    :param limits: the limits of the robot
+    :returns: the errors, in the order of the motion; empty if the motion can be planned at each
+        rate that gives at most ``MAX_SEGMENTS`` velocities
+    """
+    return _apply_limits(motion, limits)[1]
+
+
 def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
     """
     Return the plan of a motion: the timed velocities that drive it.
@@ -154,19 +168,74 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
     """
     require_finite('rate', rate, 'Hz')
     require_positive('rate', rate, 'Hz')
-    checked = MotionValidator(motion, limits)
-    if checked.errors:
-        raise checked.errors[0]
-    count = checked.whole.total(
+    whole, errors = _apply_limits(motion, limits)
+    if errors:
+        raise errors[0]
+    count = whole.total(
         lambda item: sum(trajectory.ticks(rate) for trajectory in item.trajectories))
     if count > MAX_SEGMENTS:
         raise InvalidMotionError(
             f'the motion needs {count:.10g} velocities at {rate} Hz; it may have {MAX_SEGMENTS} '
             'at most: take a lower rate')
-    builder = _PlanBuilder(rate)
-    for item in checked.whole.expand():
-        builder.add(item)
-    return builder.plan()
+    return _planned(whole.expand(), rate)
+
+
+# Compared by identity: a repeated item is one object.
+@dataclass(frozen=True, eq=False)
+class _Item:
+    """A step at its place in a motion, with its trajectories; none if it was refused."""
+
+    path: str
+    step: Step
+    trajectories: Sequence[Trajectory]
+
+
+class _Block(NamedTuple):
+    """Steps of a motion that are driven several times, with their limits applied."""
+
+    times: int
+    parts: Sequence[_Item | _Block]
+
+    def total(self, measure: Callable[[_Item], float]) -> float:
+        """Return the sum of a measure over all items; a repeated item counts each time."""
+        return self.times * sum(
+            measure(part) if isinstance(part, _Item) else part.total(measure)
+            for part in self.parts)
+
+    def expand(self) -> list[_Item]:
+        """Return the items in driving order; a repeated item occurs each time."""
+        return self.times * [
+            item for part in self.parts
+            for item in ([part] if isinstance(part, _Item) else part.expand())]
+
+
+def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidMotionError]]:
+    """Return a motion with limits applied, and all its errors; check a repeated step once."""
+    errors: list[InvalidMotionError] = []
+
+    def part(step: Step, path: str) -> _Item | _Block:
+        place = f'{path}.{step.keyword}.'
+        if (block := step.block()) is not None:
+            return _Block(block[0], parts(block[1], place))
+        return _Item(path, step, step.trajectories(
+            limits, lambda name, error: errors.append(error.at(place + name))))
+
+    def parts(steps: Sequence[Step], prefix: str) -> list[_Item | _Block]:
+        return [part(step, f'{prefix}steps[{index}]') for index, step in enumerate(steps)]
+
+    whole = _Block(1, parts(motion.steps, ''))
+    count = whole.total(lambda _: 1)
+    if count > MAX_STEPS:
+        errors.append(InvalidMotionError(
+            f'the motion has {count:.10g} steps, its repeats counted; it may have {MAX_STEPS} at '
+            'most'))
+    duration = whole.total(
+        lambda item: sum(trajectory.duration for trajectory in item.trajectories))
+    if duration > MAX_DURATION:
+        errors.append(InvalidMotionError(
+            f'the motion takes {duration:.10g} s, its repeats counted; it may take '
+            f'{MAX_DURATION:.10g} s at most'))
+    return whole, errors
 
 
 class _Sent(NamedTuple):
@@ -177,38 +246,31 @@ class _Sent(NamedTuple):
     max_angular: float
 
 
-class _PlanBuilder:
-    """Builds a plan: appends the velocities of planned items in order."""
-
-    def __init__(self, rate: float) -> None:
-        self._rate = rate
-        self._time = 0.0
-        self._pose = ORIGIN
-        self._segments: list[Segment] = []
-        self._steps: list[PlannedStep] = []
-        #: computed once for each item, also if it is repeated
-        self._sent: dict[PlannedItem, _Sent] = {}
-
-    def plan(self) -> Plan:
-        return Plan(tuple(self._segments), 1.0 / self._rate, tuple(self._steps))
-
-    def add(self, item: PlannedItem) -> None:
-        if item not in self._sent:
-            self._sent[item] = _sent(
-                [trajectory.velocities(self._rate) for trajectory in item.trajectories])
-        sent = self._sent[item]
-        start, first, length = self._time, len(self._segments), 0.0
+def _planned(items: Sequence[_Item], rate: float) -> Plan:
+    """Return the plan of items in driving order."""
+    segments: list[Segment] = []
+    steps: list[PlannedStep] = []
+    time, pose = 0.0, ORIGIN
+    #: computed once for each item, also if it is repeated
+    known: dict[_Item, _Sent] = {}
+    for item in items:
+        if item not in known:
+            known[item] = _sent(
+                [trajectory.velocities(rate) for trajectory in item.trajectories])
+        sent = known[item]
+        start, first, length = time, len(segments), 0.0
         for trajectory, velocities in zip(item.trajectories, sent.velocities):
-            begin, path = self._time, trajectory.segment
-            self._time = begin + trajectory.duration
-            self._segments += _segments(velocities, begin, self._time)
-            self._pose = advance(self._pose, path.length, path.angle)
+            begin, path = time, trajectory.segment
+            time = begin + trajectory.duration
+            segments += _segments(velocities, begin, time)
+            pose = advance(pose, path.length, path.angle)
             length += abs(path.length)
-        has_segments = len(self._segments) > first
-        self._steps.append(PlannedStep(
-            item.path, item.step, start, self._time, self._pose, length,
+        has_segments = len(segments) > first
+        steps.append(PlannedStep(
+            item.path, item.step, start, time, pose, length,
             sent.max_linear if has_segments else 0.0, sent.max_angular if has_segments else 0.0,
             item.trajectories))
+    return Plan(tuple(segments), 1.0 / rate, tuple(steps))
 
 
 def _sent(velocities: list[list[Velocity]]) -> _Sent:

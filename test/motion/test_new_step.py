@@ -33,8 +33,7 @@ from kachaka_simple_control.files.motion_file import dump, loads
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.files.schema import motion_schema
 from kachaka_simple_control.motion.geometry import Displacement
-from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.motion.planner import find_errors
+from kachaka_simple_control.motion.plan import find_errors, plan
 from kachaka_simple_control.motion.step_base import in_file, KINDS
 from kachaka_simple_control.motion.steps import Forward, Motion, Repeat, Step, Wait
 from kachaka_simple_control.motion.trajectory import PathSegment

@@ -21,8 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.plan import MAX_SEGMENTS, plan
-from kachaka_simple_control.motion.planner import find_errors, MAX_STEPS
+from kachaka_simple_control.motion.plan import find_errors, MAX_SEGMENTS, MAX_STEPS, plan
 from kachaka_simple_control.motion.step_base import MAX_DURATION
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
 import pytest
