@@ -127,7 +127,8 @@ def sampled(goal: Forward | Turn, limits: Limits, rate: float) -> list[float]:
     path = goal.path()[0]
     profile = time_optimal_profile(path.distance, *limits_along(path, limits))
     count = math.ceil(profile.duration * rate)
-    return [math.fsum(profile.velocity_at(index / rate) for index in range(count)) / rate]
+    return [math.fsum(
+        profile.state_at(index / rate).velocity for index in range(count)) / rate]
 
 
 def smoothed(goal: Forward | Turn, limits: Limits, rate: float) -> list[float]:

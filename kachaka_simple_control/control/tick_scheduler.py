@@ -29,8 +29,8 @@ from typing import Protocol
 from kachaka_simple_control.control.events import VelocityKind
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.plan import Plan
-from kachaka_simple_control.motion.replanning import PathState, Replanned
 from kachaka_simple_control.motion.trajectory import Trajectory
+from kachaka_simple_control.motion.velocity_profile import PathState, Replanned
 
 #: A last tick shorter than this fraction of a period is a rounding error, not a tick.
 TIME_TOLERANCE = 1e-6

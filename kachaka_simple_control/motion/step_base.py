@@ -24,7 +24,6 @@ from typing import Any, ClassVar, NamedTuple
 from kachaka_simple_control.errors import InvalidMotionError, LimitError
 from kachaka_simple_control.motion.geometry import Displacement
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.replanning import PathLimits
 from kachaka_simple_control.motion.trajectory import (
     ConstantVelocity,
     limits_along,
@@ -33,7 +32,7 @@ from kachaka_simple_control.motion.trajectory import (
     Trajectory,
 )
 from kachaka_simple_control.motion.units import Quantity
-from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
+from kachaka_simple_control.motion.velocity_profile import PathLimits, time_optimal_profile
 
 #: The longest duration of a motion [s]: a day.
 MAX_DURATION = 86_400.0

@@ -22,14 +22,15 @@ from typing import NamedTuple
 
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.replanning import (
+from kachaka_simple_control.motion.velocity_profile import (
+    bisection,
     PathLimits,
     PathState,
     replan_through,
     replan_to_rest,
     Replanned,
+    VelocityProfile,
 )
-from kachaka_simple_control.motion.velocity_profile import VelocityProfile
 
 #: A last tick shorter than this share of a period is left out (rounding).
 TIME_TOLERANCE = 1e-9
@@ -261,20 +262,13 @@ class ProfiledPath(Trajectory):
 
     def state_at(self, time: float) -> PathState:
         """Return the state of the profile at a time."""
-        return PathState(
-            self.profile.position_at(time), self.profile.velocity_at(time),
-            self.profile.acceleration_at(time))
+        return self.profile.state_at(time)
 
     def time_at(self, position: float) -> float:
         """Return the time of a position by bisection; the position never decreases."""
-        low, high = 0.0, self.duration
-        for _ in range(TIME_BISECTIONS):
-            middle = (low + high) / 2.0
-            if self.profile.position_at(middle) < position:
-                low = middle
-            else:
-                high = middle
-        return high
+        return bisection(
+            0.0, self.duration, lambda time: self.profile.state_at(time).position >= position,
+            TIME_BISECTIONS)[1]
 
     def first_state(self, factor: float, velocity: float) -> PathState:  # noqa: ARG002
         """Return the start state: position 0, at rest."""

@@ -11,24 +11,68 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Time-optimal S-curve from rest to rest under velocity, acceleration and jerk limits."""
+"""
+Time-optimal S-curves along a path under velocity, acceleration and jerk limits.
+
+``time_optimal_profile()`` plans from rest to rest.  ``replan_to_rest()`` and ``replan_through()``
+plan the remaining path again from a state in motion: slow down, stop, or speed up again.
+
+The unit u is the unit of the path: metre or radian.  The numbers in round brackets refer to the
+formulas in docs/theory.md.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 import math
+from typing import NamedTuple
 
 from kachaka_simple_control.errors import InvalidMotionError
+
+#: A stop counts as a stop at the path's end within this share of its length (rounding).
+ROUNDING = 1e-12
+#: A cruise shorter than this share of the path's length is left out (rounding).
+CRUISE_ROUNDING = 1e-14
+#: The number of bisections that find a number to the last bit, or almost to zero.
+BISECTIONS = 120
+
+
+class PathState(NamedTuple):
+    """
+    Position, velocity and acceleration along a path, in the path's unit u.
+
+    :param position: the distance from the start of the path [u]
+    :param velocity: the velocity along the path [u/s], not negative
+    :param acceleration: the acceleration along the path [u/s^2]
+    """
+
+    position: float
+    velocity: float = 0.0
+    acceleration: float = 0.0
+
+
+class PathLimits(NamedTuple):
+    """
+    The limits along a path segment; each is positive or infinite.
+
+    :param velocity: largest velocity [u/s]
+    :param acceleration: largest acceleration [u/s^2]
+    :param deceleration: largest deceleration [u/s^2]
+    :param jerk: largest jerk [u/s^3]
+    """
+
+    velocity: float
+    acceleration: float
+    deceleration: float
+    jerk: float
 
 
 @dataclass(frozen=True)
 class Ramp:
     """
     A rise from rest to a velocity: the acceleration rises, may be held, and falls.
-
-    The unit u is the unit of the path: metre or radian.  The numbers in round brackets refer to
-    the formulas in docs/theory.md.
 
     :param velocity: the velocity at the end [u/s]
     :param acceleration: the largest acceleration [u/s^2]; 0 for a duration of zero
@@ -47,43 +91,28 @@ class Ramp:
         """Return the distance covered by the whole ramp [u] (2)."""
         return self.velocity * self.duration / 2.0
 
-    def position_at(self, time: float) -> float:
+    def state_at(self, time: float) -> PathState:
         """
-        Return the distance covered at a time [u] (3).
+        Return the state at a time (3), (4).
 
         :param time: the time since the start of the ramp [s], from 0 to the duration
         """
         easing, acceleration = self.easing, self.acceleration
         if time < easing:
-            return acceleration * time * time * time / (6.0 * easing)
+            return PathState(
+                acceleration * time * time * time / (6.0 * easing),
+                acceleration * time * time / (2.0 * easing), acceleration * (time / easing))
         left = self.duration - time
         if left < easing:
             fading = acceleration * left * left * left / (6.0 * easing)
-            return self.velocity * (self.duration / 2.0 - left) + fading
+            return PathState(
+                self.velocity * (self.duration / 2.0 - left) + fading,
+                self.velocity - acceleration * left * left / (2.0 * easing),
+                acceleration * (left / easing))
         held = time - easing
-        return acceleration * (easing * easing / 6.0 + (easing + held) * held / 2.0)
-
-    def velocity_at(self, time: float) -> float:
-        """
-        Return the velocity at a time [u/s] (4).
-
-        :param time: the time since the start of the ramp [s], from 0 to the duration
-        """
-        if time < self.easing:
-            return self.acceleration * time * time / (2.0 * self.easing)
-        left = self.duration - time
-        if left < self.easing:
-            return self.velocity - self.acceleration * left * left / (2.0 * self.easing)
-        return self.acceleration * (time - self.easing / 2.0)
-
-    def acceleration_at(self, time: float) -> float:
-        """
-        Return the acceleration at a time [u/s^2] (4).
-
-        :param time: the time since the start of the ramp [s], from 0 to the duration
-        """
-        nearest = min(time, self.duration - time)
-        return self.acceleration * (nearest / self.easing if nearest < self.easing else 1.0)
+        return PathState(
+            acceleration * (easing * easing / 6.0 + (easing + held) * held / 2.0),
+            acceleration * (time - easing / 2.0), acceleration)
 
     def means(self, part: float, count: int) -> list[float]:
         """
@@ -94,7 +123,7 @@ class Ramp:
         """
         times = [index * part for index in range(count + 1)]
         times[-1] = min(times[-1], self.duration)
-        positions = [self.position_at(time) for time in times]
+        positions = [self.state_at(time).position for time in times]
         return [(after - before) / part for before, after in pairwise(positions)]
 
 
@@ -119,8 +148,7 @@ class VelocityProfile:
     A ramp up, a cruise at constant velocity, and a ramp down that may differ from the first.
 
     The velocity is zero before and after the profile.  At a jump, the velocity has the value
-    after the jump.  The unit u is the unit of the path: metre or radian.  The numbers in round
-    brackets refer to the formulas in docs/theory.md.
+    after the jump.
 
     :param distance: the distance [u], not negative
     :param rise: the ramp up
@@ -143,46 +171,22 @@ class VelocityProfile:
         """Return the duration of the profile [s]."""
         return self.rise.duration + self.cruise + self.fall.duration
 
-    def position_at(self, time: float) -> float:
+    def state_at(self, time: float) -> PathState:
         """
-        Return the distance covered at a time [u] (5).
-
-        :param time: the time since the start [s]; before the start and after the end are allowed
-        """
-        if time <= 0.0:
-            return 0.0
-        left = max(0.0, self.duration - time)
-        if left <= self.fall.duration:
-            return self.distance - self.fall.position_at(left)
-        if time < self.rise.duration:
-            return self.rise.position_at(time)
-        return self.rise.distance + self.velocity * (time - self.rise.duration)
-
-    def velocity_at(self, time: float) -> float:
-        """
-        Return the velocity at a time [u/s].
+        Return the state at a time (5).
 
         :param time: the time since the start [s]; before the start and after the end are allowed
         """
         left = self.duration - time
         if time < 0.0 or left <= 0.0:
-            return 0.0
+            return PathState(0.0 if time < 0.0 else self.distance)
         if time < self.rise.duration:
-            return self.rise.velocity_at(time)
-        return self.fall.velocity_at(left) if left < self.fall.duration else self.velocity
-
-    def acceleration_at(self, time: float) -> float:
-        """
-        Return the acceleration at a time [u/s^2]; jumps of the velocity are ignored.
-
-        :param time: the time since the start [s]; before the start and after the end are allowed
-        """
-        left = self.duration - time
-        if time < 0.0 or left <= 0.0:
-            return 0.0
-        if time < self.rise.duration:
-            return self.rise.acceleration_at(time)
-        return -self.fall.acceleration_at(left) if left < self.fall.duration else 0.0
+            return self.rise.state_at(time)
+        if left < self.fall.duration:
+            position, velocity, acceleration = self.fall.state_at(left)
+            return PathState(self.distance - position, velocity, -acceleration)
+        return PathState(
+            self.rise.distance + self.velocity * (time - self.rise.duration), self.velocity)
 
     def means(self, count: int) -> list[float]:
         """
@@ -213,10 +217,10 @@ class VelocityProfile:
         """Return the mean velocity in one time part that starts at a time (11)."""
         times = (start, start + part)
         rise, fall, top = self.rise, self.fall, self.rise.duration
-        up = [rise.position_at(min(time, top)) for time in times]
+        up = [rise.state_at(min(time, top)).position for time in times]
         along = [min(max(0.0, time - top), self.cruise) for time in times]
         left = [min(max(0.0, self.duration - time), fall.duration) for time in times]
-        down = [fall.position_at(time) for time in left]
+        down = [fall.state_at(time).position for time in left]
         return (up[1] - up[0] + self.velocity * (along[1] - along[0]) + down[0] - down[1]) / part
 
 
@@ -261,3 +265,217 @@ def _unlimited_peak(
     ratio = math.sqrt(2.0 * distance / low) * (jerk / low)
     growth = 2.0 * low * ratio / (1.0 + math.sqrt(1.0 + 4.0 * ratio))
     return growth * growth / jerk  # (10)
+
+
+class Phase(NamedTuple):
+    """
+    A time interval with a constant jerk.
+
+    :param start: the state at the start of the phase
+    :param jerk: the rate of change of the acceleration [u/s^3]
+    :param duration: the duration of the phase [s]
+    """
+
+    start: PathState
+    jerk: float
+    duration: float
+
+    def state_at(self, time: float) -> PathState:
+        """Return the state at a time since the start of the phase [s]."""
+        position, velocity, acceleration = self.start
+        return PathState(
+            position + time * (velocity + time * (acceleration / 2.0 + time * self.jerk / 6.0)),
+            velocity + time * (acceleration + time * self.jerk / 2.0),
+            acceleration + time * self.jerk)
+
+    @property
+    def end(self) -> PathState:
+        """Return the state at the end of the phase."""
+        return self.state_at(self.duration)
+
+
+@dataclass(frozen=True)
+class Replanned:
+    """
+    A re-planned movement along the remaining path, to its end or to a stop before the end.
+
+    :param phases: the phases of constant jerk, in order; the velocity may jump between phases
+    :param end: the state at the end of the movement
+    """
+
+    phases: tuple[Phase, ...]
+    end: PathState
+
+    @property
+    def duration(self) -> float:
+        """Return the duration of the movement [s]."""
+        return math.fsum(phase.duration for phase in self.phases)
+
+    def state_at(self, time: float) -> PathState:
+        """
+        Return the state at a time.
+
+        :param time: the time since the start [s], not negative; after the end the state is
+            ``end``
+        """
+        for phase in self.phases:
+            if time < phase.duration:
+                return phase.state_at(time)
+            time -= phase.duration
+        return self.end
+
+
+def replan_to_rest(
+        state: PathState, distance: float, velocity: float, limits: PathLimits) -> Replanned:
+    """
+    Re-plan the remaining path: stop at the end of the path, or stop as soon as possible.
+
+    The path is never driven backwards; (15) and (16) in docs/theory.md.
+
+    :param state: the current state; a stop before the end of the path must be possible from it
+    :param distance: the length of the path [u]
+    :param velocity: the largest velocity wanted [u/s]; a larger current velocity is reduced as
+        soon as possible, unless the path is too short for this; 0: stop as soon as possible
+    :param limits: the limits of acceleration, deceleration and jerk; its velocity is not used
+    """
+    if not velocity:
+        return _to_standstill(state, distance, limits)
+    top = velocity
+    left = distance - state.position
+    if _distance_to_rest(state, velocity, limits) > left:
+        top = _largest_velocity(state, left, velocity, limits)
+    phases = list(_change_velocity(state, top, limits))
+    begin = phases[-1].end.position if phases else state.position
+    if top:
+        falling = _distance_to_rest(PathState(0.0, top), 0.0, limits)
+        cruise = distance - falling - begin
+        if cruise > CRUISE_ROUNDING * distance:
+            phases.append(Phase(PathState(begin, top), 0.0, cruise / top))
+            begin += cruise
+        phases += _change_velocity(PathState(begin, top), 0.0, limits)
+    return Replanned(tuple(phases), PathState(distance))
+
+
+def _largest_velocity(
+        state: PathState, left: float, velocity: float, limits: PathLimits) -> float:
+    """
+    Return the largest velocity from which a stop on the remaining path is possible (16).
+
+    :param state: the current state
+    :param left: the length of the remaining path [u]
+    :param velocity: a velocity that is too large [u/s]
+    :param limits: the limits of acceleration, deceleration and jerk
+    """
+    low, high = 0.0, velocity
+    # The distance to stop is shortest if the acceleration does not change its sign.
+    level = _velocity_at_zero_acceleration(state, limits)
+    if 0.0 < level < velocity:
+        if _distance_to_rest(state, level, limits) <= left:
+            low = level
+        else:
+            high = level
+    return bisection(low, high, lambda top: _distance_to_rest(state, top, limits) > left)[0]
+
+
+def replan_through(
+        state: PathState, distance: float, velocity: float, limits: PathLimits) -> Replanned:
+    """
+    Re-plan the remaining path at a velocity, without a stop at the end of the path.
+
+    :param state: the current state
+    :param distance: the length of the path [u]
+    :param velocity: the velocity to reach as soon as possible and then hold [u/s]; 0: stop as
+        soon as possible, or pass the end if the remaining path is too short to stop
+    :param limits: the limits of acceleration, deceleration and jerk; its velocity is not used
+    """
+    phases: list[Phase] = []
+    for phase in _change_velocity(state, velocity, limits):
+        if phase.end.position >= distance:
+            cut = phase._replace(duration=_time_to(phase, distance))
+            return Replanned((*phases, cut), cut.end._replace(position=distance))
+        phases.append(phase)
+    reached = PathState(phases[-1].end.position if phases else state.position, velocity)
+    if not velocity:
+        return Replanned(tuple(phases), reached)
+    phases.append(Phase(reached, 0.0, (distance - reached.position) / velocity))
+    return Replanned(tuple(phases), PathState(distance, velocity))
+
+
+def _to_standstill(state: PathState, distance: float, limits: PathLimits) -> Replanned:
+    phases = tuple(_change_velocity(state, 0.0, limits))
+    position = phases[-1].end.position if phases else state.position
+    is_end = position >= distance * (1.0 - ROUNDING)
+    return Replanned(phases, PathState(distance if is_end else position))
+
+
+def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> float:
+    """Return the distance needed to change to a velocity and then to stop [u]."""
+    start = PathState(0.0, *state[1:])
+    for phase in _change_velocity(start, velocity, limits):
+        start = phase.end
+    start = PathState(start.position, velocity)
+    for phase in _change_velocity(start, 0.0, limits):
+        start = phase.end
+    return start.position
+
+
+def _velocity_at_zero_acceleration(state: PathState, limits: PathLimits) -> float:
+    """Return the velocity reached when the acceleration goes to zero at the largest jerk (15)."""
+    if limits.jerk == math.inf:
+        return state.velocity
+    return state.velocity + state.acceleration * abs(state.acceleration) / (2.0 * limits.jerk)
+
+
+def _change_velocity(
+        state: PathState, velocity: float, limits: PathLimits) -> Iterator[Phase]:
+    """
+    Yield the phases of the fastest change to a velocity, with zero acceleration at the end (15).
+
+    With unlimited jerk and acceleration, the velocity jumps.  With unlimited jerk alone, the
+    acceleration jumps.
+    """
+    rises = velocity >= _velocity_at_zero_acceleration(state, limits)
+    sign, bound = (1.0, limits.acceleration) if rises else (-1.0, limits.deceleration)
+    change, jerk = sign * (velocity - state.velocity), limits.jerk
+    if jerk == math.inf:
+        if change > 0.0 and bound < math.inf:
+            yield Phase(state._replace(acceleration=sign * bound), 0.0, change / bound)
+        return
+    before = state.acceleration
+    wanted = math.sqrt(max(0.0, jerk * change + before * before / 2.0))
+    peak = min(wanted, bound)
+    phase = Phase(state, sign * jerk, max(0.0, (peak - sign * before) / jerk))
+    yield phase
+    if wanted > bound:
+        held = (change - (2.0 * peak * peak - before * before) / (2.0 * jerk)) / peak
+        phase = Phase(phase.end._replace(acceleration=sign * peak), 0.0, max(0.0, held))
+        yield phase
+    yield Phase(phase.end, -sign * jerk, peak / jerk)
+
+
+def _time_to(phase: Phase, position: float) -> float:
+    """Return the time at which a phase, always moving forwards, reaches a position [s]."""
+    return bisection(
+        0.0, phase.duration, lambda time: phase.state_at(time).position >= position)[1]
+
+
+def bisection(
+        low: float, high: float, is_above: Callable[[float], bool],
+        count: int = BISECTIONS) -> tuple[float, float]:
+    """
+    Return the bounds of a wanted number in an interval that is halved again and again.
+
+    :param low: the lower end of the interval
+    :param high: the upper end of the interval
+    :param is_above: whether a number within the interval is above the wanted number
+    :param count: how often the interval is halved
+    """
+    for _ in range(count):
+        middle = (low + high) / 2.0
+        if not low < middle < high:
+            break
+        if is_above(middle):
+            high = middle
+        else:
+            low = middle
+    return low, high

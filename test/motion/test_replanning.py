@@ -18,14 +18,14 @@ import math
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.motion.replanning import (
+from kachaka_simple_control.motion.trajectory import limits_along, PathSegment, ProfiledPath
+from kachaka_simple_control.motion.velocity_profile import (
     PathLimits,
     PathState,
     replan_through,
     replan_to_rest,
+    time_optimal_profile,
 )
-from kachaka_simple_control.motion.trajectory import limits_along, PathSegment, ProfiledPath
-from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 from optional_libraries import optional_imports
 import pytest
 from strategies import or_infinite, spread

@@ -55,6 +55,6 @@ def test_ruckig_finds_the_same_profile(
     assert ours.duration == pytest.approx(theirs.duration, rel=1e-6)
     time = part * ours.duration
     position, speed, _ = theirs.at_time(time)
-    assert ours.position_at(time) == pytest.approx(position[0], abs=1e-6 * distance)
+    assert ours.state_at(time).position == pytest.approx(position[0], abs=1e-6 * distance)
     if math.isfinite(max(acceleration, deceleration)):
-        assert ours.velocity_at(time) == pytest.approx(speed[0], abs=1e-6 * ours.velocity)
+        assert ours.state_at(time).velocity == pytest.approx(speed[0], abs=1e-6 * ours.velocity)

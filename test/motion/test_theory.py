@@ -29,8 +29,8 @@ LABELS = (
     'feedback-error', 'feedback')
 #: Which file carries which of them out.
 CITED = {
-    'velocity_profile.py': {2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, 'trajectory.py': {13, 17},
-    'replanning.py': {15, 16},
+    'velocity_profile.py': {2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16},
+    'trajectory.py': {13, 17},
     'geometry.py': {14}, 'calibration.py': {18, 19},
     '../control/pose_feedback.py': {20, 21}}
 

@@ -48,7 +48,7 @@ def test_the_ticks_add_up_to_the_distance(distance, bounds, count):
 def test_each_tick_is_the_mean_of_the_profile_over_it(distance, bounds, count):
     profile = time_optimal_profile(distance, *bounds)
     part = profile.duration / count
-    places = [profile.position_at(index * part) for index in range(count + 1)]
+    places = [profile.state_at(index * part).position for index in range(count + 1)]
     for mean, covered in zip(profile.means(count), differences(places)):
         assert mean * part == pytest.approx(covered, rel=1e-9, abs=NOISE * distance)
 

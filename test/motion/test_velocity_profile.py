@@ -44,13 +44,13 @@ def pieces(profile):
 @given(DISTANCES, BOUNDS)
 def test_it_begins_at_zero_and_ends_at_the_distance_to_the_last_bit(distance, bounds):
     profile = time_optimal_profile(distance, *bounds)
-    assert profile.position_at(0.0) == 0.0
-    assert profile.position_at(profile.duration) == distance
-    assert profile.position_at(-1.0) == 0.0
-    assert profile.position_at(profile.duration + 1.0) == distance
-    assert profile.velocity_at(profile.duration) == 0.0
-    assert profile.velocity_at(-1.0) == profile.acceleration_at(-1.0) == 0.0
-    assert profile.acceleration_at(profile.duration) == 0.0
+    assert profile.state_at(0.0).position == 0.0
+    assert profile.state_at(profile.duration).position == distance
+    assert profile.state_at(-1.0).position == 0.0
+    assert profile.state_at(profile.duration + 1.0).position == distance
+    assert profile.state_at(profile.duration).velocity == 0.0
+    assert profile.state_at(-1.0).velocity == profile.state_at(-1.0).acceleration == 0.0
+    assert profile.state_at(profile.duration).acceleration == 0.0
 
 
 @given(DISTANCES, BOUNDS, PARTS)
@@ -59,9 +59,10 @@ def test_it_keeps_within_its_limits_at_every_time(distance, bounds, part):
     profile = time_optimal_profile(distance, *bounds)
     time = part * profile.duration
     assert 0.0 < profile.duration < math.inf
-    assert -1e-12 * distance <= profile.position_at(time) <= distance * (1.0 + 1e-12)
-    assert -1e-9 * velocity <= profile.velocity_at(time) <= velocity
-    assert -deceleration <= profile.acceleration_at(time) <= acceleration
+    state = profile.state_at(time)
+    assert -1e-12 * distance <= state.position <= distance * (1.0 + 1e-12)
+    assert -1e-9 * velocity <= state.velocity <= velocity
+    assert -deceleration <= state.acceleration <= acceleration
 
 
 @given(DISTANCES, SMOOTH)
@@ -70,9 +71,9 @@ def test_its_acceleration_changes_no_faster_than_the_jerk(distance, bounds):
     for start, end in pieces(profile):
         # Inside of each piece, where rounding of a mark does not matter.
         times = [start + (end - start) * part for part in (0.1, 0.9)]
-        change = profile.acceleration_at(times[1]) - profile.acceleration_at(times[0])
+        before, after = (profile.state_at(time).acceleration for time in times)
         noise = 1e-12 * max(bounds[1:3])
-        assert abs(change) <= bounds[3] * (times[1] - times[0]) * (1.0 + 1e-6) + noise
+        assert abs(after - before) <= bounds[3] * (times[1] - times[0]) * (1.0 + 1e-6) + noise
 
 
 @given(DISTANCES, BOUNDS)
@@ -83,11 +84,12 @@ def test_positions_are_the_sum_of_velocities_and_those_of_accelerations(distance
         half = (start + end) / 2.0
         # Velocities just within the piece: at its ends those of a rectangle jump.
         inner = [start + (end - start) * part for part in (1e-9, 1.0 - 1e-9)]
-        first, middle, last = (profile.velocity_at(time) for time in (inner[0], half, inner[1]))
+        first, middle, last = (
+            profile.state_at(time).velocity for time in (inner[0], half, inner[1]))
         area = (first + 4.0 * middle + last) / 6.0 * (end - start)
-        covered = profile.position_at(end) - profile.position_at(start)
+        covered = profile.state_at(end).position - profile.state_at(start).position
         assert covered == pytest.approx(area, rel=1e-7, abs=1e-8 * distance)
-        gained = profile.acceleration_at(half) * (inner[1] - inner[0])
+        gained = profile.state_at(half).acceleration * (inner[1] - inner[0])
         assert last - first == pytest.approx(gained, rel=1e-7, abs=1e-8 * profile.velocity)
 
 
@@ -113,8 +115,8 @@ def test_without_a_limit_of_jerk_it_is_the_trapezoid_of_the_textbooks(
 def test_with_a_limit_of_velocity_alone_it_is_a_rectangle(distance, velocity):
     profile = time_optimal_profile(distance, velocity)
     assert profile.duration == distance / velocity
-    assert profile.velocity_at(0.0) == velocity
-    assert profile.velocity_at(profile.duration / 2.0) == velocity
+    assert profile.state_at(0.0).velocity == velocity
+    assert profile.state_at(profile.duration / 2.0).velocity == velocity
 
 
 @given(DISTANCES, FINITE)
@@ -152,8 +154,8 @@ def test_with_acceleration_and_deceleration_exchanged_it_is_reversed_in_time(
     back = time_optimal_profile(distance, velocity, deceleration, acceleration, jerk)
     time = part * there.duration
     assert back.duration == pytest.approx(there.duration, rel=1e-12)
-    assert back.position_at(back.duration - time) == pytest.approx(
-        distance - there.position_at(time), abs=1e-9 * distance)
+    assert back.state_at(back.duration - time).position == pytest.approx(
+        distance - there.state_at(time).position, abs=1e-9 * distance)
 
 
 @given(DISTANCES, BOUNDS, spread(1e-3, 1e3), spread(1e-3, 1e3))
@@ -171,15 +173,17 @@ def test_the_profile_does_not_depend_on_the_units(distance, bounds, length, time
 @given(BOUNDS)
 def test_no_distance_takes_no_time(bounds):
     profile = time_optimal_profile(0.0, *bounds)
-    assert profile.duration == profile.position_at(0.0) == profile.velocity_at(0.0) == 0.0
+    assert profile.duration == 0.0
+    assert profile.state_at(0.0).position == profile.state_at(0.0).velocity == 0.0
 
 
 @given(st.floats(5e-324, 1e-6), BOUNDS)
 def test_the_smallest_distances_stay_within_the_limits(distance, bounds):
     profile = time_optimal_profile(distance, *bounds)
     for part in (0.0, 0.3, 0.7, 1.0):
-        assert 0.0 <= profile.position_at(part * profile.duration) <= distance * (1.0 + 1e-12)
-        assert 0.0 <= profile.velocity_at(part * profile.duration) <= bounds[0]
+        state = profile.state_at(part * profile.duration)
+        assert 0.0 <= state.position <= distance * (1.0 + 1e-12)
+        assert 0.0 <= state.velocity <= bounds[0]
 
 
 def test_a_profile_without_limits_is_refused():
