@@ -70,6 +70,10 @@ class PathSegment(NamedTuple):
         """Return the heading change [rad], positive to the left."""
         return self.angular * self.distance
 
+    def velocity(self, rate: float) -> Velocity:
+        """Return the velocity of the robot for a velocity along the segment [u/s]."""
+        return Velocity(self.linear * rate, self.angular * rate)
+
 
 def limits_along(segment: PathSegment, limits: Limits) -> PathLimits:
     """
@@ -100,9 +104,9 @@ def _along(limit: float, rate: float) -> float:
 
 
 @dataclass(frozen=True)
-class Trajectory(ABC):
+class _TimedPath(ABC):
     """
-    A path segment with its timing: the state at each time.
+    A path segment with its timing: what both kinds of trajectories have in common.
 
     :param segment: the segment
     :param limits: the limits along the segment
@@ -110,63 +114,6 @@ class Trajectory(ABC):
 
     segment: PathSegment
     limits: PathLimits
-
-    @property
-    @abstractmethod
-    def duration(self) -> float:
-        """Return the duration of the trajectory [s]."""
-
-    @abstractmethod
-    def ticks(self, rate: float) -> int:
-        """
-        Return the number of equal time parts of the trajectory, each with its own velocity.
-
-        :param rate: the rate at which velocities are sent [Hz]
-        :returns: the number of parts; 0 for a duration of zero
-        """
-
-    @abstractmethod
-    def velocities(self, rate: float) -> list[Velocity]:
-        """
-        Return the velocity to send in each of the equal time parts.
-
-        :param rate: the rate at which velocities are sent [Hz]
-        """
-
-    @abstractmethod
-    def state_at(self, time: float) -> PathState:
-        """
-        Return the planned state at a time.
-
-        :param time: the time since the start of the trajectory [s]
-        """
-
-    @abstractmethod
-    def time_at(self, position: float) -> float:
-        """
-        Return the planned time of a position [s]: the inverse of ``state_at()``.
-
-        :param position: the distance from the start of the segment [u]
-        """
-
-    @abstractmethod
-    def first_state(self, factor: float, velocity: float) -> PathState:
-        """
-        Return the start state of the trajectory under a speed factor.
-
-        :param factor: the speed factor, from 0 to 1
-        :param velocity: the end velocity of the previous trajectory, in its unit [u/s]; 0 at rest
-        """
-
-    @abstractmethod
-    def replanned(self, state: PathState, factor: float) -> Replanned:
-        """
-        Return the re-planned remainder of the trajectory for a new speed factor.
-
-        :param state: the current state
-        :param factor: the speed factor, from 0 to 1; 0: stop as soon as possible, or pass the
-            end if the remaining path is too short to stop
-        """
 
     @property
     @abstractmethod
@@ -181,11 +128,10 @@ class Trajectory(ABC):
         :param duration: the time [s]
         """
         # Rounding must not raise the rate above the limit, or make it negative.
-        rate = min(max(0.0, distance / duration), self.max_rate)
-        return Velocity(self.segment.linear * rate, self.segment.angular * rate)
+        return self.segment.velocity(min(max(0.0, distance / duration), self.max_rate))
 
 
-class ConstantVelocity(Trajectory):
+class ConstantVelocity(_TimedPath):
     """A segment in seconds: one constant velocity, sent repeatedly at the plan's rate."""
 
     @property
@@ -199,22 +145,33 @@ class ConstantVelocity(Trajectory):
 
     def velocities(self, rate: float) -> list[Velocity]:
         """Return a list with the one velocity; empty for a duration of zero."""
-        return [Velocity(self.segment.linear, self.segment.angular)] * self.ticks(rate)
+        return [self.segment.velocity(self.max_rate)] * self.ticks(rate)
 
     def state_at(self, time: float) -> PathState:
         """Return the time as the position, with a rate of one second per second."""
-        return PathState(time, 1.0)
+        return PathState(time, self.max_rate)
 
     def time_at(self, position: float) -> float:
         """Return the position itself, because the position is a time."""
         return position
 
     def first_state(self, factor: float, velocity: float) -> PathState:
-        """Return position 0 and the previous velocity; after a rest, the rate for the factor."""
+        """
+        Return position 0 and the previous velocity; after a rest, the rate for the factor.
+
+        :param factor: the speed factor, from 0 to 1
+        :param velocity: the end velocity of the previous trajectory, in its unit [u/s]; 0 at rest
+        """
         return PathState(0.0, velocity or self._rate(factor))
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
-        """Return the re-planned remainder: the rate of plan time ramps to the speed factor."""
+        """
+        Return the re-planned remainder: the rate of plan time ramps to the speed factor.
+
+        :param state: the current state
+        :param factor: the speed factor, from 0 to 1; 0: stop as soon as possible, or pass the
+            end if the remaining path is too short to stop
+        """
         return replan_through(state, self.duration, self._rate(factor), self.limits)
 
     @property
@@ -228,7 +185,7 @@ class ConstantVelocity(Trajectory):
 
 
 @dataclass(frozen=True)
-class ProfiledPath(Trajectory):
+class ProfiledPath(_TimedPath):
     """
     A segment driven from rest to rest along a velocity profile.
 
@@ -243,29 +200,34 @@ class ProfiledPath(Trajectory):
         return self.profile.duration
 
     def ticks(self, rate: float) -> int:
-        """Return the number of equal time parts, each not longer than a period."""
+        """
+        Return the number of equal time parts, each not longer than a period.
+
+        :param rate: the rate at which velocities are sent [Hz]
+        """
         if not self.duration:
             return 0
         return max(1, math.ceil(self.duration * rate * (1.0 - TIME_TOLERANCE)))
 
     def velocities(self, rate: float) -> list[Velocity]:
-        """Return the mean velocity of the profile in each time part."""
-        count = self.ticks(rate)
-        if not count:
+        """
+        Return the mean velocity of the profile in each time part.
+
+        :param rate: the rate at which velocities are sent [Hz]
+        """
+        if not self.duration:
             return []
-        linear, angular, top = self.segment.linear, self.segment.angular, self.profile.velocity
+        top, means = self.max_rate, self.profile.means(self.ticks(rate))
         # All parts of a cruise share one Velocity object.
-        cruising = Velocity(linear * top, angular * top)
-        return [
-            cruising if mean == top else Velocity(linear * mean, angular * mean)
-            for mean in self.profile.means(count)]
+        cruising = self.segment.velocity(top)
+        return [cruising if mean == top else self.segment.velocity(mean) for mean in means]
 
     def state_at(self, time: float) -> PathState:
-        """Return the state of the profile at a time."""
+        """Return the state of the profile at a time since its start [s]."""
         return self.profile.state_at(time)
 
     def time_at(self, position: float) -> float:
-        """Return the time of a position by bisection; the position never decreases."""
+        """Return the time of a position [s] by bisection; the position never decreases."""
         return bisection(
             0.0, self.duration, lambda time: self.profile.state_at(time).position >= position,
             TIME_BISECTIONS)[1]
@@ -276,10 +238,13 @@ class ProfiledPath(Trajectory):
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """Return the re-planned remainder: the factor scales the velocity limit only."""
-        return replan_to_rest(
-            state, self.segment.distance, factor * self.profile.velocity, self.limits)
+        return replan_to_rest(state, self.segment.distance, factor * self.max_rate, self.limits)
 
     @property
     def max_rate(self) -> float:
         """Return the largest velocity of the profile [u/s]."""
         return self.profile.velocity
+
+
+#: A path segment with its timing.
+Trajectory = ConstantVelocity | ProfiledPath
