@@ -106,19 +106,10 @@ class Calibration:
         angular = min(1.0, self.left_gain, self.right_gain) - MARGIN
         reduced = replace(limits, **{
             name: limits.bound(name) * gain for name, gain in linear.items()})
-
-        def remaining(name: str, drive: float) -> float:
-            # An unlimited linear axis steps, so the turn from the veer steps too.  No limit can
-            # prevent this.
-            veer = abs(self.veer) * drive if math.isfinite(drive) else 0.0
-            bound = limits.bound(name)
-            if bound * angular <= veer:
-                raise InvalidMotionError(
-                    f'{self.veer} rad/m, which needs all of {name}, {bound:g}', name='veer')
-            return bound * angular - veer
-
         return replace(reduced, **{
-            name: remaining(name, max(map(reduced.bound, coupled)))
+            name: _remaining(
+                limits, name, angular, self.veer * max(map(reduced.bound, coupled)),
+                'veer', f'{self.veer} rad/m')
             for name, coupled in LINEAR_OF.items()})
 
     def describe(self) -> str:
@@ -135,6 +126,28 @@ class Calibration:
 
     def _angular_gain(self, angular: float) -> float:
         return self.left_gain if angular >= 0.0 else self.right_gain
+
+
+def _remaining(
+        limits: Limits, name: str, share: float, lost: float, cause: str, value: str) -> float:
+    """
+    Return what is left of a limit when a correction needs a part of it.
+
+    :param limits: the limits
+    :param name: the limit
+    :param share: the share of the limit that can be used
+    :param lost: the part that the correction needs, of either sign; not finite if the other axis
+        is unlimited
+    :param cause: the name of the value that is corrected, for the error
+    :param value: the value that is corrected, for the error
+    :raises InvalidMotionError: if nothing is left
+    """
+    # An unlimited axis steps, so the coupled axis steps too.  No limit can prevent this.
+    lost = abs(lost) if math.isfinite(lost) else 0.0
+    bound = limits.bound(name)
+    if bound * share <= lost:
+        raise InvalidMotionError(f'{value}, which needs all of {name}, {bound:g}', name=cause)
+    return bound * share - lost
 
 
 #: The range of the ratio of the diameters of two wheels of the same type.
@@ -240,21 +253,16 @@ class OdometryCalibration:
         inverse = self._odometry_matrix()
         own, spin = max(1.0, inverse.linear), max(1.0, inverse.spin)
 
-        def remaining(name: str, other: float, cross: float, own: float) -> float:
-            # An unlimited axis steps, so the coupled axis steps too.  No limit can prevent this.
-            lost = abs(cross) * other if math.isfinite(other) else 0.0
-            bound = limits.bound(name)
-            if bound <= lost:
-                raise InvalidMotionError(
-                    f'{self.wheel_ratio}, which needs all of {name}, {bound:g}',
-                    name='wheel_ratio')
-            return (bound - lost) / own * (1.0 - MARGIN)
+        def remaining(name: str, lost: float, own: float) -> float:
+            left = _remaining(limits, name, 1.0, lost, 'wheel_ratio', str(self.wheel_ratio))
+            return left / own * (1.0 - MARGIN)
 
         reduced = replace(limits, **{
-            name: remaining(name, max(map(limits.bound, coupled)) / spin, inverse.across, own)
+            name: remaining(
+                name, inverse.across * (max(map(limits.bound, coupled)) / spin), own)
             for name, coupled in ANGULAR_OF.items()})
         return replace(reduced, **{
-            name: remaining(name, max(map(reduced.bound, coupled)), inverse.turn, spin)
+            name: remaining(name, inverse.turn * max(map(reduced.bound, coupled)), spin)
             for name, coupled in LINEAR_OF.items()})
 
     def describe(self) -> str:

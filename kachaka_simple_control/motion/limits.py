@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 import math
 
@@ -107,31 +108,26 @@ class Limits:
         """Return whether these limits allow a velocity that the other limits forbid."""
         return any(self.bound(name) > other.bound(name) for name in VELOCITIES)
 
+    def excesses(self, velocity: Velocity) -> Iterator[LimitError]:
+        """Yield an error for each component of a velocity: not finite, or beyond its limit."""
+        turning = self.max_angular_velocity
+        for name, unit, lowest, highest in (
+                ('linear_x', 'm/s', -self.backward_velocity, self.max_linear_velocity),
+                ('angular_z', 'rad/s', -turning, turning)):
+            value = getattr(velocity, name)
+            # NaN and infinity are refused, even if the limits are infinite.
+            if not (math.isfinite(value) and lowest <= value <= highest):
+                yield LimitError(value, unit, highest, lowest, whose="the robot's", name=name)
+
     def check(self, velocity: Velocity) -> None:
         """
         Raise an error for a velocity beyond the limits.
 
         :raises InvalidMotionError: if a component is not finite or beyond its limit
         """
-        self.check_linear(velocity.linear_x)
-        self.check_angular(velocity.angular_z)
-
-    def check_linear(self, linear_x: float) -> None:
-        """
-        Raise an error for a linear velocity [m/s] beyond the limits.
-
-        :raises InvalidMotionError: if the velocity is not finite or beyond its limit
-        """
-        _check('linear_x', linear_x, self.backward_velocity, self.max_linear_velocity, 'm/s')
-
-    def check_angular(self, angular_z: float) -> None:
-        """
-        Raise an error for an angular velocity [rad/s] beyond the limits.
-
-        :raises InvalidMotionError: if the velocity is not finite or beyond its limit
-        """
-        limit = self.max_angular_velocity
-        _check('angular_z', angular_z, limit, limit, 'rad/s')
+        error = next(self.excesses(velocity), None)
+        if error is not None:
+            raise error
 
 
 #: The quantity of each limit.
@@ -153,24 +149,13 @@ SAME_AS = {
     'max_backward_velocity': 'max_linear_velocity',
 }
 VELOCITIES = ('max_linear_velocity', 'max_backward_velocity', 'max_angular_velocity')
+#: The linear and the angular limits of each derivative.
+COUPLED = (
+    (('max_linear_velocity', 'max_backward_velocity'), ('max_angular_velocity',)),
+    (('max_linear_acceleration', 'max_linear_deceleration'),
+     ('max_angular_acceleration', 'max_angular_deceleration')),
+    (('max_linear_jerk',), ('max_angular_jerk',)))
 #: The linear limits, and the angular limits of the same derivative.
-ANGULAR_OF = {
-    'max_linear_velocity': ('max_angular_velocity',),
-    'max_backward_velocity': ('max_angular_velocity',),
-    'max_linear_acceleration': ('max_angular_acceleration', 'max_angular_deceleration'),
-    'max_linear_deceleration': ('max_angular_acceleration', 'max_angular_deceleration'),
-    'max_linear_jerk': ('max_angular_jerk',),
-}
+ANGULAR_OF = {name: angular for linear, angular in COUPLED for name in linear}
 #: The angular limits, and the linear limits of the same derivative.
-LINEAR_OF = {
-    'max_angular_velocity': ('max_linear_velocity', 'max_backward_velocity'),
-    'max_angular_acceleration': ('max_linear_acceleration', 'max_linear_deceleration'),
-    'max_angular_deceleration': ('max_linear_acceleration', 'max_linear_deceleration'),
-    'max_angular_jerk': ('max_linear_jerk',),
-}
-
-
-def _check(name: str, value: float, backward: float, forward: float, unit: str) -> None:
-    # NaN and infinity are refused, even if the limits are infinite.
-    if not (math.isfinite(value) and -backward <= value <= forward):
-        raise LimitError(value, unit, forward, -backward, whose="the robot's", name=name)
+LINEAR_OF = {name: linear for linear, angular in COUPLED for name in angular}

@@ -32,7 +32,7 @@ from kachaka_simple_control.motion.trajectory import (
     Trajectory,
 )
 from kachaka_simple_control.motion.units import Quantity
-from kachaka_simple_control.motion.velocity_profile import PathLimits, time_optimal_profile
+from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 
 #: The longest duration of a motion [s]: a day.
 MAX_DURATION = 86_400.0
@@ -184,9 +184,11 @@ class Step(ABC):
         path = [(segment, limits_along(segment, limits)) for segment in self.path()]
         if self.speed is not None:
             speed = float(self.speed)
-            self._check_speed(
-                speed, min((bounds.velocity for _, bounds in path), default=math.inf), refuse)
-            path = [(segment, PathLimits(min(speed, bounds.velocity), *bounds[1:]))
+            limit = min((bounds.velocity for _, bounds in path), default=math.inf)
+            if speed > limit * (1.0 + ROUNDING):
+                refuse('speed', LimitError(
+                    speed, self._unit('speed'), limit, whose='the', note=self.limit_note()))
+            path = [(segment, bounds._replace(velocity=min(speed, bounds.velocity)))
                     for segment, bounds in path]
         if any(min(bounds) == math.inf for _, bounds in path):
             refuse('speed', InvalidMotionError(
@@ -210,11 +212,6 @@ class Step(ABC):
     def limit_note(self) -> str:
         """Return the reason for a lower speed limit, for the error about a speed above it."""
         return ''
-
-    def _check_speed(self, speed: float, limit: float, refuse: Refuse) -> None:
-        unit = self._unit('speed')
-        if speed > limit * (1.0 + ROUNDING):
-            refuse('speed', LimitError(speed, unit, limit, whose='the', note=self.limit_note()))
 
     def _extent(self) -> str:
         return [item.name for item in fields(self)  # type: ignore[arg-type]

@@ -15,9 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
 import math
 from typing import ClassVar
 
@@ -101,8 +99,8 @@ class Move(Step):
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
         """Return one constant velocity; refuse each component beyond its limit."""
-        _try(limits.check_linear, self.velocity.linear_x, partial(refuse, 'linear_x'))
-        _try(limits.check_angular, self.velocity.angular_z, partial(refuse, 'angular_z'))
+        for error in limits.excesses(self.velocity):
+            refuse(error.name or '', error)
         return self._held(limits, refuse)
 
 
@@ -335,15 +333,6 @@ class Motion:
         if self.steps and self.steps[-1].settles:
             return self
         return replace(self, steps=(*self.steps, Settle(SETTLE_TIME)))
-
-
-def _try(
-        check: Callable[[float], None], value: float,
-        refuse: Callable[[InvalidMotionError], None]) -> None:
-    try:
-        check(value)
-    except InvalidMotionError as error:
-        refuse(error)
 
 
 def _nesting(step: Step) -> int:

@@ -338,11 +338,9 @@ def replan_to_rest(
         soon as possible, unless the path is too short for this; 0: stop as soon as possible
     :param limits: the limits of acceleration, deceleration and jerk; its velocity is not used
     """
-    if not velocity:
-        return _to_standstill(state, distance, limits)
     top = velocity
     left = distance - state.position
-    if _distance_to_rest(state, velocity, limits) > left:
+    if velocity and _distance_to_rest(state, velocity, limits) > left:
         top = _largest_velocity(state, left, velocity, limits)
     phases = list(_change_velocity(state, top, limits))
     begin = phases[-1].end.position if phases else state.position
@@ -353,7 +351,8 @@ def replan_to_rest(
             phases.append(Phase(PathState(begin, top), 0.0, cruise / top))
             begin += cruise
         phases += _change_velocity(PathState(begin, top), 0.0, limits)
-    return Replanned(tuple(phases), PathState(distance))
+    is_end = velocity or begin >= distance * (1.0 - ROUNDING)
+    return Replanned(tuple(phases), PathState(distance if is_end else begin))
 
 
 def _largest_velocity(
@@ -366,15 +365,15 @@ def _largest_velocity(
     :param velocity: a velocity that is too large [u/s]
     :param limits: the limits of acceleration, deceleration and jerk
     """
+    def is_too_fast(top: float) -> bool:
+        return _distance_to_rest(state, top, limits) > left
+
     low, high = 0.0, velocity
     # The distance to stop is shortest if the acceleration does not change its sign.
     level = _velocity_at_zero_acceleration(state, limits)
-    if 0.0 < level < velocity:
-        if _distance_to_rest(state, level, limits) <= left:
-            low = level
-        else:
-            high = level
-    return bisection(low, high, lambda top: _distance_to_rest(state, top, limits) > left)[0]
+    if low < level < high:
+        low, high = (low, level) if is_too_fast(level) else (level, high)
+    return bisection(low, high, is_too_fast)[0]
 
 
 def replan_through(
@@ -401,21 +400,13 @@ def replan_through(
     return Replanned(tuple(phases), PathState(distance, velocity))
 
 
-def _to_standstill(state: PathState, distance: float, limits: PathLimits) -> Replanned:
-    phases = tuple(_change_velocity(state, 0.0, limits))
-    position = phases[-1].end.position if phases else state.position
-    is_end = position >= distance * (1.0 - ROUNDING)
-    return Replanned(phases, PathState(distance if is_end else position))
-
-
 def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> float:
     """Return the distance needed to change to a velocity and then to stop [u]."""
     start = PathState(0.0, *state[1:])
-    for phase in _change_velocity(start, velocity, limits):
-        start = phase.end
-    start = PathState(start.position, velocity)
-    for phase in _change_velocity(start, 0.0, limits):
-        start = phase.end
+    for wanted in (velocity, 0.0):
+        for phase in _change_velocity(start, wanted, limits):
+            start = phase.end
+        start = PathState(start.position, wanted)
     return start.position
 
 
