@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 import codecs
-from dataclasses import dataclass
+from collections.abc import Iterator
 import math
 import os
 import re
@@ -104,21 +104,10 @@ def require_text(text: str) -> str:
 
 def _read(path: str | os.PathLike[str]) -> bytes:
     # Open without blocking: a pipe waits for its other end, and a device may never end.
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    try:
-        mode = os.fstat(descriptor).st_mode
-        if stat.S_ISDIR(mode):
-            raise IsADirectoryError
-        if not stat.S_ISREG(mode):
+    with open(path, 'rb', opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise UnreadableFileError(Problem('this is a device or a pipe, not a file'))
-        parts: list[bytes] = []
-        while sum(map(len, parts)) <= MAX_BYTES:
-            parts.append(os.read(descriptor, MAX_BYTES + 1))
-            if not parts[-1]:
-                break
-        return b''.join(parts)
-    finally:
-        os.close(descriptor)
+        return file.read(MAX_BYTES + 1)
 
 
 def _too_large() -> Problem:
@@ -127,8 +116,8 @@ def _too_large() -> Problem:
 
 #: The largest number of characters of a number; the longest float has 24.
 MAX_NUMBER = 100
-_NOTHING = ('', '~', 'null', 'Null', 'NULL')
-_BOOLEANS = {
+_WORDS: dict[str, bool | None] = {
+    **dict.fromkeys(('', '~', 'null', 'Null', 'NULL')),
     'true': True, 'True': True, 'TRUE': True, 'false': False, 'False': False, 'FALSE': False}
 _NUMBER = re.compile(f'[-+]?{DIGITS}')
 _INTEGER = re.compile('[-+]?[0-9]{1,15}')
@@ -150,27 +139,19 @@ def resolve(word: str) -> bool | int | float | str | None:
     :raises ScalarError: if the scalar is a number that is not finite, too long, or has a leading
         zero, which some readers take as octal
     """
-    if word in _NOTHING:
-        return None
-    if word in _BOOLEANS:
-        return _BOOLEANS[word]
-    if _NUMBER.fullmatch(word):
-        return _number(word)
+    if word in _WORDS:
+        return _WORDS[word]
     if _NOT_FINITE.fullmatch(word):
         raise ScalarError(f'{word} is not a finite number')
-    return word
-
-
-def _number(word: str) -> int | float:
+    if not _NUMBER.fullmatch(word):
+        return word
     if len(word) > MAX_NUMBER:
         raise ScalarError(f'this number has {len(word)} characters; {MAX_NUMBER} are enough')
     if _LEADING_ZERO.fullmatch(word):
         raise ScalarError(
             f'{quoted(word)} has a leading zero, which makes it octal for some readers; '
             'leave the zero out')
-    if _INTEGER.fullmatch(word):
-        return int(word)
-    number = float(word)
+    number = int(word) if _INTEGER.fullmatch(word) else float(word)
     if not math.isfinite(number):
         raise ScalarError(f'{quoted(word)} is too large a number')
     return number
@@ -196,13 +177,11 @@ def parse_yaml(text: str) -> Document:
         raise UnreadableFileError(Problem(INSTALL)) from None
     # The loader in C is 15 times faster; some builds of PyYAML do not have it.
     loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-    builder = _YamlBuilder()
+    reader = _YamlReader(yaml.parse(text, Loader=loader))
     try:
-        for event in yaml.parse(text, Loader=loader):
-            builder.take(event)
+        return reader.document()
     except yaml.YAMLError as error:
-        raise UnreadableFileError(*builder.problems, _not_yaml(error, text)) from None
-    return builder.document()
+        raise UnreadableFileError(*reader.problems, _not_yaml(error, text)) from None
 
 
 #: Advice for common YAML errors, by the message of PyYAML or of its C library.
@@ -245,67 +224,101 @@ def _decoration(event: Any) -> str | None:
     """Return the error message for an alias, anchor or tag; None if the value has none."""
     anchor: str | None = getattr(event, 'anchor', None)
     tag: str | None = getattr(event, 'tag', None)
-    if type(event).__name__ == 'AliasEvent':
+    if _kind(event) == 'Alias':
         return f'aliases such as {quoted(f"*{anchor}")} are not read; write it out'
     if anchor is not None:
         return f'anchors such as {quoted(f"&{anchor}")} are not read; leave it out'
     return None if tag is None else f'tags such as {quoted(tag)} are not read; leave it out'
 
 
-@dataclass(eq=False)
-class _OpenNode:
-    """A mapping or list that is not yet complete, and the key of the next value."""
+class _YamlReader:
+    """
+    Reads the values of a document from the parser events of PyYAML.
 
-    node: Node
-    key: str | None = None
-    key_line: int = 0
-    #: whether the next value is ignored
-    is_dropped: bool = False
+    :param events: the events
+    """
 
-    @property
-    def awaits_key(self) -> bool:
-        return self.key is None and isinstance(self.node.data, dict)
-
-    @property
-    def part(self) -> str | int:
-        # In a list, this is the index of the last value so far.
-        return len(self.node.data) - 1 if self.key is None else self.key
-
-
-class _YamlBuilder:
-    """Builds the values of a document from the parser events of PyYAML."""
-
-    def __init__(self) -> None:
+    def __init__(self, events: Iterator[Any]) -> None:
         self.problems: list[Problem] = []
-        self._root: Node | None = None
-        self._open: list[_OpenNode] = []
+        self._events = events
+        #: the mappings and lists around the next value, and its path
+        self._open: list[Node] = []
+        self._path: list[str | int] = []
         self._count = 0
         #: the last value that has a key: its mapping, its key and its event
         self._last: tuple[Node, str, Any] | None = None
 
     def document(self) -> Document:
-        if self._root is None or (self._root.data is None and not self.problems):
+        root: Node | None = None
+        for event in self._events:
+            if root is not None and _kind(event) == 'DocumentStart':
+                raise self._given_up('a second document begins here; a file has one', _line(event))
+            if _kind(event) in ('Scalar', 'Alias', 'MappingStart', 'SequenceStart'):
+                root = self._value(event)
+        if root is None or (root.data is None and not self.problems):
             raise UnreadableFileError(Problem('the file is empty'))
-        return Document(self._root, self.problems)
+        return Document(root, self.problems)
 
-    def take(self, event: Any) -> None:
-        kind = type(event).__name__.removesuffix('Event')
-        line = event.start_mark.line + 1
-        if kind == 'DocumentStart' and self._root is not None:
-            raise self._given_up('a second document begins here; a file has one', line)
-        if kind == 'Scalar' and self._open and self._takes_decimals(event, line):
-            return
-        if kind == 'Scalar' and self._open and self._open[-1].awaits_key:
-            self._take_key(event, line)
-        elif kind in ('Scalar', 'Alias', 'MappingStart', 'SequenceStart'):
-            self._take_value(kind, event, line)
-        elif kind in ('MappingEnd', 'SequenceEnd'):
+    def _value(self, event: Any) -> Node:
+        """Return the value that begins with an event, with all nested values."""
+        kind, line = _kind(event), _line(event)
+        self._count_one(line)
+        node = Node(line, {'MappingStart': {}, 'SequenceStart': []}.get(kind))
+        objection = _decoration(event)
+        if kind == 'Scalar' and not objection:
+            node.data, objection = _resolve(event)
+        if objection:
+            node.is_bad = node.has_problem = True
+            self._object(line, objection)
+        if kind in ('MappingStart', 'SequenceStart'):
+            self._open.append(node)
+            if len(self._open) > MAX_DEPTH:
+                raise self._given_up(
+                    f'lists and keys are nested more than {MAX_DEPTH} deep', line)
+            self._read_within(node)
             self._open.pop()
-            self._next()
+        return node
 
-    def _takes_decimals(self, event: Any, line: int) -> bool:
+    def _read_within(self, parent: Node) -> None:
+        """Read the values of a mapping or a list, up to its end."""
+        for event in self._events:
+            if _kind(event) in ('MappingEnd', 'SequenceEnd'):
+                return
+            is_decimals = _kind(event) == 'Scalar' and self._takes_decimals(event)
+            if isinstance(parent.data, dict):
+                self._read_entry(parent, event, is_decimals)
+            elif not is_decimals:
+                self._path.append(len(parent.data))
+                node = parent.children[len(parent.data)] = self._value(event)
+                self._path.pop()
+                parent.data.append(node.data)
+
+    def _read_entry(self, mapping: Node, event: Any, is_decimals: bool) -> None:
+        """Read a key and its value; drop the value if the key is there twice or is no key."""
+        line = _line(event)
+        if _kind(event) != 'Scalar':
+            raise self._given_up('a key must be a word', line)
+        key = event.value
+        is_twice = key in mapping.data
+        self._path.append(key)
+        if not is_decimals:
+            self._count_one(line)
+            if is_twice:
+                first = mapping.children[key].line
+                self._object(line, f'this key is here twice, first in line {first}')
+            elif objection := _decoration(event):
+                self._object(line, objection)
+        event = next(self._events)
+        node = self._value(event)
+        self._path.pop()
+        if not is_twice and not is_decimals:
+            node.line = line
+            mapping.children[key], mapping.data[key] = node, node.data
+            self._last = mapping, key, event
+
+    def _takes_decimals(self, event: Any) -> bool:
         """
-        Record a problem if the scalar is the part after a decimal comma: ``{forward: 0,5 m}``.
+        Record a problem if a scalar is the part after a decimal comma: ``{forward: 0,5 m}``.
 
         :returns: whether the scalar is such a part
         """
@@ -320,72 +333,18 @@ class _YamlBuilder:
         advice = point_advice(text)
         if advice is None:
             return False
-        self._count_one(line)
+        self._count_one(_line(event))
         value.is_bad = value.has_problem = mapping.has_problem = True
         parent = self._open[-1]
-        if parent.node is mapping:
-            parent.key = key
-            self._object(line, f'{quoted(text)}; {advice}')
-            parent.key, parent.is_dropped = event.value, True
-        else:  # ``[forward: 0,5 m]``: the mapping has ended
-            self._object(line, f'{quoted(text)}; {advice}', key)
+        # In ``[forward: 0,5 m]`` the mapping has ended; it is the last item of the list.
+        place = [key] if parent is mapping else [len(parent.data) - 1, key]
+        self._object(_line(event), f'{quoted(text)}; {advice}', *place)
         return True
 
-    def _take_key(self, event: Any, line: int) -> None:
-        mapping = self._open[-1]
-        mapping.key, mapping.key_line = event.value, line
-        is_twice = event.value in mapping.node.data
-        mapping.is_dropped = is_twice
-        self._count_one(line)
-        if is_twice:
-            first = mapping.node.children[event.value].line
-            self._object(line, f'this key is here twice, first in line {first}')
-        elif objection := _decoration(event):
-            self._object(line, objection)
-
-    def _take_value(self, kind: str, event: Any, line: int) -> None:
-        if self._open and self._open[-1].awaits_key:
-            raise self._given_up('a key must be a word', line)
-        self._count_one(line)
-        node = Node(line, {'MappingStart': {}, 'SequenceStart': []}.get(kind))
-        objection = _decoration(event)
-        if kind == 'Scalar' and not objection:
-            node.data, objection = _resolve(event)
-        self._attach(node, event)
-        if objection:
-            node.is_bad = node.has_problem = True
-            self._object(line, objection)
-        if kind in ('MappingStart', 'SequenceStart'):
-            self._open.append(_OpenNode(node))
-            if len(self._open) > MAX_DEPTH:
-                raise self._given_up(
-                    f'lists and keys are nested more than {MAX_DEPTH} deep', line)
-        else:
-            self._next()
-
-    def _attach(self, node: Node, event: Any) -> None:
-        if not self._open:
-            self._root = node
-            return
-        parent = self._open[-1]
-        if parent.key is None:
-            parent.node.children[len(parent.node.data)] = node
-            parent.node.data.append(node.data)
-        elif not parent.is_dropped:
-            parent.node.children[parent.key] = node
-            parent.node.data[parent.key] = node.data
-            node.line = parent.key_line
-            self._last = parent.node, parent.key, event
-
-    def _next(self) -> None:
-        if self._open:
-            self._open[-1].key = None
-
-    def _object(self, line: int, text: str, *within: str) -> None:
+    def _object(self, line: int, text: str, *within: str | int) -> None:
         for parent in self._open:
-            parent.node.has_problem = True
-        path = [*(parent.part for parent in self._open), *within]
-        self.problems.append(Problem(text, line, format_path(path)))
+            parent.has_problem = True
+        self.problems.append(Problem(text, line, format_path([*self._path, *within])))
         if len(self.problems) >= MAX_PROBLEMS:
             raise UnreadableFileError(*self.problems)
 
@@ -396,3 +355,12 @@ class _YamlBuilder:
 
     def _given_up(self, text: str, line: int) -> UnreadableFileError:
         return UnreadableFileError(*self.problems, Problem(text, line))
+
+
+def _kind(event: Any) -> str:
+    return type(event).__name__.removesuffix('Event')
+
+
+def _line(event: Any) -> int:
+    line: int = event.start_mark.line + 1
+    return line
