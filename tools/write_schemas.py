@@ -20,18 +20,28 @@ import re
 from typing import Any
 
 import kachaka_simple_control
-from kachaka_simple_control.files.robot_profile import SCHEMA
-from kachaka_simple_control.files.schema import motion_schema, PATH, read_schema
+from kachaka_simple_control.files import motion_file, robot_profile
+from kachaka_simple_control.files.document import read_schema
+from kachaka_simple_control.motion.units import QUANTITIES
 
 
 def main() -> None:
     """Write the schema files of the package, which editors use."""
-    write(PATH, motion_schema())
-    write(SCHEMA, read_schema(SCHEMA))
+    write(motion_file.SCHEMA, motion_file.motion_schema())
+    write(robot_profile.SCHEMA, read_schema(robot_profile.SCHEMA))
+
+
+def with_quantity(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return a schema with the text format of its quantity, if it has one and is no step."""
+    quantity = QUANTITIES.get(str(schema.get('quantity')))
+    if quantity is None or 'properties' in schema:
+        return schema
+    return {**schema, **motion_file.quantity_schema(quantity)}
 
 
 def write(path: str, schema: dict[str, Any]) -> None:
     """Write a schema file in the package, with each list of words on one line."""
+    schema = json.loads(json.dumps(schema), object_hook=with_quantity)
     text = json.dumps(schema, indent=2, ensure_ascii=False)
     text = re.sub(r'\[\n[^][{}]*\]', lambda found: re.sub(r'\s*\n\s*', ' ', found[0]), text)
     target = Path(kachaka_simple_control.__file__).parent / path

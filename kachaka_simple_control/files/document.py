@@ -11,18 +11,24 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The values of a file with their line numbers, and the problems found in the file."""
+"""
+The values of a file with their line numbers, and the problems found in the file.
+
+A JSON Schema says which values a file may have; this module words the error messages.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+import json
 import os
 import re
 from typing import Any
 
 from kachaka_simple_control.errors import ControlError, InvalidMotionError
-from kachaka_simple_control.motion.units import Quantity, UnitError
+from kachaka_simple_control.motion.units import QUANTITIES, Quantity, UnitError
 from kachaka_simple_control.text import quoted
 
 #: The largest number of problems that an error message shows.
@@ -35,6 +41,8 @@ MAX_NAME = 300
 INSTALL = (
     'to read files, PyYAML and jsonschema are needed: pip install PyYAML jsonschema, or '
     'sudo apt install python3-yaml python3-jsonschema')
+PACKAGE = 'kachaka_simple_control'
+Schema = dict[str, Any]
 #: The path of a value in a file: keys of mappings and indices of lists.
 KeyPath = Sequence[str | int]
 _PLAIN_KEY = re.compile(r'[\w-]{1,40}')
@@ -195,6 +203,22 @@ class Document:
     root: Node
     problems: list[Problem] = field(default_factory=list)
 
+    def check(self, schema: Schema) -> None:
+        """
+        Record a problem of each value that a schema forbids.
+
+        :param schema: a JSON Schema, Draft 7
+        :raises UnreadableFileError: if a library is missing, or there are too many problems
+        """
+        try:
+            from jsonschema import Draft7Validator
+        except ImportError:
+            raise UnreadableFileError(Problem(INSTALL)) from None
+        for error in Draft7Validator(schema).iter_errors(self.root.data):
+            for part, message in _MESSAGES[error.validator](error):
+                self.add_problem(
+                    [*error.absolute_path, *([] if part is None else [part])], message)
+
     def add_problem(self, path: KeyPath, text: str) -> None:
         """
         Record a problem of a value, unless the YAML reader has recorded one already.
@@ -248,3 +272,137 @@ class Document:
             key: self.read_quantity([*path, key], quantity) for key, quantity in quantities.items()
             if key in node.children and not node.children[key].has_problem}
         return {key: number for key, number in numbers.items() if number is not None}
+
+
+@cache
+def read_schema(path: str) -> Schema:
+    """
+    Return a schema of the package.
+
+    :param path: the path in the package, as in ``motions/motion.schema.json``
+    """
+    from importlib.resources import files
+    schema: Schema = json.loads(files(PACKAGE).joinpath(path).read_text('utf-8'))
+    return schema
+
+
+def nearest(word: str, known: Mapping[str, Any] | list[str]) -> str | None:
+    """
+    Return the known word that is most similar to a given word; None if none is similar.
+
+    :param word: the given word
+    :param known: the known words
+    """
+    import difflib
+    close = difflib.get_close_matches(word.lower(), list(known), n=1)
+    return close[0] if close else None
+
+
+def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
+    """
+    Return the advice for an unknown word: the most similar known word, or else all known words.
+
+    :param word: the unknown word
+    :param known: the known words, or schemas with synonyms by known word
+    """
+    parts = known if isinstance(known, Mapping) else {}
+    near = next((name for name, part in parts.items()
+                 if word.lower() in part.get('synonyms', [])), nearest(word, known))
+    return f'did you mean {near!r}?' if near else f'known are {", ".join(known)}'
+
+
+#: The key that a message is about, or None, and the message.
+_Messages = Iterator[tuple[str | None, str]]
+
+
+def _wrong(error: Any) -> _Messages:
+    quantity, value = QUANTITIES.get(error.schema.get('quantity')), error.instance
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    text = f'{_shown(value)}; it must be {_expected(error.schema)}'
+    if quantity and quantity.needs_unit and is_number:
+        text = quantity.without_unit(value)
+    elif quantity and isinstance(value, str):
+        try:
+            quantity.parse(value)
+        except UnitError as reason:
+            text = str(reason)
+    yield None, text
+
+
+def _enum(error: Any) -> _Messages:
+    choices = [str(choice) for choice in error.validator_value]
+    yield None, f'{_shown(error.instance)}; it must be {" or ".join(choices)}'
+
+
+def _unknown(error: Any) -> _Messages:
+    known = error.schema['properties']
+    if len(error.instance) > error.schema.get('maxProperties', len(error.instance)):
+        return  # maxProperties has its own message
+    for key in error.instance:
+        if key not in known:
+            entry = error.schema.get('entry', 'key')
+            yield key, f'there is no such {entry}; {did_you_mean(key, known)}'
+
+
+def _missing(error: Any) -> _Messages:
+    for key in error.validator_value:
+        if key not in error.instance:
+            yield None, missing(key, error.schema)
+
+
+def missing(key: str, schema: Mapping[str, Any]) -> str:
+    """
+    Return the message for a key that is missing in a mapping.
+
+    :param key: the missing key
+    :param schema: the schema of the mapping
+    """
+    return f'{key!r} is missing: {_expected(schema["properties"][key])}'
+
+
+def _too_few(error: Any) -> _Messages:
+    yield None, f'nothing; it must be {_expected(error.schema)}'
+
+
+def _too_many(error: Any) -> _Messages:
+    keys = ' and '.join(quoted(key) for key in list(error.instance)[:3])
+    yield None, (f"{keys} in one step; begin each step with '- ', and indent what belongs to it "
+                 'by two more')
+
+
+def _bound(words: str) -> Callable[[Any], _Messages]:
+    def message(error: Any) -> _Messages:
+        quantity = QUANTITIES.get(error.schema.get('quantity'))
+        unit = f' {quantity.unit}' if quantity else ''
+        yield None, (f'{error.instance}{unit}; it must be '
+                     f'{words.format(error.validator_value)}{unit}')
+    return message
+
+
+#: The functions that make messages, by the schema keyword that is violated.
+_MESSAGES: dict[str, Callable[[Any], _Messages]] = {
+    'additionalProperties': _unknown,
+    'enum': _enum,
+    'exclusiveMinimum': _bound('above {}'),
+    'maxProperties': _too_many,
+    'maximum': _bound('at most {}'),
+    'minProperties': _too_few,
+    'minimum': _bound('at least {}'),
+    'pattern': _wrong,
+    'required': _missing,
+    'type': _wrong,
+}
+
+
+def _expected(schema: Mapping[str, Any]) -> str:
+    quantity = QUANTITIES.get(schema.get('quantity', ''))
+    return quantity.wanted if quantity else str(schema['expected'])
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return 'nothing'
+    if isinstance(value, (dict, list)):
+        return 'a list' if isinstance(value, list) else 'keys with values'
+    return str(value).lower() if isinstance(value, bool) else quoted(value) if isinstance(
+        value, str) else repr(value)

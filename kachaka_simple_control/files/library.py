@@ -25,11 +25,12 @@ from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import (
     is_path,
     MotionFileError,
+    nearest,
+    PACKAGE,
     Problem,
     UnreadableFileError,
 )
 from kachaka_simple_control.files.motion_file import loads, MotionFile
-from kachaka_simple_control.files.schema import nearest, PACKAGE
 from kachaka_simple_control.files.yaml_document import decode, read_text
 from kachaka_simple_control.motion.steps import Motion, Move
 

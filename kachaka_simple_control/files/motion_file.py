@@ -11,12 +11,13 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read and write motions as YAML files."""
+"""Read and write motions as YAML files; their JSON Schema follows from the classes of steps."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+import inspect
 import math
 import os
 from pathlib import PurePath
@@ -34,15 +35,23 @@ from kachaka_simple_control.files.document import (
     Node,
     parse_path,
     Problem,
+    read_schema,
+    Schema,
     UnreadableFileError,
 )
-from kachaka_simple_control.files.schema import motion_schema, read_document
-from kachaka_simple_control.files.yaml_document import read_text
+from kachaka_simple_control.files.yaml_document import read_document, read_text
 from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, LIMIT_QUANTITIES, Limits
 from kachaka_simple_control.motion.plan import find_errors, MAX_STEPS
-from kachaka_simple_control.motion.step_base import FieldKind, KINDS, Step, StepList
+from kachaka_simple_control.motion.step_base import (
+    Count,
+    FieldKind,
+    FileField,
+    KINDS,
+    Step,
+    StepList,
+)
 from kachaka_simple_control.motion.steps import Motion
-from kachaka_simple_control.motion.units import FREQUENCY, Quantity
+from kachaka_simple_control.motion.units import FREQUENCY, Quantity, SignRule
 
 
 @dataclass(frozen=True)
@@ -310,3 +319,64 @@ def _escape(character: str) -> str:
     short = {'"': '\\"', '\\': '\\\\', '\n': '\\n', '\t': '\\t'}
     code = ord(character)
     return short.get(character) or (f'\\u{code:04x}' if code < 0x10000 else f'\\U{code:08x}')
+
+
+#: The path of the motion schema in the package, for editors; ``tools/write_schemas.py`` writes it.
+SCHEMA = 'motions/motion.schema.json'
+
+
+def motion_schema() -> Schema:
+    """Return the JSON Schema of a motion, with all kinds of steps."""
+    schema = read_schema(SCHEMA)
+    definitions = schema['definitions']
+    steps = {word: _step_schema(kind) for word, kind in KINDS.items()}
+    return {**schema, 'definitions': {
+        **definitions, 'step': {**definitions['step'], 'properties': steps}}}
+
+
+def _step_schema(kind: type[Step]) -> Schema:
+    parts = kind.file_fields()
+    first = next(iter(parts.values()))
+    example = {name: part.examples[0] for name, part in parts.items()}
+    mapping = {
+        'required': [item.name for item in fields(kind)  # type: ignore[arg-type]
+                     if item.default is not None],
+        'additionalProperties': False,
+        'properties': {name: _field_schema(part) for name, part in parts.items()}}
+    # Under python -OO there are no docstrings, so the schema has no descriptions.
+    head: Schema = {'description': (inspect.getdoc(kind) or '').partition('\n')[0]}
+    if kind.synonyms:
+        head['synonyms'] = list(kind.synonyms)
+    if kind.form:
+        return {**head, 'expected': kind.form, 'type': 'object', **mapping, 'examples': [example]}
+    short = _field_schema(first)
+    return {
+        **short, **head, 'type': [*short['type'], 'object'],
+        'examples': [first.examples[0], example], **mapping}
+
+
+def _field_schema(part: FileField) -> Schema:
+    return {
+        'description': part.description, **_kind_schema(part.kind),
+        'examples': list(part.examples)}
+
+
+def _kind_schema(kind: object) -> Schema:
+    match kind:
+        case Quantity():
+            return quantity_schema(kind)
+        case Count():
+            return {'expected': 'a whole number', 'type': 'integer', 'minimum': 0,
+                    'maximum': kind.largest}
+        case _:
+            return {'expected': "a list of steps, each beginning with '- '", 'type': 'array',
+                    'items': {'$ref': '#/definitions/step'}}
+
+
+def quantity_schema(quantity: Quantity) -> Schema:
+    """Return the schema of a value that may have a unit."""
+    bounds = {SignRule.ANY: {}, SignRule.NOT_NEGATIVE: {'minimum': 0},
+              SignRule.POSITIVE: {'exclusiveMinimum': 0}}[quantity.sign]
+    types = ['string'] if quantity.needs_unit else ['number', 'string']
+    return {'quantity': quantity.keyword, 'type': types,
+            'pattern': quantity.pattern, **bounds}

@@ -26,10 +26,13 @@ from typing import Any, TypeVar
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.document import (
+    did_you_mean,
     Document,
     FileError,
     is_path,
+    missing,
     Problem,
+    read_schema,
     UnreadableFileError,
 )
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
@@ -195,7 +198,7 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
         return KACHAKA
     # Import here: these modules load slowly, and the lesson does not need them.
     from kachaka_simple_control.files.library import look_up
-    from kachaka_simple_control.files.schema import read_document, read_schema
+    from kachaka_simple_control.files.yaml_document import read_document
     source = os.fspath(name_or_path)
     try:
         source, text = look_up(name_or_path, 'robots', robots())
@@ -212,9 +215,9 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
     :param calibration: the calibration to add; it replaces an earlier one of the same kind
     :raises RobotFileError: if the profile or the new text cannot be read
     """
+    from kachaka_simple_control.files.yaml_document import read_document, read_text
     key = 'calibration' if isinstance(calibration, Calibration) else 'odometry_calibration'
     if is_path(robot):
-        from kachaka_simple_control.files.yaml_document import read_text
         try:
             lines = _without(key, read_text(robot).splitlines())
         except UnreadableFileError as error:
@@ -229,7 +232,6 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
             text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value
             lines.append(f'  {name}: {text}{unit}')
     text = '\n'.join(lines) + '\n'
-    from kachaka_simple_control.files.schema import read_document, read_schema
     try:
         _read(read_document(text, read_schema(SCHEMA)), robot)
     except UnreadableFileError:
@@ -288,7 +290,6 @@ def _read(document: Document, source: str) -> RobotProfile:
 
 def _base(document: Document, data: dict[str, Any]) -> RobotProfile | None:
     """Return the profile with the default values for a file: the extended robot, or PLAIN."""
-    from kachaka_simple_control.files.schema import did_you_mean, missing, read_schema
     name = data.get('extends')
     if name is None:
         # The schema cannot express that another key replaces these.

@@ -30,6 +30,7 @@ from kachaka_simple_control.files.document import (
     MAX_PROBLEMS,
     Node,
     Problem,
+    Schema,
     UnreadableFileError,
 )
 from kachaka_simple_control.motion.units import DIGITS, point_advice
@@ -112,6 +113,21 @@ def _read(path: str | os.PathLike[str]) -> bytes:
 
 def _too_large() -> Problem:
     return Problem(f'this is more than {MAX_BYTES} bytes, the most that is read')
+
+
+def read_document(text: str, schema: Schema) -> Document:
+    """
+    Read a YAML text, and check its values against a schema.
+
+    :param text: the text of a file
+    :param schema: a JSON Schema, Draft 7
+    :returns: the values of the file, and the problems found in them
+    :raises UnreadableFileError: if the text is not YAML, a library is missing, or there are too
+        many problems
+    """
+    document = parse_yaml(require_text(text))
+    document.check(schema)
+    return document
 
 
 #: The largest number of characters of a number; the longest float has 24.

@@ -20,8 +20,8 @@ from importlib.resources import files
 import json
 from typing import Any
 
-from kachaka_simple_control.files.motion_file import loads
-from kachaka_simple_control.files.schema import _MESSAGES, motion_schema
+from kachaka_simple_control.files.document import _MESSAGES
+from kachaka_simple_control.files.motion_file import loads, motion_schema
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES
 from kachaka_simple_control.motion.step_base import KINDS
 from kachaka_simple_control.motion.steps import MAX_TIMES

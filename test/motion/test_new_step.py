@@ -29,9 +29,8 @@ from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.display.drive_status import DriveTracker
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.document import MotionFileError
-from kachaka_simple_control.files.motion_file import dump, loads
+from kachaka_simple_control.files.motion_file import dump, loads, motion_schema
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.files.schema import motion_schema
 from kachaka_simple_control.motion.geometry import Displacement
 from kachaka_simple_control.motion.plan import find_errors, plan
 from kachaka_simple_control.motion.step_base import in_file, KINDS
