@@ -20,8 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, takewhile
 
-from kachaka_simple_control.analysis.drive_log import MotionLog
-from kachaka_simple_control.analysis.plan_timeline import ROUNDING
+from kachaka_simple_control.analysis.drive_log import MotionLog, ROUNDING
 from kachaka_simple_control.analysis.plan_view import ticks
 from kachaka_simple_control.control.events import VelocitySent
 from kachaka_simple_control.control.robot_drive import LATE

@@ -142,10 +142,8 @@ def _progress_of(cut: MotionLog, complete: int, begun: int) -> str:
     where = f'in step {steps} of {len(cut.plan.steps)}, ' if steps else ''
     others = (f'; of {pluralize(begun, "motion")} {complete} were driven to their end'
               if complete else '')
-    if cut.timeline.is_delayed:
-        return (f'The motion ended {where}{end:.2f} s after its t = 0, at {cut.reached:.2f} s of '
-                f'its plan, of {cut.plan.duration:.2f} s{others}.')
-    return (f'The motion ended {where}{end:.2f} s after its t = 0, of '
+    at = f'at {cut.timeline.reached:.2f} s of its plan, ' if cut.timeline.is_delayed else ''
+    return (f'The motion ended {where}{end:.2f} s after its t = 0, {at}of '
             f'{cut.plan.duration:.2f} s{others}.')
 
 

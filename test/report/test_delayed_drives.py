@@ -153,12 +153,12 @@ def test_a_motion_stopped_while_it_was_paused(reason):
     (motion,) = log.motions
     (step,) = motion.steps
     assert not step.is_complete
-    assert 0.3 < motion.reached < motion.plan.steps[0].end
+    assert 0.3 < motion.timeline.reached < motion.plan.steps[0].end
     end = motion.own_messages[-1].time - motion.began
     assert end == pytest.approx(9.0, abs=0.06)
     assert Summary(log).outcome.reason.endswith(
-        f'The motion ended in step 1 of 10, {end:.2f} s after its t = 0, at {motion.reached:.2f} '
-        f's of its plan, of {motion.plan.duration:.2f} s.')
+        f'The motion ended in step 1 of 10, {end:.2f} s after its t = 0, at '
+        f'{motion.timeline.reached:.2f} s of its plan, of {motion.plan.duration:.2f} s.')
     assert timing([motion]).lost == 0
 
 
