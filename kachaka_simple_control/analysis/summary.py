@@ -15,9 +15,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from itertools import pairwise
 import math
 import signal
 
@@ -25,9 +27,11 @@ from kachaka_simple_control.analysis.drive_log import DriveLog, MotionLog
 from kachaka_simple_control.analysis.message_timing import Timing, timing
 from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive, OdometrySample
 from kachaka_simple_control.analysis.plan_view import estimate_sleep_loop, SleepLoopEstimate
-from kachaka_simple_control.analysis.speed_history import speed_intervals, SpeedInterval
 from kachaka_simple_control.analysis.step_results import step_results, StepResult
-from kachaka_simple_control.motion.geometry import distance_between, Pose
+from kachaka_simple_control.control.events import SpeedFactorChanged
+from kachaka_simple_control.control.speed_factor import describe_factors, product
+from kachaka_simple_control.motion.geometry import Displacement, distance_between, Pose
+from kachaka_simple_control.motion.plan import PlannedStep
 from kachaka_simple_control.text import pluralize
 
 #: The reason shown if the end of the program was not reported.
@@ -148,16 +152,76 @@ def _progress_of(cut: MotionLog, complete: int, begun: int) -> str:
 
 
 @dataclass(frozen=True)
-class PoseError:
+class SpeedInterval:
     """
-    The difference between the robot's pose in odometry and the expected pose.
+    A part of a motion with a constant speed factor.
 
-    :param distance: the distance between the two [m]
-    :param angle: the heading error [rad], positive to the left
+    :param motion: the motion
+    :param factors: the factors below 1, by the name of their source; empty at full speed
+    :param begin: the start time [s on the steady clock]
+    :param end: the end time [s on the steady clock]
+    :param plan_begin: the plan time at the start [s of the plan]
+    :param plan_end: the plan time at the end [s of the plan]
     """
 
-    distance: float
-    angle: float
+    motion: MotionLog
+    factors: Mapping[str, float]
+    begin: float
+    end: float
+    plan_begin: float
+    plan_end: float
+
+    @property
+    def factor(self) -> float:
+        """Return the speed factor, from 0 to 1."""
+        return product(self.factors)
+
+    @property
+    def reason(self) -> str:
+        """Return the sources that asked for less speed; empty at full speed."""
+        return describe_factors(self.factors)
+
+    @property
+    def is_pause(self) -> bool:
+        """Return whether the motion was paused."""
+        return self.factor == 0.0
+
+    @property
+    def step(self) -> PlannedStep:
+        """Return the step at the start of the interval; for a pause, the step at its end."""
+        plan = self.motion.plan
+        return plan.steps[plan.step_index(self.plan_end if self.is_pause else self.plan_begin)]
+
+
+def speed_intervals(log: DriveLog) -> list[SpeedInterval]:
+    """
+    Return the intervals of constant speed factor of a drive, in order.
+
+    :param log: the drive
+    :returns: all intervals of each motion that had a speed factor below 1 at some time
+    """
+    return [interval for motion in log.motions if motion.own_messages and motion.plan.steps
+            for interval in _intervals(motion, log.speed_changes)]
+
+
+def _intervals(
+        motion: MotionLog, changes: Sequence[SpeedFactorChanged]) -> list[SpeedInterval]:
+    end = motion.own_messages[-1].time
+    before: Mapping[str, float] = {}
+    starts: list[tuple[float, Mapping[str, float]]] = []
+    for change in changes:
+        if change.time <= motion.began:
+            before = change.factors
+        elif change.time < end and change.factors != (starts[-1][1] if starts else before):
+            starts.append((change.time, change.factors))
+    starts.insert(0, (motion.began, before))
+    if not any(factors for _, factors in starts):
+        return []
+    timeline, duration = motion.timeline, motion.plan.duration
+    ends = [*(begin for begin, _ in starts[1:]), end]
+    marks = [min(max(0.0, timeline.plan_time(time)), duration) for time in (motion.began, *ends)]
+    return [SpeedInterval(motion, factors, begin, until, *plan_times)
+            for (begin, factors), until, plan_times in zip(starts, ends, pairwise(marks))]
 
 
 class Summary:
@@ -199,6 +263,14 @@ class Summary:
         """Return the intervals of constant speed factor; empty if all was at full speed."""
         return speed_intervals(self.log)
 
+    @cached_property
+    def _step_numbers(self) -> dict[int, int]:
+        return {id(step.log.planned): number for number, step in enumerate(self.steps, 1)}
+
+    def step_number(self, interval: SpeedInterval) -> int | None:
+        """Return the number of an interval's step in ``steps``; None if it did not start."""
+        return self._step_numbers.get(id(interval.step))
+
     @property
     def paused_duration(self) -> float:
         """Return the total time of all pauses [s]."""
@@ -234,14 +306,22 @@ class Summary:
         return None if self.last_seen is None else self.last_seen.pose
 
     @property
-    def error_from_plan(self) -> PoseError | None:
-        """Return the final error from the plan; None for an early end or without odometry."""
+    def error_from_plan(self) -> Displacement | None:
+        """
+        Return the distance to the planned end and the heading error there.
+
+        For an early end or without odometry, return None.
+        """
         if self.final_pose is None or not all(motion.is_complete for motion in self.log.motions):
             return None
-        return PoseError(*distance_between(self.aligned.planned_end, self.final_pose))
+        return Displacement(*distance_between(self.aligned.planned_end, self.final_pose))
 
     @property
-    def error_from_sent(self) -> PoseError | None:
-        """Return the final error from the path of the sent velocities; None without odometry."""
-        return None if self.last_seen is None else PoseError(
+    def error_from_sent(self) -> Displacement | None:
+        """
+        Return the distance to the end of the path of the sent velocities and the heading error.
+
+        Without odometry, return None.
+        """
+        return None if self.last_seen is None else Displacement(
             self.last_seen.distance, self.last_seen.angle)

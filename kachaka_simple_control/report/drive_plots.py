@@ -26,8 +26,7 @@ import warnings
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive, OdometrySample
-from kachaka_simple_control.analysis.speed_history import SpeedInterval
-from kachaka_simple_control.analysis.summary import Summary
+from kachaka_simple_control.analysis.summary import SpeedInterval, Summary
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.report.drive_path_plot import draw_drive_path, draw_legend, TOP, WIDTH
 from kachaka_simple_control.report.plot_style import (
@@ -53,7 +52,6 @@ from kachaka_simple_control.report.plot_style import (
     velocity_steps,
     VelocityComponent,
 )
-from kachaka_simple_control.report.speed_table import shade_pauses
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,6 +72,9 @@ MAX_LINE_POINTS, BANDS = 6000, 180
 BARS = 25
 #: The smallest range of a histogram on each side [ms].
 LEAST = 0.5
+#: The style of the times at which a robot was paused.
+PAUSE: dict[str, Any] = {
+    'color': '#9a8f7a', 'alpha': 0.22, 'linewidth': 0.0, 'zorder': 0.5, 'gid': 'pause'}
 #: Text in the SVG stays text, so that a reader can search and copy it.
 SVG: Any = {'svg.fonttype': 'none'}
 #: Metadata that are left out, so that the same drive gives the same bytes.
@@ -202,7 +203,10 @@ def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
         for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
             _draw_line(axes, aligned, points, {**look, 'label': name, 'gid': name})
         draw_limits(axes, component, limits)
-        shade_pauses(axes, pauses, aligned.start_time, time_unit(duration)[1])
+        unit = time_unit(duration)[1]
+        for pause in pauses:
+            axes.axvspan((pause.begin - aligned.start_time) / unit,
+                         (pause.end - aligned.start_time) / unit, **PAUSE)
     _label_time(rows, duration)
     draw_legend(figure, LEFT, 3, *rows[0].get_legend_handles_labels())
 

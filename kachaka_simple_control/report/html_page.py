@@ -35,7 +35,6 @@ from kachaka_simple_control.report.drive_plots import (
 )
 from kachaka_simple_control.report.json_export import start_datetime
 from kachaka_simple_control.report.output_file import NEEDS_JINJA2
-from kachaka_simple_control.report.speed_table import speed_rows
 from kachaka_simple_control.report.table_layout import fold, Gap, repeat_labels
 from kachaka_simple_control.text import format_fixed, pluralize
 
@@ -108,7 +107,7 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
         has_motions=len({step.motion for step in summary.steps}) > 1,
         robot=_robot(summary), description=_description(summary),
         extra=1e3 * LOOP_OVERHEAD, pluralize=pluralize, unknown=UNKNOWN,
-        speed=_ends(list(speed_rows(summary)))))
+        speed=_ends(summary.speed)))
 
 
 def _keep_units(page: str) -> str:

@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import datetime, timezone
 import json
@@ -26,10 +26,9 @@ from kachaka_simple_control.analysis.drive_log import MotionLog
 from kachaka_simple_control.analysis.message_timing import Quantiles
 from kachaka_simple_control.analysis.paths import simplify
 from kachaka_simple_control.analysis.step_results import StepResult
-from kachaka_simple_control.analysis.summary import PoseError, signal_name, Summary
+from kachaka_simple_control.analysis.summary import signal_name, SpeedInterval, Summary
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 from kachaka_simple_control.report.drive_path_plot import path_lines
-from kachaka_simple_control.report.speed_table import speed_rows
 
 #: Increases when a field is removed or changes its meaning; new fields may be added at any time.
 FORMAT = 1
@@ -149,16 +148,18 @@ def _speed(summary: Summary) -> Fields:
         return {}
     return {'speed': {
         'paused_s': summary.paused_duration,
-        'intervals': [{
-            'motion': _index(summary.log.motions, row.interval.motion) + 1, 'step': row.number,
-            'path': row.interval.step.path, 'factor': row.interval.factor,
-            'factors': row.interval.factors, 'is_pause': row.interval.is_pause,
-            'begin_s': row.begin, 'end_s': row.end, 'plan_begin_s': row.interval.plan_begin,
-            'plan_end_s': row.interval.plan_end} for row in speed_rows(summary)]}}
+        'intervals': [_interval(summary, interval) for interval in summary.speed]}}
 
 
-def _index(motions: Sequence[MotionLog], motion: MotionLog) -> int:
-    return next(index for index, one in enumerate(motions) if one is motion)
+def _interval(summary: Summary, interval: SpeedInterval) -> Fields:
+    begin = interval.begin - summary.aligned.start_time
+    motion = next(number for number, motion in enumerate(summary.log.motions, 1)
+                  if motion is interval.motion)
+    return {
+        'motion': motion, 'step': summary.step_number(interval), 'path': interval.step.path,
+        'factor': interval.factor, 'factors': interval.factors, 'is_pause': interval.is_pause,
+        'begin_s': begin, 'end_s': begin + interval.end - interval.begin,
+        'plan_begin_s': interval.plan_begin, 'plan_end_s': interval.plan_end}
 
 
 def _quantiles(quantiles: Quantiles | None) -> Fields | None:
@@ -191,7 +192,7 @@ def _step(number: int, result: StepResult, start_time: float) -> Fields:
         'error': _distance_and_angle(result.error)}
 
 
-def _distance_and_angle(value: Displacement | PoseError | None) -> Fields | None:
+def _distance_and_angle(value: Displacement | None) -> Fields | None:
     return None if value is None else {'distance_m': value.distance, 'angle_rad': value.angle}
 
 
