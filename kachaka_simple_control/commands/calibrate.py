@@ -44,7 +44,7 @@ from kachaka_simple_control.commands.tape_measure import measure_floor, measure_
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.report.calibration_plot import save_calibration_plot
 from kachaka_simple_control.report.output_file import check_plot_file
-from kachaka_simple_control.report.table_layout import columns
+from kachaka_simple_control.report.text_tables import columns
 from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.text import escaped
 

@@ -40,8 +40,7 @@ from kachaka_simple_control.exit_codes import HELP, OneLineParser
 from kachaka_simple_control.files.robot_profile import calibrated_text
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.report.output_file import write_atomically
-from kachaka_simple_control.report.table_layout import terminal_columns
-from kachaka_simple_control.report.text_tables import plan_table
+from kachaka_simple_control.report.text_tables import Column, plan_table, terminal_columns
 from kachaka_simple_control.text import escaped, escaped_lines, quoted
 
 T = TypeVar('T')
@@ -49,7 +48,7 @@ T = TypeVar('T')
 NAME = 'kachaka_calibrate'
 OUTPUT = Path('my_kachaka.yaml')
 #: The header of the table of a fit.
-FIT_HEAD = (('', ''), ('value', ''), ('standard error', ''))
+FIT_HEAD = (Column(''), Column('value'), Column('standard error'))
 #: The largest number of attempts of a drive.
 MAX_ATTEMPTS = 3
 #: The parts that need a tape measure.

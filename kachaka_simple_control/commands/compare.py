@@ -29,7 +29,7 @@ from kachaka_simple_control.report.comparison import (
     save_comparison,
 )
 from kachaka_simple_control.report.output_file import check_plot_file
-from kachaka_simple_control.report.table_layout import terminal_columns, WIDEST
+from kachaka_simple_control.report.text_tables import terminal_columns, WIDEST
 from kachaka_simple_control.run_command import run_command
 from kachaka_simple_control.text import escaped
 

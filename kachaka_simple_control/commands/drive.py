@@ -49,8 +49,7 @@ from kachaka_simple_control.report.output_file import (
     prepare_report_dir,
     REPORT_MODULE,
 )
-from kachaka_simple_control.report.table_layout import terminal_columns
-from kachaka_simple_control.report.text_tables import drive_table
+from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
 from kachaka_simple_control.ros.parameters import session_started
 from kachaka_simple_control.ros.startup import start_ros

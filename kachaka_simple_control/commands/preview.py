@@ -26,8 +26,7 @@ from kachaka_simple_control.files.library import find, library
 from kachaka_simple_control.motion.plan import DriveOrder
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.plan_plot import save_plot
-from kachaka_simple_control.report.table_layout import terminal_columns
-from kachaka_simple_control.report.text_tables import plan_table
+from kachaka_simple_control.report.text_tables import plan_table, terminal_columns
 from kachaka_simple_control.ros.node_parameters import require_parameters_only
 
 

@@ -51,7 +51,7 @@ from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK, RobotProfi
 from kachaka_simple_control.motion.calibration import OdometryCalibration
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.units import ANGLE, LENGTH, Quantity, SIZE, UnitError
-from kachaka_simple_control.report.table_layout import columns
+from kachaka_simple_control.report.text_tables import columns
 from kachaka_simple_control.text import escaped
 
 #: The side length of the squares in the library, and the range of other side lengths [m].

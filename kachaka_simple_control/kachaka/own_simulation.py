@@ -22,8 +22,7 @@ from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.kachaka.bridge_process import BridgeProcess
-from kachaka_simple_control.report.table_layout import terminal_columns
-from kachaka_simple_control.report.text_tables import drive_table
+from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
 from kachaka_simple_control.ros.dds_transport import (
     can_still_be_localhost_only,
     is_range_chosen,

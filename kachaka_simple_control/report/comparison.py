@@ -51,7 +51,7 @@ from kachaka_simple_control.report.plot_style import (
     set_map_limits,
     style_axes,
 )
-from kachaka_simple_control.report.table_layout import columns
+from kachaka_simple_control.report.text_tables import Column, columns
 from kachaka_simple_control.text import escaped, format_fixed, pluralize
 
 if TYPE_CHECKING:
@@ -65,8 +65,8 @@ MAX_END_DIFFERENCE = 1e-6
 COLOURS = (ORANGE, BLUE, GREEN, PURPLE)
 #: The height of a legend line [inch], and the number of lines that need no extra room.
 LEGEND_LINE, LEGEND_LINES = 0.19, 3
-HEAD = (('drive', ''), ('x', '[mm]'), ('y', '[mm]'), ('heading', '[deg]'), ('away', '[mm]'),
-        ('late', ''))
+HEAD = (Column('drive'), Column('x', '[mm]'), Column('y', '[mm]'), Column('heading', '[deg]'),
+        Column('away', '[mm]'), Column('late'))
 
 
 @dataclass(frozen=True)
@@ -235,12 +235,9 @@ def comparison_table(drives: Sequence[DriveEnd], widest: int) -> str:
     rows.append(('standard deviation', *_row(deviation), ''))
     name, *others = drives[0].motions
     what = f'{pluralize(len(others) + 1, "motion")}' if others else escaped(name)
-    lines = columns(HEAD, rows, widest=widest)
-    # A rule separates the rows of the drives from the mean and the standard deviation.
-    lines.insert(len(lines) - 2, lines[2])
     return '\n'.join([
         f'{pluralize(len(drives), "drive")} of {what}: where they ended, from where they were to',
-        '', *lines, '',
+        '', *columns(HEAD, rows, widest, totals=2), '',
         (f'Accuracy: the mean end is {_length(math.hypot(*found.mean[:2]))} and '
          f'{_angle(abs(found.mean[2]))} away.'),
         (f'Repeatability: single ends are up to {_length(found.worst_distance)} and '

@@ -35,7 +35,7 @@ from kachaka_simple_control.report.drive_plots import (
 )
 from kachaka_simple_control.report.json_export import start_datetime
 from kachaka_simple_control.report.output_file import NEEDS_JINJA2
-from kachaka_simple_control.report.table_layout import fold, Gap, repeat_labels
+from kachaka_simple_control.report.text_tables import fold, Gap, repeat_labels
 from kachaka_simple_control.text import format_fixed, pluralize
 
 T = TypeVar('T')

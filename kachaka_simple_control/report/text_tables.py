@@ -11,31 +11,176 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Text tables of plans and of drives."""
+"""The text tables of plans and drives, and their layout."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Hashable, Mapping, Sequence
+from itertools import pairwise
 import math
+import os
 import sys
 import textwrap
+from typing import NamedTuple
 
 from kachaka_simple_control.analysis.drive_log import DriveLog, StepLog
 from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.analysis.step_results import driven, segment_odometry, sent
-from kachaka_simple_control.motion.geometry import Displacement, Pose
-from kachaka_simple_control.motion.limits import Limits
+from kachaka_simple_control.control.output import STDOUT
+from kachaka_simple_control.motion.geometry import Displacement
+from kachaka_simple_control.motion.limits import Limits, SAME_AS
 from kachaka_simple_control.motion.plan import Plan, PlannedStep
 from kachaka_simple_control.motion.units import format_number
-from kachaka_simple_control.report.table_layout import (
-    columns,
-    fold,
-    Gap,
-    repeat_labels,
-    Row,
-    WIDEST,
-)
-from kachaka_simple_control.text import format_fixed, one_line, pluralize
+from kachaka_simple_control.text import cut, format_fixed, one_line, pluralize, width_of
+
+#: The largest width of a table [columns]; most terminals show it without wrapping.
+WIDEST = 99
+#: The space between two columns.
+SPACE = '  '
+
+Row = tuple[str, ...]
+
+
+class Column(NamedTuple):
+    """
+    A column of a table.
+
+    :param name: its name
+    :param unit: the unit of its cells; empty if they have none or contain it
+    :param spare: 0 for a column that a narrow table keeps; others are left out by this number,
+        the smallest first
+    """
+
+    name: str
+    unit: str = ''
+    spare: int = 0
+
+
+def terminal_columns() -> int | None:
+    """Return the width of the terminal [columns]; None if standard output is no terminal."""
+    try:
+        return os.get_terminal_size(STDOUT).columns or None
+    except OSError:
+        return None
+
+
+def columns(
+        head: Sequence[Column], rows: Sequence[Row], widest: int = WIDEST,
+        totals: int = 0) -> list[str]:
+    """
+    Lay out a table, without its empty columns.
+
+    Text is left-aligned.  Numbers, and all cells of a column with a unit, are right-aligned.  If
+    the table is too wide, spare columns are left out first, then the widest columns are cut.
+
+    :param head: the columns
+    :param rows: the rows, with one cell per column
+    :param widest: the largest width of the table [columns]
+    :param totals: the number of rows at the end that a line separates from the others
+    :returns: lines of text: names, units (if a column has one), a rule, the rows
+    """
+    names, units, spares = zip(*head)
+    cells = [names, *([units] if any(units) else []), *rows]
+    widths = {place: max(width_of(row[place]) for row in cells)
+              for place in range(len(head)) if any(row[place] for row in cells)}
+    for place in sorted(filter(spares.__getitem__, widths), key=spares.__getitem__):
+        if _total_width(widths) > widest:
+            del widths[place]
+    for _ in range(_total_width(widths) - widest):
+        widths[max(widths, key=lambda place: widths[place])] -= 1
+    lines = [SPACE.join(
+        _aligned(row[place], width, bool(units[place]) or row[place].isdecimal())
+        for place, width in widths.items()).rstrip() for row in cells]
+    rule = SPACE.join('-' * width for width in widths.values())
+    lines.insert(len(cells) - len(rows), rule)
+    if 0 < totals < len(rows):
+        lines.insert(-totals, rule)
+    return lines
+
+
+def _total_width(widths: Mapping[int, int]) -> int:
+    return sum(widths.values()) + len(SPACE) * (len(widths) - 1)
+
+
+def _aligned(text: str, width: int, right: bool) -> str:
+    text = cut(text, width)
+    pad = ' ' * (width - width_of(text))
+    return pad + text if right else text + pad
+
+
+class Gap(NamedTuple):
+    """
+    Steps that a table leaves out.
+
+    :param before: the index of the last step before the gap
+    :param after: the index of the first step after the gap
+    :param again: whether each left-out step repeats a step that is shown above
+    """
+
+    before: int
+    after: int
+    again: bool
+
+    @property
+    def size(self) -> str:
+        """Return the number of steps in the gap as text, for example '3 steps'."""
+        return pluralize(self.after - self.before - 1, 'step')
+
+    def describe(self, start: str, end: str) -> str:
+        """Return the number of steps in the gap, and its start and end time [s], as text."""
+        return (f'{self.size}, from {start} s to {end} s'
+                f'{", as above" if self.again else ""}')
+
+
+def fold(keys: Sequence[Hashable], most: int) -> list[int | Gap]:
+    """
+    Choose the steps that a table shows.
+
+    A table with too many steps shows only the first and the last repeat of each step.  If it is
+    still too long, its middle is left out.
+
+    :param keys: a key for each step; repeats of a step have equal keys
+    :param most: the largest number of lines of the table
+    :returns: the indices of the shown steps, and the gaps between them
+    """
+    kept = _kept(keys, most)
+    entries: list[int | Gap] = []
+    known: set[Hashable] = set()
+    for before, index in pairwise([-1, *kept]):
+        if index - before > 1:
+            entries.append(Gap(before, index, known.issuperset(keys[before + 1:index])))
+        entries.append(index)
+        known.add(keys[index])
+    return entries
+
+
+def repeat_labels(keys: Sequence[Hashable]) -> list[str]:
+    """Return the repeat label of each step, for example '1 of 4'; empty if it is not repeated."""
+    times = Counter(keys)
+    so_far: Counter[Hashable] = Counter()
+    labels = []
+    for key in keys:
+        so_far[key] += 1
+        labels.append(f'{so_far[key]} of {times[key]}' if times[key] > 1 else '')
+    return labels
+
+
+def _kept(keys: Sequence[Hashable], most: int) -> list[int]:
+    if len(keys) <= most:
+        return list(range(len(keys)))
+    first: dict[Hashable, int] = {}
+    last: dict[Hashable, int] = {}
+    for index, key in enumerate(keys):
+        first.setdefault(key, index)
+        last[key] = index
+    ends = sorted({*first.values(), *last.values()})
+    gaps = sum(two - one > 1 for one, two in pairwise(ends))
+    if len(ends) + gaps <= most:
+        return ends
+    half = (most - 1) // 2
+    return [*range(half), *range(len(keys) - half, len(keys))]
+
 
 #: The approximate number of lines of all tables together.
 LINES = 60
@@ -50,12 +195,23 @@ MAX_NAME_WIDTH = 36
 #: The time from which times are shown in tenths of a second [s].
 TENTHS_FROM = 1000.0
 
-FIGURES = (('takes', '[s]'), ('length', '[m]'), ('x', '[m]'), ('y', '[m]'), ('heading', '[deg]'),
-           ('linear', '[m/s]'), ('angular', '[rad/s]'))
-#: The columns that a narrow table of steps leaves out, in this order.
-SPARE_OF_STEPS = ('number', 'start', 'angular', 'linear', 'length', 'heading')
-#: The columns that a narrow comparison leaves out, in this order.
-SPARE_OF_MOTIONS = ('sent', 'angular', 'linear', 'length', 'steps', 'heading', 'rate')
+#: The columns of the tables of plans.
+FIGURES = (
+    Column('takes', '[s]'), Column('length', '[m]', 6), Column('x', '[m]'), Column('y', '[m]'),
+    Column('heading', '[deg]', 8), Column('linear', '[m/s]', 5), Column('angular', '[rad/s]', 4))
+STEPS = (Column(''), Column('step'), Column('', spare=1), Column('start', '[s]', 2), *FIGURES)
+MOTIONS = (Column('motion'), Column('robot'), Column('rate', '[Hz]', 9), Column('steps', spare=7),
+           *FIGURES, Column('sent', spare=3))
+#: The limits in a table, with their units and meanings, by the title of the line.
+LIMITS = {
+    'Limits:': {
+        'max_linear_velocity': 'm/s', 'max_backward_velocity': 'm/s backwards',
+        'max_linear_acceleration': 'm/s^2', 'max_linear_deceleration': 'm/s^2 braking',
+        'max_linear_jerk': 'm/s^3'},
+    '       ': {
+        'max_angular_velocity': 'rad/s', 'max_angular_acceleration': 'rad/s^2',
+        'max_angular_deceleration': 'rad/s^2 braking', 'max_angular_jerk': 'rad/s^3'},
+}
 POSES = 'Poses: at the end, seen from the start.'
 VELOCITIES = '  Velocities: the largest sent, either way.'
 
@@ -96,13 +252,12 @@ def _steps(view: PlanView, most: int, widest: int, with_total: bool) -> list[str
     paths = [step.path for step in steps]
     entries = fold(paths, most)
     repeats = repeat_labels(paths)
-    rows = [_plan_row(entry, steps[entry], repeats[entry])
+    rows = [(str(entry + 1), steps[entry].step.describe(), repeats[entry],
+             _time(steps[entry].start), *_figures(steps[entry]))
             for entry in entries if isinstance(entry, int)]
     if with_total:
-        rows.append(_total(view.plan))
-    head = (('', ''), ('step', ''), ('', ''), ('start', '[s]'), *FIGURES)
-    names = ['', 'step', 'number', *(name for name, _ in head[3:])]
-    lines = columns(head, rows, with_total, widest, [*map(names.index, SPARE_OF_STEPS)])
+        rows.append(('', pluralize(len(steps), 'step'), '', '', *_figures(view.plan)))
+    lines = columns(STEPS, rows, widest, totals=int(with_total))
     for place, entry in enumerate(entries):
         if isinstance(entry, Gap):
             start, end = _time(steps[entry.before].end), _time(steps[entry.after].start)
@@ -114,85 +269,45 @@ def _steps(view: PlanView, most: int, widest: int, with_total: bool) -> list[str
     return [one_line(title, widest), '', *lines]
 
 
-def _plan_row(index: int, step: PlannedStep, repeat: str) -> Row:
+def _figures(part: Plan | PlannedStep) -> Row:
     return (
-        str(index + 1), step.step.describe(), repeat, _time(step.start),
-        *_figures(step.duration, step.length, step.pose,
-                  step.max_linear_velocity, step.max_angular_velocity))
-
-
-def _total(plan: Plan) -> Row:
-    return ('', pluralize(len(plan.steps), 'step'), '', '', *_plan_figures(plan))
-
-
-def _plan_figures(plan: Plan) -> Row:
-    return _figures(plan.duration, plan.length, plan.pose, plan.max_linear_velocity,
-                    plan.max_angular_velocity)
-
-
-def _figures(duration: float, length: float, pose: Pose, linear: float, angular: float) -> Row:
-    return (
-        _time(duration), format_fixed(length, 3), format_fixed(pose.x, 3), format_fixed(pose.y, 3),
-        format_fixed(math.degrees(pose.theta), 1), format_fixed(linear, 3),
-        format_fixed(angular, 3))
+        _time(part.duration), format_fixed(part.length, 3), format_fixed(part.pose.x, 3),
+        format_fixed(part.pose.y, 3), format_fixed(math.degrees(part.pose.theta), 1),
+        format_fixed(part.max_linear_velocity, 3), format_fixed(part.max_angular_velocity, 3))
 
 
 def _sending(view: PlanView) -> list[str]:
-    count = view.messages
-    sent = (f'Sent: {pluralize(count, "velocity", "velocities")}, '
-            f'{format_number(1000.0 * view.plan.period)} ms apart or less, then the stop')
-    return [sent, _floor(view), *_limits(view.limits)]
-
-
-def _floor(view: PlanView) -> str:
     what = 'the robot included' if view.footprint else 'and the robot, whose outline is not known'
-    return f'Floor: {view.floor_size}, {what}'
+    return [
+        (f'Sent: {pluralize(view.messages, "velocity", "velocities")}, '
+         f'{format_number(1000.0 * view.plan.period)} ms apart or less, then the stop'),
+        f'Floor: {view.floor_size}, {what}',
+        *(f'{title} {_bounds(view.limits, units)}' for title, units in LIMITS.items())]
 
 
-def _limits(limits: Limits) -> list[str]:
-    linear = [(limits.max_linear_velocity, 'm/s'), (limits.max_linear_acceleration, 'm/s^2'),
-              (limits.max_linear_jerk, 'm/s^3')]
-    angular = [(limits.max_angular_velocity, 'rad/s'),
-               (limits.max_angular_acceleration, 'rad/s^2'),
-               (limits.max_angular_jerk, 'rad/s^3')]
-    if limits.backward_velocity != limits.max_linear_velocity:
-        linear.insert(1, (limits.backward_velocity, 'm/s backwards'))
-    if limits.linear_deceleration != limits.max_linear_acceleration:
-        linear.insert(-1, (limits.linear_deceleration, 'm/s^2 braking'))
-    if limits.angular_deceleration != limits.max_angular_acceleration:
-        angular.insert(-1, (limits.angular_deceleration, 'rad/s^2 braking'))
-    return [f'Limits: {_bounds(linear)}', f'        {_bounds(angular)}']
-
-
-def _bounds(bounds: Sequence[tuple[float, str]]) -> str:
-    known = [f'{format_number(value)} {unit}' for value, unit in bounds if value < math.inf]
+def _bounds(limits: Limits, units: Mapping[str, str]) -> str:
+    """Return limits as text, without infinite ones and those that follow from another limit."""
+    bounds = {name: limits.bound(name) for name in units}
+    known = [f'{format_number(bound)} {units[name]}' for name, bound in bounds.items()
+             if bound < math.inf and bound != bounds.get(SAME_AS.get(name, ''))]
     return ', '.join(known) or 'none'
 
 
 def _comparison(views: Sequence[PlanView], widest: int) -> list[str]:
-    robots = {view.robot for view in views}
-    rates = {view.rate for view in views}
-    own: list[tuple[str, str]] = []
-    if len(robots) > 1:
-        own.append(('robot', ''))
-    if len(rates) > 1:
-        own.append(('rate', '[Hz]'))
-    rows = [_compared(view, dict(own)) for view in views]
-    head = (('motion', ''), *own, ('steps', ''), *FIGURES, ('sent', ''))
-    common = [f'on {one_line(next(iter(robots)), MAX_NAME_WIDTH)}'] if len(robots) == 1 else []
-    common += [f'at {format_number(next(iter(rates)))} Hz'] if len(rates) == 1 else []
-    names = [name for name, _ in head]
-    spare = [names.index(name) for name in SPARE_OF_MOTIONS if name in names]
-    title = ' '.join([pluralize(len(views), 'motion'), *common])
-    return [one_line(title, widest), '', *columns(head, rows, widest=widest, spare=spare)]
-
-
-def _compared(view: PlanView, own: dict[str, str]) -> Row:
-    cells = [one_line(view.name, MAX_NAME_WIDTH)]
-    cells += [one_line(view.robot, MAX_NAME_WIDTH)] if 'robot' in own else []
-    cells += [format_number(view.rate)] if 'rate' in own else []
-    plan = view.plan
-    return (*cells, str(len(plan.steps)), *_plan_figures(plan), str(view.messages))
+    rows = [(one_line(view.name, MAX_NAME_WIDTH), one_line(view.robot, MAX_NAME_WIDTH),
+             format_number(view.rate), str(len(view.plan.steps)), *_figures(view.plan),
+             str(view.messages)) for view in views]
+    title, kept = pluralize(len(views), 'motion'), [*range(len(MOTIONS))]
+    # What all motions have in common is in the title, without a column of its own.
+    if len({view.robot for view in views}) == 1:
+        title += f' on {rows[0][1]}'
+        kept.remove(1)
+    if len({view.rate for view in views}) == 1:
+        title += f' at {rows[0][2]} Hz'
+        kept.remove(2)
+    lines = columns([MOTIONS[place] for place in kept],
+                    [tuple(row[place] for place in kept) for row in rows], widest)
+    return [one_line(title, widest), '', *lines]
 
 
 def _time(value: float) -> str:
@@ -200,9 +315,8 @@ def _time(value: float) -> str:
 
 
 #: The columns of the table of a drive; its cells contain the units.
-DRIVE_HEAD = (('movement', ''), ('requested', ''), ('sent', ''), ('odometry', ''))
-#: The indices of the columns that a narrow table of a drive leaves out, in this order.
-SPARE_OF_DRIVE = (1, 2)
+DRIVE = (Column('movement'), Column('requested', spare=1), Column('sent', spare=2),
+         Column('odometry'))
 
 
 def drive_table(
@@ -221,7 +335,7 @@ def drive_table(
     rows = [_drive_row(step, log.command_timeout, driven(log.odometry, begin, end))
             for step, begin, end in zip(steps, cuts, cuts[1:])]
     widest = widest or sys.maxsize
-    lines = columns(DRIVE_HEAD, rows, widest=widest, spare=SPARE_OF_DRIVE)
+    lines = columns(DRIVE, rows, widest)
     return '\n'.join([*lines, *_wrapped([_stop(stop_confirmed_after), _final_pose(log)], widest)])
 
 

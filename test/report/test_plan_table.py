@@ -24,8 +24,7 @@ from kachaka_simple_control.motion.geometry import Disc
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Move, Repeat, Turn, Wait
-from kachaka_simple_control.report.table_layout import fold, Gap
-from kachaka_simple_control.report.text_tables import plan_table
+from kachaka_simple_control.report.text_tables import fold, Gap, plan_table
 from plans import ABRUPT, BOX, EIGHT, EMPTY, GENTLE, HOUR, LESSON, preview, SPIN, SQUARE, SQUARE_CW
 from program import COMMAND
 import pytest
