@@ -20,7 +20,7 @@ Also estimates how a loop that sleeps between messages, as in the lesson, would 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 import math
@@ -36,6 +36,7 @@ from kachaka_simple_control.motion.geometry import (
     integrate,
     ORIGIN,
     outline,
+    Point,
     Pose,
 )
 from kachaka_simple_control.motion.limits import Limits
@@ -52,6 +53,18 @@ class Area(NamedTuple):
     bottom: float
     width: float
     height: float
+
+    @property
+    def corners(self) -> tuple[Point, Point]:
+        """Return the lower left and the upper right corner [m]."""
+        return (self.left, self.bottom), (self.left + self.width, self.bottom + self.height)
+
+
+def outlines(footprint: Footprint | None, poses: Iterable[Pose]) -> list[Point]:
+    """Return the corners of a robot at poses [m]; without a footprint, its positions."""
+    if footprint is None:
+        return [(pose.x, pose.y) for pose in poses]
+    return [corner for pose in poses for corner in outline(footprint, pose)]
 
 
 @dataclass(frozen=True)
@@ -90,10 +103,7 @@ class PlanView:
         The area covers the robot's outline.  On curves and turns the outline is computed every
         few degrees; the error is below a thousandth of the robot's size.
         """
-        poses = sample_path(self.plan, most=MAX_FLOOR_POSES)
-        points = [(pose.x, pose.y) for pose in poses] if self.footprint is None else [
-            point for pose in poses for point in outline(self.footprint, pose)]
-        xs, ys = zip(*points)
+        xs, ys = zip(*outlines(self.footprint, sample_path(self.plan, most=MAX_FLOOR_POSES)))
         return Area(min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys))
 
     @property

@@ -42,7 +42,7 @@ from kachaka_simple_control.commands.drive_or_preview import drive
 from kachaka_simple_control.commands.preview import plan_view
 from kachaka_simple_control.commands.tape_measure import measure_floor, measure_squares
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.report.calibration_plot import save_calibration_plot
+from kachaka_simple_control.report.drive_plots import save_calibration_plot
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.text_tables import columns
 from kachaka_simple_control.run_command import run_command

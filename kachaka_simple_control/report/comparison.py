@@ -27,29 +27,17 @@ from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import Point
-from kachaka_simple_control.report.drive_path_plot import (
-    draw_legend,
-    extent,
-    PATH_BOTTOM,
-    PATH_LEFT,
-    PATH_RIGHT,
-    TICKS,
-    TOP,
-    WIDTH,
-)
 from kachaka_simple_control.report.json_export import FORMAT
+from kachaka_simple_control.report.map_plot import add_map, draw_legend, MAP_BOTTOM, MAP_LEFT
 from kachaka_simple_control.report.output_file import save_figure
 from kachaka_simple_control.report.plot_style import (
-    add_axes,
     BLUE,
-    default_style,
+    draw_figure,
     GREEN,
     ODOMETRY,
     ORANGE,
     PLANNED,
     PURPLE,
-    set_map_limits,
-    style_axes,
 )
 from kachaka_simple_control.report.text_tables import Column, columns
 from kachaka_simple_control.text import escaped, format_fixed, pluralize
@@ -265,11 +253,7 @@ def save_comparison(drives: Sequence[DriveEnd], path: Path) -> None:
     :param path: the file, as ``check_plot_file`` returned it
     :raises UsageError: if matplotlib is missing, or the file cannot be written
     """
-    with default_style():
-        from matplotlib.figure import Figure
-        figure = Figure()
-        _draw(figure, drives)
-    save_figure(figure, path)
+    save_figure(draw_figure(lambda figure: _draw(figure, drives)), path)
 
 
 def _draw(figure: Figure, drives: Sequence[DriveEnd]) -> None:
@@ -281,20 +265,13 @@ def _draw(figure: Figure, drives: Sequence[DriveEnd]) -> None:
         lines.append((name, drive.paths['odometry'],
                       {**ODOMETRY, 'color': colour, 'linestyle': '-',
                        'linewidth': 1.2 if are_named else 0.8}))
-    area = extent([point for _, points, _ in lines for point in points])
-    width = WIDTH - PATH_LEFT - PATH_RIGHT
-    height = width * area.height / area.width
-    bottom = PATH_BOTTOM
-    if are_named:
-        bottom += LEGEND_LINE * max(0, len(lines) - LEGEND_LINES)
-    figure.set_size_inches(WIDTH, bottom + height + TOP)
-    axes = add_axes(figure, PATH_LEFT, bottom, width, height)
-    set_map_limits(axes, *area, tick_distance=max(area.width, area.height) / TICKS)
-    style_axes(axes)
+    more = max(0, len(lines) - LEGEND_LINES) if are_named else 0
+    axes, _ = add_map(figure, [point for _, points, _ in lines for point in points],
+                      MAP_BOTTOM + LEGEND_LINE * more)
     for name, points, look in lines:
         axes.plot([x for x, _ in points], [y for _, y in points], **look,
                   label=name or None, gid='planned' if look is PLANNED else 'odometry')
     for drive, colour in zip(drives, colours):
         axes.plot(*drive.paths['odometry'][-1:][0], linestyle='', marker='o', markersize=3.0,
                   color=colour, zorder=5.0)
-    draw_legend(figure, PATH_LEFT, 1 if are_named else 2)
+    draw_legend(figure, MAP_LEFT, 1 if are_named else 2)

@@ -16,25 +16,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-import io
+from dataclasses import dataclass, replace
 import math
 from operator import attrgetter
+from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
-import warnings
 
+from kachaka_simple_control.analysis.calibration_fit import CalibrationFit
 from kachaka_simple_control.analysis.drive_log import DriveLog
-from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive, OdometrySample
+from kachaka_simple_control.analysis.odometry_alignment import (
+    AlignedDrive,
+    DeadReckoning,
+    OdometrySample,
+)
 from kachaka_simple_control.analysis.summary import SpeedInterval, Summary
 from kachaka_simple_control.motion.limits import Limits
-from kachaka_simple_control.report.drive_path_plot import draw_drive_path, draw_legend, TOP, WIDTH
+from kachaka_simple_control.report.map_plot import draw_drive_path, draw_legend, TOP, WIDTH
+from kachaka_simple_control.report.output_file import save_figure
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     ANGULAR,
     BLUE,
-    default_style,
+    draw_figure,
     draw_limits,
+    file_of,
     GREY,
     LINEAR,
     min_max_decimate,
@@ -75,10 +81,6 @@ LEAST = 0.5
 #: The style of the times at which a robot was paused.
 PAUSE: dict[str, Any] = {
     'color': '#9a8f7a', 'alpha': 0.22, 'linewidth': 0.0, 'zorder': 0.5, 'gid': 'pause'}
-#: Text in the SVG stays text, so that a reader can search and copy it.
-SVG: Any = {'svg.fonttype': 'none'}
-#: Metadata that are left out, so that the same drive gives the same bytes.
-NO_METADATA = {'Date': None, 'Creator': None, 'Format': None, 'Type': None}
 #: The resolution of the PNG [pixels per inch].
 RESOLUTION = 260
 #: The names of the plots.
@@ -104,17 +106,12 @@ def draw_drive_plots(summary: Summary) -> DrivePlots:
 
     :raises UsageError: if matplotlib is missing
     """
-    with default_style(), warnings.catch_warnings():
-        from matplotlib import rc_context
-        # A character that the font lacks is drawn as a box.
-        warnings.filterwarnings('ignore', message='Glyph')
-        figures = {name: _figure(draw) for name, draw in _plots(summary).items()}
-        png = io.BytesIO()
-        if PATH in figures:
-            figures[PATH].savefig(png, format='png', dpi=RESOLUTION, metadata={'Software': None})
-        with rc_context(SVG):
-            return DrivePlots(
-                {name: _svg(figure, name) for name, figure in figures.items()}, png.getvalue())
+    figures = {name: draw_figure(draw) for name, draw in _plots(summary).items()}
+    # Text in the SVG stays text, so that a reader can search and copy it.
+    return DrivePlots(
+        {name: embed_svg(file_of(figure, '.svg', svg_fonttype='none').decode(), name)
+         for name, figure in figures.items()},
+        file_of(figures[PATH], '.png', RESOLUTION) if PATH in figures else b'')
 
 
 def _plots(summary: Summary) -> dict[str, Callable[[Figure], None]]:
@@ -141,22 +138,6 @@ def common_limits(log: DriveLog) -> Limits:
     session = log.session_started
     return first if session is None or all(limits == first for limits in others) else (
         session.limits)
-
-
-def _figure(draw: Callable[[Figure], None]) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure()
-    FigureCanvasAgg(figure)
-    draw(figure)
-    return figure
-
-
-def _svg(figure: Figure, name: str) -> str:
-    data = io.BytesIO()
-    figure.savefig(data, format='svg', metadata=NO_METADATA)
-    return embed_svg(data.getvalue().decode(), name)
 
 
 def embed_svg(svg: str, name: str) -> str:
@@ -193,13 +174,13 @@ def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
     :param limits: the limits to draw
     :param pauses: the times at which the robot was paused
     """
-    rows = _rows(figure, KEY)
+    rows = _rows(figure, BOTTOM + KEY)
     duration = time_span(aligned)
     for axes, component in zip(rows, (LINEAR, ANGULAR)):
         lines = _velocity_lines(aligned, component)
         values = [value for points in lines.values() for _, value in points]
         scale = scale_for(component, values or [0.0], [limits], duration)
-        _style_row(axes, aligned, scale, component.label)
+        _set_time(axes, aligned, scale, component.label)
         for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
             _draw_line(axes, aligned, points, {**look, 'label': name, 'gid': name})
         draw_limits(axes, component, limits)
@@ -207,7 +188,7 @@ def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
         for pause in pauses:
             axes.axvspan((pause.begin - aligned.start_time) / unit,
                          (pause.end - aligned.start_time) / unit, **PAUSE)
-    _label_time(rows, duration)
+    rows[1].set_xlabel(f'time since t = 0 [{time_unit(duration)[0]}]')
     draw_legend(figure, LEFT, 3, *rows[0].get_legend_handles_labels())
 
 
@@ -218,7 +199,7 @@ def draw_drive_errors(figure: Figure, aligned: AlignedDrive) -> None:
     :param figure: an empty figure; the function sets its size
     :param aligned: the drive, with odometry
     """
-    rows = _rows(figure, 0.0)
+    rows = _rows(figure, BOTTOM)
     duration = time_span(aligned)
     parts: tuple[tuple[str, str, Callable[[OdometrySample], float], dict[str, Any]], ...] = (
         ('distance [mm]', 'distance', lambda sample: 1e3 * sample.distance, {'color': BLUE}),
@@ -229,9 +210,9 @@ def draw_drive_errors(figure: Figure, aligned: AlignedDrive) -> None:
         values = [0.0, *(value for _, value in points)]
         span = max(max(values) - min(values), 1e-3)
         lowest = min(values) - 0.08 * span * (min(values) < 0.0)
-        _style_row(axes, aligned, Scale(lowest, max(values) + 0.08 * span, duration), label)
+        _set_time(axes, aligned, Scale(lowest, max(values) + 0.08 * span, duration), label)
         _draw_line(axes, aligned, points, {**look, 'linewidth': 1.4, 'gid': name})
-    _label_time(rows, duration)
+    rows[1].set_xlabel(f'time since t = 0 [{time_unit(duration)[0]}]')
 
 
 def _velocity_lines(
@@ -254,28 +235,31 @@ def _velocity_lines(
     return lines
 
 
-def _rows(figure: Figure, key: float) -> tuple[Axes, Axes]:
+def _rows(
+        figure: Figure, bottom: float, width: float = WIDTH, row: float = ROW,
+        gap: float = GAP) -> tuple[Axes, Axes]:
     """
-    Set the size of a figure, and add two axes, one above the other.
+    Set the size of a figure, and add two axes over the same time, one above the other.
 
-    :param key: the height left free below for a legend [inch]
+    :param bottom: the room below the axes [inch]
+    :param width: the width of the figure [inch]
+    :param row: the height of each axes [inch]
+    :param gap: the gap between them [inch]
     """
-    bottom = BOTTOM + key
-    figure.set_size_inches(WIDTH, bottom + 2.0 * ROW + GAP + TOP)
-    above = add_axes(figure, LEFT, bottom + ROW + GAP, WIDTH - LEFT - RIGHT, ROW)
-    return above, add_axes(figure, LEFT, bottom, WIDTH - LEFT - RIGHT, ROW)
+    figure.set_size_inches(width, bottom + 2.0 * row + gap + TOP)
+    inner = width - LEFT - RIGHT
+    above = add_axes(figure, LEFT, bottom + row + gap, inner, row)
+    below = add_axes(figure, LEFT, bottom, inner, row)
+    style_axes(above, inner)
+    style_axes(below, inner)
+    above.tick_params(labelbottom=False)
+    return above, below
 
 
-def _style_row(axes: Axes, aligned: AlignedDrive, scale: Scale, label: str) -> None:
-    style_axes(axes, WIDTH - LEFT - RIGHT)
+def _set_time(axes: Axes, aligned: AlignedDrive, scale: Scale, label: str) -> None:
     set_time_limits(axes, scale, label, [
         time for start in aligned.motion_starts if start.time is not None
         for time in aligned.planned_times(start, [step.end for step in start.motion.plan.steps])])
-
-
-def _label_time(rows: tuple[Axes, Axes], duration: float) -> None:
-    rows[0].tick_params(labelbottom=False)
-    rows[1].set_xlabel(f'time since t = 0 [{time_unit(duration)[0]}]')
 
 
 def is_dense(aligned: AlignedDrive) -> bool:
@@ -359,3 +343,40 @@ def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
     side = next((number for number in range(bars) if counts[number] or counts[-1 - number]), BARS)
     side = min(side, BARS - 5)
     return width * (BARS + 0.5 - side), counts[side:bars - side]
+
+
+
+def save_calibration_plot(log: DriveLog, fit: CalibrationFit, path: Path) -> None:
+    """
+    Plot a calibration: with a good fit, the odometry line lies on the fitted line.
+
+    :param log: the drive
+    :param fit: what was fitted to it
+    :param path: the file, as ``check_plot_file`` returned it
+    :raises UsageError: if matplotlib is missing, or the file cannot be written
+    """
+    save_figure(draw_figure(lambda figure: _draw_calibration(figure, log, fit)), path)
+
+
+def _draw_calibration(figure: Figure, log: DriveLog, fit: CalibrationFit) -> None:
+    width = 7.5
+    drive, calibration = AlignedDrive(log), fit.calibration('', '')
+    # A lag is drawn as a dead time of the same length: the average delay is equal.
+    fitted = DeadReckoning([
+        replace(message, time=message.time + fit.delay.value,
+                velocity=calibration.response(message.velocity))
+        for message in drive.sent], log.command_timeout)
+    times = [sample.time for sample in drive.odometry]
+    poses = {
+        'sent': [drive.dead_reckoning.at(sample.received.time) for sample in drive.odometry],
+        'fit': [fitted.at(sample.received.time) for sample in drive.odometry],
+        'odometry': [sample.pose for sample in drive.odometry]}
+    above, below = _rows(figure, 0.85, width, row=1.9, gap=0.2)
+    above.set(ylabel='x [m]', xlim=(0.0, times[-1]))
+    below.set(ylabel='heading [°]', xlim=(0.0, times[-1]), xlabel='time [s]')
+    for (name, line), look in zip(poses.items(), (SENT, PLANNED, ODOMETRY)):
+        above.plot(times, [pose.x for pose in line], **look, gid=name)
+        below.plot(times, [math.degrees(pose.theta) for pose in line], **look, label=name,
+                   gid=name)
+    figure.legend(*below.get_legend_handles_labels(), loc='lower left', ncol=3, frameon=False,
+                  bbox_to_anchor=(LEFT / width, 0.0))

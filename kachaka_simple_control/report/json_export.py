@@ -28,7 +28,7 @@ from kachaka_simple_control.analysis.paths import simplify
 from kachaka_simple_control.analysis.step_results import StepResult
 from kachaka_simple_control.analysis.summary import signal_name, SpeedInterval, Summary
 from kachaka_simple_control.motion.geometry import Displacement, Pose
-from kachaka_simple_control.report.drive_path_plot import path_lines
+from kachaka_simple_control.report.map_plot import path_lines
 
 #: Increases when a field is removed or changes its meaning; new fields may be added at any time.
 FORMAT = 1

@@ -18,26 +18,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 import contextlib
 import importlib.util
-import io
 import os
 from pathlib import Path
 import tempfile
 from typing import TYPE_CHECKING
-import warnings
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
-from kachaka_simple_control.report.plot_style import default_style
+from kachaka_simple_control.report.plot_style import file_of, METADATA
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-#: Metadata that are left out of each file format, so that two runs give the same bytes.
-METADATA: dict[str, dict[str, None]] = {
-    '.png': {'Software': None},
-    '.svg': {'Date': None, 'Creator': None},
-    '.pdf': {'CreationDate': None, 'Creator': None, 'Producer': None},
-}
-
 
 def write_atomically(path: Path, data: bytes) -> None:
     """
@@ -84,14 +74,9 @@ def save_figure(figure: Figure, path: Path) -> None:
     :param path: the file, as ``check_plot_file`` returned it
     :raises UsageError: if the file cannot be written
     """
-    data = io.BytesIO()
-    suffix = path.suffix.lower()
-    with default_style(), warnings.catch_warnings():
-        # A character that the font lacks is drawn as a box; the table shows the full name.
-        warnings.filterwarnings('ignore', message='Glyph')
-        figure.savefig(data, format=suffix[1:], metadata=METADATA[suffix])
+    data = file_of(figure, path.suffix.lower())
     try:
-        write_atomically(path.resolve(), data.getvalue())
+        write_atomically(path.resolve(), data)
     except OSError as error:
         raise UsageError(f'{path}: it cannot be written: {error.strerror}') from None
 

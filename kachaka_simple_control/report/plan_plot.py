@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 import math
 import os
 from typing import Any, TYPE_CHECKING
@@ -39,25 +40,28 @@ from kachaka_simple_control.motion.geometry import (
     transform_point,
 )
 from kachaka_simple_control.motion.units import format_number
+from kachaka_simple_control.report.map_plot import (
+    draw_arrows,
+    draw_step_numbers,
+    extent,
+    HEADING_LENGTH,
+    MAP_GRAIN,
+    MAX_MARKS,
+    PLACE_SIZE,
+    set_map_limits,
+    step_places,
+)
 from kachaka_simple_control.report.output_file import check_plot_file, save_figure
-from kachaka_simple_control.report.path_marks import draw_arrows, draw_step_numbers, step_places
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     ANGULAR,
     BLUE,
-    default_style,
+    draw_figure,
     draw_velocity,
     GREEN,
     GREY,
-    HEADING_LENGTH,
     LINEAR,
-    MAP_GRAIN,
-    MAP_MARGIN,
-    MAX_MARKS,
-    MIN_MAP_SIZE,
     ORANGE,
-    PLACE_SIZE,
-    set_map_limits,
     shared_scale,
     style_axes,
     time_unit,
@@ -86,27 +90,6 @@ FLOOR: dict[str, Any] = {
 TURN = 0.7
 
 
-def extent(views: Sequence[PlanView], proportion: float) -> Area:
-    """
-    Return an area that contains the floor area of each plan.
-
-    :param proportion: the width of the area divided by its height
-    """
-    floors = [view.floor for view in views]
-    xs = [x for floor in floors for x in (floor.left, floor.left + floor.width)]
-    ys = [y for floor in floors for y in (floor.bottom, floor.bottom + floor.height)]
-    width, height = max(xs) - min(xs), max(ys) - min(ys)
-    free = 1.0 + 2.0 * MAP_MARGIN
-    height = max(height * free, width * free / proportion, MIN_MAP_SIZE)
-    width = height * proportion
-    return Area((min(xs) + max(xs) - width) / 2.0, (min(ys) + max(ys) - height) / 2.0,
-                width, height)
-
-
-def _stops(view: PlanView) -> list[Pose]:
-    return [ORIGIN, *(step.pose for step in view.plan.steps)]
-
-
 def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     """
     Draw the path of a plan, its step numbers, the robot after each step, and the floor area.
@@ -116,7 +99,7 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     from matplotlib.patches import Rectangle
 
     axes.set_aspect('equal')
-    set_map_limits(axes, *area, tick_distance=area.height / 8.0)
+    set_map_limits(axes, area, area.height / 8.0)
     grain = area.height * MAP_GRAIN
     steps = step_segments(view.plan)
     segments = [segment for step in steps for segment in step]
@@ -153,7 +136,8 @@ def _turns(view: PlanView) -> list[ArcSegment]:
 def _draw_robots(axes: Axes, view: PlanView, grain: float, reach: float) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
-    poses = distinct(_stops(view), grain, MAX_MARKS)
+    stops = [ORIGIN, *(step.pose for step in view.plan.steps)]
+    poses = distinct(stops, grain, MAX_MARKS)
     footprint = view.footprint
     if footprint is not None:
         axes.add_collection(
@@ -243,28 +227,28 @@ def draw_plans(views: Sequence[PlanView]) -> Figure:
     if not 1 <= len(views) <= MAX_MOTIONS:
         raise UsageError(
             f'a plot shows 1 to {MAX_MOTIONS} motions, not {len(views)}; name fewer')
-    with default_style():
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
+    return draw_figure(lambda figure: _draw(figure, views), RESOLUTION)
 
-        figure = Figure(figsize=(WIDTH, len(views) * ROW + KEY), dpi=RESOLUTION)
-        FigureCanvasAgg(figure)
-        area = extent(views, PATH_WIDTH / HEIGHT)
-        scales = [shared_scale(views, component) for component in (LINEAR, ANGULAR)]
-        part = (HEIGHT - BETWEEN) / 2.0
-        for row, view in zip(reversed(range(len(views))), views):
-            base = KEY + row * ROW
-            _draw_title(figure, view, base + ROW)
-            draw_path(_axes(figure, PATH_LEFT, base + BOTTOM, PATH_WIDTH, HEIGHT), view, area)
-            above, below = (
-                _axes(figure, VELOCITY_LEFT, base + bottom, VELOCITY_WIDTH, part)
-                for bottom in (BOTTOM + part + BETWEEN, BOTTOM))
-            draw_velocity(above, view, LINEAR, scales[0])
-            draw_velocity(below, view, ANGULAR, scales[1])
-            above.tick_params(labelbottom=False)
-            below.set_xlabel(f'time [{time_unit(scales[1].duration)[0]}]')
-        draw_legend(figure, (PATH_LEFT / WIDTH, 0.1 / figure.get_figheight()))
-    return figure
+
+def _draw(figure: Figure, views: Sequence[PlanView]) -> None:
+    figure.set_size_inches(WIDTH, len(views) * ROW + KEY)
+    proportion = HEIGHT / PATH_WIDTH
+    area = extent(
+        chain.from_iterable(view.floor.corners for view in views), proportion, proportion)
+    scales = [shared_scale(views, component) for component in (LINEAR, ANGULAR)]
+    part = (HEIGHT - BETWEEN) / 2.0
+    for row, view in zip(reversed(range(len(views))), views):
+        base = KEY + row * ROW
+        _draw_title(figure, view, base + ROW)
+        draw_path(_axes(figure, PATH_LEFT, base + BOTTOM, PATH_WIDTH, HEIGHT), view, area)
+        above, below = (
+            _axes(figure, VELOCITY_LEFT, base + bottom, VELOCITY_WIDTH, part)
+            for bottom in (BOTTOM + part + BETWEEN, BOTTOM))
+        draw_velocity(above, view, LINEAR, scales[0])
+        draw_velocity(below, view, ANGULAR, scales[1])
+        above.tick_params(labelbottom=False)
+        below.set_xlabel(f'time [{time_unit(scales[1].duration)[0]}]')
+    draw_legend(figure, (PATH_LEFT / WIDTH, 0.1 / figure.get_figheight()))
 
 
 def _axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:

@@ -19,10 +19,12 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+import io
 from itertools import groupby
 import math
 from operator import attrgetter
 from typing import Any, NamedTuple, TYPE_CHECKING
+import warnings
 
 from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.errors import UsageError
@@ -131,37 +133,6 @@ def style_axes(axes: Axes, width: float | None = None) -> None:
     axes.spines[['top', 'right']].set_visible(False)
 
 
-# Maps.
-#: The largest number of robots, and of arrows, on a path.
-MAX_MARKS = 16
-#: The smallest visible length, as a part of the map's size.
-MAP_GRAIN = 1.0 / 1500.0
-#: The free margin on each side, as a part of the map's size.
-MAP_MARGIN = 0.07
-#: The size of the smallest map [m].
-MIN_MAP_SIZE = 0.2
-#: The distance below which the numbers of steps share a place, as a part of the map's size.
-PLACE_SIZE = 0.01
-#: The length of the heading line of a robot without a footprint, as a part of the map's size.
-HEADING_LENGTH = 0.06
-
-
-def set_map_limits(
-        axes: Axes, left: float, bottom: float, width: float, height: float,
-        tick_distance: float) -> None:
-    """
-    Set the range of a map in metres, and give it a square grid.
-
-    :param tick_distance: the smallest distance between the lines of the grid [m]
-    """
-    from matplotlib.ticker import MultipleLocator
-
-    axes.set(xlim=(left, left + width), ylim=(bottom, bottom + height), xlabel='x [m]',
-             ylabel='y [m]')
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MultipleLocator(round_step(tick_distance)))
-
-
 def round_step(size: float) -> float:
     """
     Round a step of a scale up to 1, 2 or 5 times a power of ten.
@@ -179,14 +150,14 @@ def round_step(size: float) -> float:
 
 
 @contextmanager
-def default_style() -> Iterator[None]:
+def default_style(svg_fonttype: str = 'path') -> Iterator[None]:
     """
     Use matplotlib's default style in this context, and ignore the user's own settings.
 
+    :param svg_fonttype: how an SVG file has text: as ``path``, or as text: ``none``
     :raises UsageError: if matplotlib is missing
     """
     try:
-        from matplotlib import rc_context
         from matplotlib import style as styles
     except ModuleNotFoundError as error:
         if error.name != 'matplotlib':
@@ -194,8 +165,54 @@ def default_style() -> Iterator[None]:
         raise UsageError(
             'a plot needs matplotlib: pip install matplotlib, or sudo apt install '
             'python3-matplotlib') from None
-    with styles.context('default'), rc_context(SETTINGS):
+    settings = {**SETTINGS, 'svg.fonttype': svg_fonttype}
+    with styles.context(['default', settings]), warnings.catch_warnings():
+        # A character that the font lacks is drawn as a box; tables show the full name.
+        warnings.filterwarnings('ignore', message='Glyph')
         yield
+
+
+def draw_figure(draw: Callable[[Figure], None], resolution: float | None = None) -> Figure:
+    """
+    Return a figure in the default style, on a raster canvas, which can measure text.
+
+    :param draw: draws on the empty figure, and sets its size
+    :param resolution: its resolution [pixels per inch]; None for matplotlib's
+    :raises UsageError: if matplotlib is missing
+    """
+    with default_style():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        figure = Figure(dpi=resolution)
+        FigureCanvasAgg(figure)
+        draw(figure)
+    return figure
+
+
+#: Metadata that are left out of each file format, so that two runs give the same bytes.
+METADATA: dict[str, dict[str, None]] = {
+    '.png': {'Software': None},
+    '.svg': {'Date': None, 'Creator': None},
+    '.pdf': {'CreationDate': None, 'Creator': None, 'Producer': None},
+}
+
+
+def file_of(
+        figure: Figure, suffix: str, resolution: float | None = None,
+        svg_fonttype: str = 'path') -> bytes:
+    """
+    Return the content of a file with a figure.
+
+    :param suffix: the format, as the suffix of the file
+    :param resolution: the resolution of a PNG file [pixels per inch]; None for the figure's
+    :param svg_fonttype: how an SVG file has text: as ``path``, or as text: ``none``
+    """
+    data = io.BytesIO()
+    with default_style(svg_fonttype):
+        figure.savefig(
+            data, format=suffix[1:], dpi=resolution or 'figure', metadata=METADATA[suffix])
+    return data.getvalue()
 
 
 #: The largest number of boundaries between steps to draw; more would merge into one area.

@@ -26,7 +26,7 @@ from kachaka_simple_control.control.events import OdometryReceived
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.geometry import Pose
-from kachaka_simple_control.report.calibration_plot import save_calibration_plot
+from kachaka_simple_control.report.drive_plots import save_calibration_plot
 import pytest
 from simulated_drive import SimulatedDrive
 

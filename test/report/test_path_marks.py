@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from kachaka_simple_control.analysis.paths import step_segments
 from kachaka_simple_control.analysis.summary import Summary
 from kachaka_simple_control.motion.steps import Arc, Forward, Motion, Repeat, Turn
-from kachaka_simple_control.report.path_marks import MAX_LABELS, MAX_PARTS, step_places, StepPlace
+from kachaka_simple_control.report.map_plot import MAX_LABELS, MAX_PARTS, step_places, StepPlace
 from outcome_logs import done, faulted, lesson, never_began
 from plans import BACK, BOX, EIGHT, HOUR, LESSON, preview, QUARTER, SQUARE, SQUARE_CW
 import pytest
@@ -58,7 +58,7 @@ def matplotlib():
 @pytest.fixture
 def drive_path(matplotlib):
     """Return a function that draws the path of a drive."""
-    from kachaka_simple_control.report.drive_path_plot import draw_drive_path
+    from kachaka_simple_control.report.map_plot import draw_drive_path
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -1,0 +1,347 @@
+# Copyright 2026 kachaka_simple_control contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Draw paths on a map to scale: the marks along a path, and the path of a drive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, groupby, pairwise
+import math
+from typing import Any, NamedTuple, TYPE_CHECKING
+
+from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive
+from kachaka_simple_control.analysis.paths import ArcSegment, distinct, simplify, step_segments
+from kachaka_simple_control.analysis.plan_view import Area, outlines
+from kachaka_simple_control.motion.geometry import (
+    Footprint,
+    front_point,
+    ORIGIN,
+    outline,
+    Point,
+    Pose,
+    transform_point,
+)
+from kachaka_simple_control.report.plot_style import (
+    add_axes,
+    GREEN,
+    GREY,
+    ODOMETRY,
+    PLANNED,
+    round_step,
+    SENT,
+    style_axes,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: The largest number of robots, and of arrows, on a path.
+MAX_MARKS = 16
+#: The smallest visible length, as a part of the map's size.
+MAP_GRAIN = 1.0 / 1500.0
+#: The free margin on each side, as a part of the map's size.
+MAP_MARGIN = 0.07
+#: The size of the smallest map [m].
+MIN_MAP_SIZE = 0.2
+#: The distance below which the numbers of steps share a place, as a part of the map's size.
+PLACE_SIZE = 0.01
+#: The length of the heading line of a robot without a footprint, as a part of the map's size.
+HEADING_LENGTH = 0.06
+# Sizes and positions [inch].
+#: The width of a plot: on a phone 400 pixels wide, 9-point text is larger than 10 pixels.
+WIDTH = 4.2
+#: The margin above all axes.
+TOP = 0.1
+#: The bottom of the legend.
+LEGEND = 0.02
+MAP_LEFT, MAP_RIGHT, MAP_BOTTOM = 0.72, 0.12, 1.12
+#: The smallest and the largest ratio of height to width of a map.
+FLATTEST, TALLEST = 0.42, 1.15
+#: The approximate number of ticks on the longer axis of a map.
+TICKS = 6.0
+#: The style of the robot at the end and at the start.
+AT_END: dict[str, Any] = {
+    'edgecolor': '#222222', 'linewidth': 1.4, 'facecolor': (0, 0, 0, 0.06), 'zorder': 2.0}
+AT_START: dict[str, Any] = {
+    'edgecolor': GREEN, 'linewidth': 1.6, 'facecolor': 'none', 'linestyle': (0, (4, 2)),
+    'zorder': 2.2}
+#: The largest number of points of a line; more points would make the page large.
+MAX_POINTS = 5000
+#: A line with more points than this is thin and solid, because overlapping dashes would merge.
+MANY = 1000
+THIN: dict[str, Any] = {'linewidth': 0.6, 'linestyle': '-'}
+
+#: The paths of the steps of a motion.
+PlannedPath = list[list[ArcSegment]]
+
+
+def add_map(
+        figure: Figure, points: Iterable[Point], bottom: float = MAP_BOTTOM,
+) -> tuple[Axes, float]:
+    """
+    Set the size of a figure, and add a map around points.
+
+    :param figure: an empty figure
+    :param points: the points [m]; those that are not finite are left out
+    :param bottom: the room below the map [inch]
+    :returns: the axes, and the larger one of the map's width and height [m]
+    """
+    area = extent(points, FLATTEST, TALLEST)
+    width = WIDTH - MAP_LEFT - MAP_RIGHT
+    height = width * area.height / area.width
+    figure.set_size_inches(WIDTH, bottom + height + TOP)
+    axes = add_axes(figure, MAP_LEFT, bottom, width, height)
+    size = max(area.width, area.height)
+    set_map_limits(axes, area, size / TICKS)
+    style_axes(axes)
+    return axes, size
+
+
+def extent(points: Iterable[Point], flattest: float, tallest: float) -> Area:
+    """
+    Return an area [m] around points, with a margin.
+
+    :param points: the points [m]; those that are not finite are left out
+    :param flattest: the smallest ratio of height to width
+    :param tallest: the largest ratio of height to width
+    """
+    xs, ys = zip(*(point for point in points if math.isfinite(point[0] + point[1])))
+    free = 1.0 + 2.0 * MAP_MARGIN
+    width = max((max(xs) - min(xs)) * free, MIN_MAP_SIZE)
+    height = max((max(ys) - min(ys)) * free, MIN_MAP_SIZE)
+    width, height = max(width, height / tallest), max(height, width * flattest)
+    return Area((min(xs) + max(xs) - width) / 2.0, (min(ys) + max(ys) - height) / 2.0,
+                width, height)
+
+
+def set_map_limits(axes: Axes, area: Area, tick_distance: float) -> None:
+    """
+    Set the range of a map, and give it a square grid.
+
+    :param tick_distance: the smallest distance between the lines of the grid [m]
+    """
+    from matplotlib.ticker import MultipleLocator
+
+    axes.set(xlim=(area.left, area.left + area.width), xlabel='x [m]',
+             ylim=(area.bottom, area.bottom + area.height), ylabel='y [m]')
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MultipleLocator(round_step(tick_distance)))
+
+
+def draw_legend(figure: Figure, left: float, ncol: int, *artists: Any) -> None:
+    """
+    Draw a legend below the axes of a drive's plot.
+
+    :param left: its left edge [inch]
+    :param ncol: the number of its columns
+    :param artists: its handles and labels; by default the handles and labels of all axes
+    """
+    figure.legend(
+        *artists, loc='lower left', ncol=ncol, frameon=False, borderpad=0.2, borderaxespad=0.0,
+        bbox_to_anchor=(left / WIDTH, LEGEND / figure.get_figheight()), handlelength=2.6,
+        columnspacing=1.8)
+
+
+# Marks on a path.
+#: The largest number of labels on a path; with more places, only every n-th place has a label.
+MAX_LABELS = 12
+#: The largest number of numbers or ranges in a label; a longer list is cut after two.
+MAX_PARTS = 3
+#: The distances between the path and a label, and between two labels [points].
+AWAY, APART = 6.0, 2.0
+#: The style of a label; its background is translucent.
+LABEL: dict[str, Any] = {
+    'color': '#222222', 'fontweight': 'bold', 'ha': 'center', 'va': 'center', 'zorder': 7.0,
+    'textcoords': 'offset points', 'gid': 'step number',
+    'bbox': {'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.7, 'pad': 0.5}}
+
+
+class StepPlace(NamedTuple):
+    """
+    A place on a path with the numbers of the steps whose middle is there.
+
+    :param numbers: the numbers of the steps, in order
+    :param x: the x coordinate [m]
+    :param y: the y coordinate [m]
+    :param side: the direction to the outside of a curve, or to the right of a straight line [rad]
+    """
+
+    numbers: list[int]
+    x: float
+    y: float
+    side: float
+
+    @property
+    def label(self) -> str:
+        """Return the step numbers as text, for example '1, 3-5'; a long list is cut."""
+        parts: list[str] = []
+        for _, group in groupby(enumerate(self.numbers), key=lambda item: item[1] - item[0]):
+            run = [number for _, number in group]
+            parts += [f'{run[0]}-{run[-1]}'] if len(run) > 2 else map(str, run)
+        return ', '.join(parts if len(parts) <= MAX_PARTS else [*parts[:2], '...'])
+
+
+def step_places(
+        steps: Iterable[tuple[int, Sequence[ArcSegment]]], grain: float) -> list[StepPlace]:
+    """
+    Return the places of the step numbers; steps that are close together share a place.
+
+    :param steps: the number of each step and the segments of its path
+    :param grain: the approximate distance below which steps share a place [m]
+    """
+    places: dict[tuple[int, int], StepPlace] = {}
+    for number, segments in steps:
+        if not segments:
+            continue
+        longest = max(segments, key=lambda segment: (abs(segment.distance), abs(segment.angle)))
+        middle = longest.middle
+        side = middle.theta - math.copysign(math.pi / 2.0, longest.angle)
+        cell = (round(middle.x / grain), round(middle.y / grain))
+        places.setdefault(cell, StepPlace([], middle.x, middle.y, side)).numbers.append(number)
+    return list(places.values())
+
+
+def draw_step_numbers(axes: Axes, places: Sequence[StepPlace]) -> None:
+    """
+    Draw step numbers beside the path; a number without free room is left out.
+
+    :param axes: the axes; their range must be set before
+    :param places: the places, most important first
+    """
+    canvas: Any = axes.figure.canvas  # a raster canvas, which can measure text
+    pixels, renderer = axes.figure.dpi / 72.0, canvas.get_renderer()
+    taken: list[Any] = []
+    for place in places[::max(1, math.ceil(len(places) / MAX_LABELS))]:
+        label = axes.annotate(place.label, (place.x, place.y), (0.0, 0.0), **LABEL)
+        size = label.get_window_extent(renderer)
+        for turned in (0.0, math.pi, -math.pi / 2.0, math.pi / 2.0):
+            right, up = math.cos(place.side + turned), math.sin(place.side + turned)
+            reach = AWAY + (abs(right) * size.width + abs(up) * size.height) / 2.0 / pixels
+            label.set_position((reach * right, reach * up))
+            box = label.get_window_extent(renderer).padded(APART * pixels)
+            if _is_within(box, axes.bbox) and not any(map(box.overlaps, taken)):
+                taken.append(box)
+                break
+        else:
+            label.remove()
+
+
+def _is_within(box: Any, outer: Any) -> bool:
+    return bool(outer.x0 <= box.x0 and box.x1 <= outer.x1
+                and outer.y0 <= box.y0 and box.y1 <= outer.y1)
+
+
+def draw_arrows(axes: Axes, poses: Sequence[Pose], colour: str) -> None:
+    """
+    Draw arrow heads on a path.
+
+    :param poses: the position and the direction of each arrow head
+    """
+    from matplotlib.path import Path
+    from matplotlib.transforms import Affine2D
+
+    head = Path([(-1.0, 0.8), (0.4, 0.0), (-1.0, -0.8), (-0.6, 0.0), (-1.0, 0.8)])
+    for pose in poses:
+        turned = Affine2D().rotate(pose.theta).transform_path(head)
+        axes.plot(pose.x, pose.y, marker=turned, markersize=8.0, color=colour,
+                  markeredgewidth=0.0, zorder=4.5, gid='arrow')
+
+
+def draw_drive_path(figure: Figure, aligned: AlignedDrive, footprint: Footprint | None) -> None:
+    """
+    Draw the path of a drive, and set the size of the figure.
+
+    :param figure: an empty figure
+    :param aligned: the drive
+    :param footprint: the robot's outline; None if it is not known
+    """
+    planned = _planned(aligned)
+    lines = path_lines(aligned)
+    end = aligned.odometry[-1].pose if aligned.odometry else (
+        aligned.dead_reckoning.end if aligned.sent else aligned.planned_end)
+    axes, size = add_map(figure, [*chain(*lines.values()), *outlines(footprint, (ORIGIN, end))])
+    for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
+        kept = simplify(points, size * MAP_GRAIN, MAX_POINTS)
+        thin = THIN if name == 'odometry' and len(kept) > MANY else {}
+        axes.plot([x for x, _ in kept], [y for _, y in kept], **{**look, **thin}, label=name,
+                  gid=name)
+    _draw_robots(axes, footprint, end, size * HEADING_LENGTH)
+    middles = (segment.middle for steps in planned for segment in chain(*steps)
+               if segment.distance)
+    draw_arrows(axes, distinct(middles, size * PLACE_SIZE, MAX_MARKS), SENT['color'])
+    draw_step_numbers(axes, step_places(enumerate(_begun(aligned, planned), 1), size * PLACE_SIZE))
+    draw_legend(figure, MAP_LEFT, 2)
+
+
+def _planned(aligned: AlignedDrive) -> list[PlannedPath]:
+    return [step_segments(start.motion.plan, start.pose) for start in aligned.motion_starts]
+
+
+def path_lines(aligned: AlignedDrive) -> dict[str, list[Point]]:
+    """Return the planned path and, if known, the sent path and the odometry path [m]."""
+    lines = {'planned': [(ORIGIN.x, ORIGIN.y)]}
+    for start, steps in zip(aligned.motion_starts, _planned(aligned)):
+        lines['planned'].append((start.pose.x, start.pose.y))
+        for segment in chain(*steps):
+            lines['planned'] += segment.points()
+    if aligned.sent:
+        poses = (*_sent_poses(aligned), aligned.dead_reckoning.end)
+        lines['sent'] = [(pose.x, pose.y) for pose in poses]
+    if aligned.odometry:
+        lines['odometry'] = [(sample.pose.x, sample.pose.y) for sample in aligned.odometry]
+    return lines
+
+
+def _begun(aligned: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[list[ArcSegment]]:
+    """Return the paths of the steps that began; of all steps if nothing was sent."""
+    for start, steps in zip(aligned.motion_starts, planned):
+        if not aligned.sent:
+            yield from steps
+            continue
+        # If the motion was cut short, only its first steps began.
+        for segments, step in zip(steps, start.motion.steps):
+            if step.sent:
+                yield segments
+
+
+def _sent_poses(aligned: AlignedDrive) -> Iterator[Pose]:
+    """Return the poses along the sent path, close enough together to show arcs."""
+    reckoning = aligned.dead_reckoning
+    for (begin, end), (one, two) in zip(pairwise(reckoning.times), pairwise(reckoning.poses)):
+        yield one
+        if one.x == two.x and one.y == two.y:
+            continue
+        count = min(math.ceil(abs(two.theta - one.theta) / 0.1), 100)
+        for part in range(1, count):
+            yield reckoning.at(begin + (end - begin) * part / count)
+    yield from reckoning.poses[-1:]
+
+
+def _draw_robots(axes: Axes, footprint: Footprint | None, end: Pose, reach: float) -> None:
+    from matplotlib.collections import PolyCollection
+
+    for pose, look, name in ((ORIGIN, AT_START, 'at the start'), (end, AT_END, 'at the end')):
+        colour = look['edgecolor']
+        tip = (reach, 0.0)
+        if footprint is not None:
+            axes.add_collection(PolyCollection(
+                [outline(footprint, pose)], **look, label=f'robot {name}'))
+            front = front_point(footprint, ORIGIN)
+            tip = front if front[0] > 0.0 else tip
+        x, y = transform_point(tip, pose)
+        axes.plot([pose.x, x], [pose.y, y], color=colour, linewidth=1.4, zorder=2.5)
+        axes.plot(pose.x, pose.y, linestyle='', marker='o', markersize=4.0, color=colour,
+                  markeredgecolor=GREY, markeredgewidth=0.0, zorder=5.0,
+                  label=None if footprint is not None else name)
