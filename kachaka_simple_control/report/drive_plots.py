@@ -53,7 +53,6 @@ from kachaka_simple_control.report.plot_style import (
     SENT,
     set_time_limits,
     StepPoint,
-    style_axes,
     time_unit,
     velocity_steps,
     VelocityComponent,
@@ -69,8 +68,6 @@ LEFT, RIGHT, BOTTOM = 0.78, 0.14, 0.52
 #: The height of a row of a plot over time, the gap between rows, and the room for a legend.
 ROW, GAP, KEY = 1.2, 0.18, 0.28
 PERIOD_HEIGHT = 2.0
-#: The lines whose value is held until the next point.
-HELD = ('planned', 'sent')
 #: If a line has more points than the first number, all lines over time are drawn as bands with
 #: this number of parts.
 MAX_LINE_POINTS, BANDS = 6000, 180
@@ -247,11 +244,8 @@ def _rows(
     :param gap: the gap between them [inch]
     """
     figure.set_size_inches(width, bottom + 2.0 * row + gap + TOP)
-    inner = width - LEFT - RIGHT
-    above = add_axes(figure, LEFT, bottom + row + gap, inner, row)
-    below = add_axes(figure, LEFT, bottom, inner, row)
-    style_axes(above, inner)
-    style_axes(below, inner)
+    above, below = (add_axes(figure, LEFT, edge, width - LEFT - RIGHT, row)
+                    for edge in (bottom + row + gap, bottom))
     above.tick_params(labelbottom=False)
     return above, below
 
@@ -275,29 +269,23 @@ def time_span(aligned: AlignedDrive) -> float:
 def _draw_line(
         axes: Axes, aligned: AlignedDrive, points: Sequence[StepPoint],
         look: dict[str, Any]) -> None:
-    duration = time_span(aligned)
-    if is_dense(aligned):
-        _draw_band(axes, points, duration, look)
+    duration, name = time_span(aligned), look['gid']
+    unit = time_unit(duration)[1]
+    if not is_dense(aligned):
+        # A sent velocity is held until the next message; odometry is interpolated between samples.
+        axes.plot([time / unit for time, _ in points], [value for _, value in points],
+                  drawstyle='steps-post' if name in {'planned', 'sent'} else 'default', **look)
         return
-    unit = time_unit(duration)[1]
-    # A sent velocity is held until the next message; odometry is interpolated between samples.
-    axes.plot([time / unit for time, _ in points], [value for _, value in points],
-              drawstyle='steps-post' if look['gid'] in HELD else 'default', **look)
-
-
-def _draw_band(
-        axes: Axes, points: Sequence[StepPoint], duration: float, look: dict[str, Any]) -> None:
-    unit = time_unit(duration)[1]
     bands = min_max_decimate(points, duration, BANDS)
     times = [(band.begin + 0.5 * duration / BANDS) / unit for band in bands]
     lows, highs = [band.lowest for band in bands], [band.highest for band in bands]
-    if look['gid'] == 'planned':
+    if name == 'planned':
         axes.fill_between(times, lows, highs, color=look['color'], alpha=0.35, linewidth=0.0,
-                          label=look['label'], gid=look['gid'])
+                          label=look['label'], gid=name)
         return
     axes.plot(times, highs, **look)
     axes.plot(times, lows, **{**look, 'label': None})
-    if look['gid'] not in HELD and look['gid'] != 'odometry':
+    if name not in {'sent', 'odometry'}:
         axes.fill_between(times, lows, highs, color=look['color'], alpha=0.3, linewidth=0.0)
 
 
@@ -309,9 +297,8 @@ def draw_periods(figure: Figure, interval_errors: Sequence[float]) -> None:
     :param interval_errors: each interval minus the planned interval [s]
     """
     figure.set_size_inches(WIDTH, PERIOD_HEIGHT)
-    width = WIDTH - LEFT - RIGHT
-    axes = add_axes(figure, LEFT, BOTTOM, width, PERIOD_HEIGHT - TOP - BOTTOM)
-    style_axes(axes, width)
+    axes = add_axes(
+        figure, LEFT, BOTTOM, WIDTH - LEFT - RIGHT, PERIOD_HEIGHT - TOP - BOTTOM)
     reach, counts = histogram([1e3 * error for error in interval_errors])
     bar = 2.0 * reach / len(counts)
     lefts = [-reach + number * bar for number in range(len(counts))]

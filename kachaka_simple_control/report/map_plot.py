@@ -25,7 +25,6 @@ from kachaka_simple_control.analysis.paths import ArcSegment, distinct, simplify
 from kachaka_simple_control.analysis.plan_view import Area, outlines
 from kachaka_simple_control.motion.geometry import (
     Footprint,
-    front_point,
     ORIGIN,
     outline,
     Point,
@@ -40,7 +39,6 @@ from kachaka_simple_control.report.plot_style import (
     PLANNED,
     round_step,
     SENT,
-    style_axes,
 )
 
 if TYPE_CHECKING:
@@ -102,10 +100,9 @@ def add_map(
     width = WIDTH - MAP_LEFT - MAP_RIGHT
     height = width * area.height / area.width
     figure.set_size_inches(WIDTH, bottom + height + TOP)
-    axes = add_axes(figure, MAP_LEFT, bottom, width, height)
+    axes = add_axes(figure, MAP_LEFT, bottom, width, height, aligns_label=False)
     size = max(area.width, area.height)
     set_map_limits(axes, area, size / TICKS)
-    style_axes(axes)
     return axes, size
 
 
@@ -213,13 +210,16 @@ def step_places(
     return list(places.values())
 
 
-def draw_step_numbers(axes: Axes, places: Sequence[StepPlace]) -> None:
+def draw_step_numbers(
+        axes: Axes, steps: Iterable[tuple[int, Sequence[ArcSegment]]], grain: float) -> None:
     """
     Draw step numbers beside the path; a number without free room is left out.
 
     :param axes: the axes; their range must be set before
-    :param places: the places, most important first
+    :param steps: the number of each step and the segments of its path, most important first
+    :param grain: the approximate distance below which steps share a place [m]
     """
+    places = step_places(steps, grain)
     canvas: Any = axes.figure.canvas  # a raster canvas, which can measure text
     pixels, renderer = axes.figure.dpi / 72.0, canvas.get_renderer()
     taken: list[Any] = []
@@ -231,16 +231,23 @@ def draw_step_numbers(axes: Axes, places: Sequence[StepPlace]) -> None:
             reach = AWAY + (abs(right) * size.width + abs(up) * size.height) / 2.0 / pixels
             label.set_position((reach * right, reach * up))
             box = label.get_window_extent(renderer).padded(APART * pixels)
-            if _is_within(box, axes.bbox) and not any(map(box.overlaps, taken)):
+            is_inside = axes.bbox.contains(*box.min) and axes.bbox.contains(*box.max)
+            if is_inside and not any(map(box.overlaps, taken)):
                 taken.append(box)
                 break
         else:
             label.remove()
 
 
-def _is_within(box: Any, outer: Any) -> bool:
-    return bool(outer.x0 <= box.x0 and box.x1 <= outer.x1
-                and outer.y0 <= box.y0 and box.y1 <= outer.y1)
+def draw_directions(
+        axes: Axes, segments: Iterable[ArcSegment], grain: float, colour: str) -> None:
+    """
+    Draw arrow heads in the direction of travel at the middles of segments.
+
+    :param grain: the distance below which two arrow heads of the same direction are one [m]
+    """
+    middles = (segment.middle for segment in segments if segment.distance)
+    draw_arrows(axes, distinct(middles, grain, MAX_MARKS), colour)
 
 
 def draw_arrows(axes: Axes, poses: Sequence[Pose], colour: str) -> None:
@@ -278,10 +285,8 @@ def draw_drive_path(figure: Figure, aligned: AlignedDrive, footprint: Footprint 
         axes.plot([x for x, _ in kept], [y for _, y in kept], **{**look, **thin}, label=name,
                   gid=name)
     _draw_robots(axes, footprint, end, size * HEADING_LENGTH)
-    middles = (segment.middle for steps in planned for segment in chain(*steps)
-               if segment.distance)
-    draw_arrows(axes, distinct(middles, size * PLACE_SIZE, MAX_MARKS), SENT['color'])
-    draw_step_numbers(axes, step_places(enumerate(_begun(aligned, planned), 1), size * PLACE_SIZE))
+    draw_directions(axes, chain(*chain(*planned)), size * PLACE_SIZE, SENT['color'])
+    draw_step_numbers(axes, enumerate(_begun(aligned, planned), 1), size * PLACE_SIZE)
     draw_legend(figure, MAP_LEFT, 2)
 
 
@@ -332,15 +337,14 @@ def _sent_poses(aligned: AlignedDrive) -> Iterator[Pose]:
 def _draw_robots(axes: Axes, footprint: Footprint | None, end: Pose, reach: float) -> None:
     from matplotlib.collections import PolyCollection
 
+    if footprint is not None and footprint.front > 0.0:
+        reach = footprint.front
     for pose, look, name in ((ORIGIN, AT_START, 'at the start'), (end, AT_END, 'at the end')):
         colour = look['edgecolor']
-        tip = (reach, 0.0)
         if footprint is not None:
             axes.add_collection(PolyCollection(
                 [outline(footprint, pose)], **look, label=f'robot {name}'))
-            front = front_point(footprint, ORIGIN)
-            tip = front if front[0] > 0.0 else tip
-        x, y = transform_point(tip, pose)
+        x, y = transform_point((reach, 0.0), pose)
         axes.plot([pose.x, x], [pose.y, y], color=colour, linewidth=1.4, zorder=2.5)
         axes.plot(pose.x, pose.y, linestyle='', marker='o', markersize=4.0, color=colour,
                   markeredgecolor=GREY, markeredgewidth=0.0, zorder=5.0,

@@ -21,27 +21,20 @@ import math
 import os
 from typing import Any, TYPE_CHECKING
 
-from kachaka_simple_control.analysis.paths import (
-    arc_segments,
-    ArcSegment,
-    distinct,
-    polyline,
-    step_segments,
-)
+from kachaka_simple_control.analysis.paths import ArcSegment, distinct, polyline, step_segments
 from kachaka_simple_control.analysis.plan_view import Area, PlanView
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import (
     advance,
-    front_point,
     ORIGIN,
     outline,
-    Point,
     Pose,
     transform_point,
 )
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.map_plot import (
     draw_arrows,
+    draw_directions,
     draw_step_numbers,
     extent,
     HEADING_LENGTH,
@@ -49,7 +42,6 @@ from kachaka_simple_control.report.map_plot import (
     MAX_MARKS,
     PLACE_SIZE,
     set_map_limits,
-    step_places,
 )
 from kachaka_simple_control.report.output_file import check_plot_file, save_figure
 from kachaka_simple_control.report.plot_style import (
@@ -63,7 +55,6 @@ from kachaka_simple_control.report.plot_style import (
     LINEAR,
     ORANGE,
     shared_scale,
-    style_axes,
     time_unit,
 )
 from kachaka_simple_control.text import format_fixed, one_line, pluralize
@@ -106,25 +97,22 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     points = polyline(segments, grain)
     axes.plot([x for x, _ in points], [y for _, y in points], color=BLUE, linewidth=1.6,
               solid_joinstyle='round', zorder=3.0, gid='path')
-    reach = area.height * HEADING_LENGTH if view.footprint is None else (
-        front_point(view.footprint, ORIGIN)[0])
+    reach = view.footprint.front if view.footprint else area.height * HEADING_LENGTH
     _draw_robots(axes, view, grain, reach)
     left, bottom, width, height = view.floor
     axes.add_patch(Rectangle((left, bottom), width, height, **FLOOR, zorder=1.5, gid='floor'))
-    _draw_turns(axes, _turns(view), reach * TURN)
-    middles = distinct(
-        (segment.middle for segment in segments if segment.distance), grain, MAX_MARKS)
-    draw_arrows(axes, middles, BLUE)
-    draw_step_numbers(axes, step_places(enumerate(steps, 1), PLACE_SIZE * area.height))
+    _draw_turns(axes, _turns(segments), reach * TURN)
+    draw_directions(axes, segments, grain, BLUE)
+    draw_step_numbers(axes, enumerate(steps, 1), PLACE_SIZE * area.height)
     end = view.plan.pose
     axes.plot(0.0, 0.0, **START, gid='start')
     axes.plot(end.x, end.y, **END, gid='end')
 
 
-def _turns(view: PlanView) -> list[ArcSegment]:
+def _turns(segments: Sequence[ArcSegment]) -> list[ArcSegment]:
     """Return the turns in place without duplicates; empty if there are too many to draw."""
     kinds: dict[tuple[float, ...], ArcSegment] = {}
-    for segment in arc_segments(view.plan):
+    for segment in segments:
         start = segment.start
         kind = (round(start.x, 3), round(start.y, 3), round(start.theta % math.tau, 2),
                 round(segment.angle, 2))
@@ -166,25 +154,21 @@ def _draw_turns(axes: Axes, turns: Sequence[ArcSegment], radius: float) -> None:
         for turn, end in zip(turns, ends)], ORANGE)
 
 
-def draw_legend(figure: Figure, corner: Point) -> None:
-    """
-    Draw the legend of the marks on the paths.
-
-    :param corner: the lower left corner of the legend, as fractions of the figure's size
-    """
+def _draw_legend(figure: Figure) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    marks = [Line2D([], [], **START), Line2D([], [], **END), Patch(**ROBOT),
-             Line2D([], [], color=GREY, linewidth=1.2), Line2D([], [], color=BLUE, linewidth=1.6),
-             Patch(**FLOOR)]
-    names = ['start', 'end', 'robot after a step', 'its heading', 'path', 'floor needed']
+    marks = {
+        'start': Line2D([], [], **START), 'end': Line2D([], [], **END),
+        'robot after a step': Patch(**ROBOT),
+        'its heading': Line2D([], [], color=GREY, linewidth=1.2),
+        'path': Line2D([], [], color=BLUE, linewidth=1.6), 'floor needed': Patch(**FLOOR)}
     if figure.findobj(lambda artist: artist.get_gid() == 'turns'):
-        marks.append(Line2D([], [], color=ORANGE, linewidth=1.2))
-        names.append('turn in place')
-    figure.legend(marks, names, loc='lower left', bbox_to_anchor=corner, ncol=len(marks),
-                  frameon=False, borderpad=0.0, borderaxespad=0.0, handlelength=1.6,
-                  columnspacing=1.6)
+        marks['turn in place'] = Line2D([], [], color=ORANGE, linewidth=1.2)
+    figure.legend(
+        [*marks.values()], [*marks], loc='lower left', ncol=len(marks), frameon=False,
+        bbox_to_anchor=(PATH_LEFT / WIDTH, 0.1 / figure.get_figheight()), borderpad=0.0,
+        borderaxespad=0.0, handlelength=1.6, columnspacing=1.6)
 
 
 #: The resolution of a PNG file [pixels per inch].
@@ -240,21 +224,15 @@ def _draw(figure: Figure, views: Sequence[PlanView]) -> None:
     for row, view in zip(reversed(range(len(views))), views):
         base = KEY + row * ROW
         _draw_title(figure, view, base + ROW)
-        draw_path(_axes(figure, PATH_LEFT, base + BOTTOM, PATH_WIDTH, HEIGHT), view, area)
+        draw_path(add_axes(figure, PATH_LEFT, base + BOTTOM, PATH_WIDTH, HEIGHT), view, area)
         above, below = (
-            _axes(figure, VELOCITY_LEFT, base + bottom, VELOCITY_WIDTH, part)
+            add_axes(figure, VELOCITY_LEFT, base + bottom, VELOCITY_WIDTH, part)
             for bottom in (BOTTOM + part + BETWEEN, BOTTOM))
         draw_velocity(above, view, LINEAR, scales[0])
         draw_velocity(below, view, ANGULAR, scales[1])
         above.tick_params(labelbottom=False)
         below.set_xlabel(f'time [{time_unit(scales[1].duration)[0]}]')
-    draw_legend(figure, (PATH_LEFT / WIDTH, 0.1 / figure.get_figheight()))
-
-
-def _axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
-    axes = add_axes(figure, left, bottom, width, height)
-    style_axes(axes, width)
-    return axes
+    _draw_legend(figure)
 
 
 def _draw_title(figure: Figure, view: PlanView, top: float) -> None:

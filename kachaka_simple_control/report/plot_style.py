@@ -111,26 +111,29 @@ SETTINGS: Any = {
 LABEL = 0.56
 
 
-def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
-    """Add axes to a figure at a position [inch]; the size of the figure must be set before."""
+def add_axes(
+        figure: Figure, left: float, bottom: float, width: float, height: float,
+        aligns_label: bool = True) -> Axes:
+    """
+    Add axes with a grid to a figure, without a frame at the top and at the right.
+
+    :param figure: the figure; its size must be set before
+    :param left: the left edge [inch]
+    :param bottom: the lower edge [inch]
+    :param width: the width [inch]
+    :param height: the height [inch]
+    :param aligns_label: whether the y label is aligned with those of other axes; otherwise it is
+        where matplotlib puts it
+    """
     total_width, total_height = figure.get_size_inches()
-    return figure.add_axes((
+    axes = figure.add_axes((
         left / total_width, bottom / total_height, width / total_width, height / total_height))
-
-
-def style_axes(axes: Axes, width: float | None = None) -> None:
-    """
-    Add a grid to axes, and hide the top and the right side of their frame.
-
-    :param axes: the axes
-    :param width: their width [inch], to align the y labels of all axes; None to leave the labels
-        where matplotlib puts them
-    """
-    if width is not None:
+    if aligns_label:
         axes.yaxis.set_label_coords(-LABEL / width, 0.5)
     axes.grid(visible=True, color=FAINT, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[['top', 'right']].set_visible(False)
+    return axes
 
 
 def round_step(size: float) -> float:
