@@ -18,12 +18,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import errno
+from itertools import chain
 import json
 import math
 import os
 from pathlib import Path
 import stat
-from typing import Any, TYPE_CHECKING
+from statistics import fmean, stdev
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.geometry import Point
@@ -39,7 +41,7 @@ from kachaka_simple_control.report.plot_style import (
     PLANNED,
     PURPLE,
 )
-from kachaka_simple_control.report.text_tables import Column, columns
+from kachaka_simple_control.report.text_tables import Column, columns, Row
 from kachaka_simple_control.text import escaped, format_fixed, pluralize
 
 if TYPE_CHECKING:
@@ -57,6 +59,14 @@ HEAD = (Column('drive'), Column('x', '[mm]'), Column('y', '[mm]'), Column('headi
         Column('away', '[mm]'), Column('late'))
 
 
+class End(NamedTuple):
+    """The pose at the end of a drive, or a difference of two: x [m], y [m], heading [rad]."""
+
+    x: float
+    y: float
+    heading: float
+
+
 @dataclass(frozen=True)
 class DriveEnd:
     """
@@ -64,16 +74,16 @@ class DriveEnd:
 
     :param name: the directory of the report
     :param motions: the names of the driven motions
-    :param planned: the planned end pose: x [m], y [m], heading [rad]
-    :param error: the end pose from odometry minus the planned one: x [m], y [m], heading [rad]
+    :param planned: the planned end pose
+    :param error: the end pose from odometry minus the planned one
     :param late: the number of messages that were late or lost
     :param paths: the planned path and the path from odometry [m]
     """
 
     name: str
     motions: tuple[str, ...]
-    planned: tuple[float, float, float]
-    error: tuple[float, float, float]
+    planned: End
+    error: End
     late: int
     paths: dict[str, list[Point]]
 
@@ -83,14 +93,14 @@ class Spread:
     """
     The accuracy and the repeatability of the ends of several drives.
 
-    :param mean: the mean error: x [m], y [m], heading [rad]
-    :param deviation: the standard deviation of the error: x [m], y [m], heading [rad]
+    :param mean: the mean error
+    :param deviation: the standard deviation of the error
     :param worst_distance: the largest distance between an end and the mean end [m]
     :param worst_angle: the largest angle between a heading and the mean heading [rad]
     """
 
-    mean: tuple[float, float, float]
-    deviation: tuple[float, float, float]
+    mean: End
+    deviation: End
     worst_distance: float
     worst_angle: float
 
@@ -146,17 +156,15 @@ def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
     if data['verdict']['ending'] != 'done':
         raise UsageError(
             f"{name}: the drive was not completed: {escaped(str(data['verdict']['headline']))}")
-    planned, seen = (_pose(data['end'][which]) for which in ('planned', 'odometry'))
+    planned, seen = (_end(data['end'][which]) for which in ('planned', 'odometry'))
     if planned is None or seen is None:
         raise UsageError(f'{name}: odometry does not show where the drive ended')
     x, y, heading = (there - wanted for there, wanted in zip(seen, planned))
-    timing = data['timing']
+    error, timing = End(x, y, math.remainder(heading, math.tau)), data['timing']
     paths = {str(line): [(_finite(x), _finite(y)) for x, y in points]
              for line, points in data['path'].items()}
-    return DriveEnd(
-        name, tuple(str(motion['name']) for motion in data['motions']), planned,
-        (x, y, math.remainder(heading, math.tau)), int(timing['late']) + int(timing['lost']),
-        paths)
+    return DriveEnd(name, tuple(str(motion['name']) for motion in data['motions']), planned,
+                    error, int(timing['late']) + int(timing['lost']), paths)
 
 
 def _finite(value: object) -> float:
@@ -173,11 +181,10 @@ def _finite(value: object) -> float:
     return float(value)
 
 
-def _pose(values: dict[str, Any] | None) -> tuple[float, float, float] | None:
+def _end(values: dict[str, Any] | None) -> End | None:
     if values is None or None in values.values():
         return None
-    x, y, heading = (_finite(values[key]) for key in ('x_m', 'y_m', 'heading_rad'))
-    return x, y, heading
+    return End(*(_finite(values[key]) for key in ('x_m', 'y_m', 'heading_rad')))
 
 
 def require_same(drives: Sequence[DriveEnd]) -> None:
@@ -198,15 +205,12 @@ def require_same(drives: Sequence[DriveEnd]) -> None:
 
 def spread(drives: Sequence[DriveEnd]) -> Spread:
     """Return the accuracy and the repeatability of two or more drives of the same motion."""
-    errors = list(zip(*(drive.error for drive in drives)))
-    x, y, heading = (math.fsum(values) / len(values) for values in errors)
-    deviations = tuple(
-        math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1))
-        for values, mean in zip(errors, (x, y, heading)))
+    errors = [drive.error for drive in drives]
+    mean, deviation = End(*map(fmean, zip(*errors))), End(*map(stdev, zip(*errors)))
     return Spread(
-        (x, y, heading), (deviations[0], deviations[1], deviations[2]),
-        max(math.hypot(drive.error[0] - x, drive.error[1] - y) for drive in drives),
-        max(abs(drive.error[2] - heading) for drive in drives))
+        mean, deviation,
+        max(math.hypot(error.x - mean.x, error.y - mean.y) for error in errors),
+        max(abs(error.heading - mean.heading) for error in errors))
 
 
 def comparison_table(drives: Sequence[DriveEnd], widest: int) -> str:
@@ -217,25 +221,23 @@ def comparison_table(drives: Sequence[DriveEnd], widest: int) -> str:
     :param widest: the largest width of the table [columns]
     """
     found = spread(drives)
-    rows = [(drive.name, *_row(drive.error), str(drive.late)) for drive in drives]
-    rows.append(('mean', *_row(found.mean), ''))
-    deviation = found.deviation
-    rows.append(('standard deviation', *_row(deviation), ''))
+    rows = [*((drive.name, *_row(drive.error), str(drive.late)) for drive in drives),
+            ('mean', *_row(found.mean), ''), ('standard deviation', *_row(found.deviation), '')]
     name, *others = drives[0].motions
-    what = f'{pluralize(len(others) + 1, "motion")}' if others else escaped(name)
+    what = pluralize(len(others) + 1, 'motion') if others else escaped(name)
     return '\n'.join([
         f'{pluralize(len(drives), "drive")} of {what}: where they ended, from where they were to',
         '', *columns(HEAD, rows, widest, totals=2), '',
         (f'Accuracy: the mean end is {_length(math.hypot(*found.mean[:2]))} and '
-         f'{_angle(abs(found.mean[2]))} away.'),
+         f'{_angle(abs(found.mean.heading))} away.'),
         (f'Repeatability: single ends are up to {_length(found.worst_distance)} and '
          f'{_angle(found.worst_angle)} from the mean.')])
 
 
-def _row(error: tuple[float, float, float]) -> tuple[str, str, str, str]:
-    x, y, heading = error
-    return (format_fixed(1e3 * x, 1), format_fixed(1e3 * y, 1),
-            format_fixed(math.degrees(heading), 2), format_fixed(1e3 * math.hypot(x, y), 1))
+def _row(error: End) -> Row:
+    away = math.hypot(error.x, error.y)
+    return (format_fixed(1e3 * error.x, 1), format_fixed(1e3 * error.y, 1),
+            format_fixed(math.degrees(error.heading), 2), format_fixed(1e3 * away, 1))
 
 
 def _length(value: float) -> str:
@@ -257,21 +259,19 @@ def save_comparison(drives: Sequence[DriveEnd], path: Path) -> None:
 
 
 def _draw(figure: Figure, drives: Sequence[DriveEnd]) -> None:
-    lines = [('planned', drives[0].paths['planned'], PLANNED)]
+    planned = drives[0].paths['planned']
     are_named = len(drives) <= len(COLOURS)
     colours = COLOURS if are_named else (ORANGE,) * len(drives)
+    bottom = MAP_BOTTOM + LEGEND_LINE * max(0, 1 + len(drives) - LEGEND_LINES) * are_named
+    axes, _ = add_map(
+        figure, chain(planned, *(drive.paths['odometry'] for drive in drives)), bottom)
+    axes.plot([x for x, _ in planned], [y for _, y in planned], **PLANNED, label='planned',
+              gid='planned')
+    look = {**ODOMETRY, 'linestyle': '-', 'linewidth': 1.2 if are_named else 0.8}
     for number, (drive, colour) in enumerate(zip(drives, colours)):
-        name = drive.name if are_named else '' if number else 'odometry'
-        lines.append((name, drive.paths['odometry'],
-                      {**ODOMETRY, 'color': colour, 'linestyle': '-',
-                       'linewidth': 1.2 if are_named else 0.8}))
-    more = max(0, len(lines) - LEGEND_LINES) if are_named else 0
-    axes, _ = add_map(figure, [point for _, points, _ in lines for point in points],
-                      MAP_BOTTOM + LEGEND_LINE * more)
-    for name, points, look in lines:
-        axes.plot([x for x, _ in points], [y for _, y in points], **look,
-                  label=name or None, gid='planned' if look is PLANNED else 'odometry')
-    for drive, colour in zip(drives, colours):
-        axes.plot(*drive.paths['odometry'][-1:][0], linestyle='', marker='o', markersize=3.0,
-                  color=colour, zorder=5.0)
+        points = drive.paths['odometry']
+        name = drive.name if are_named else None if number else 'odometry'
+        axes.plot([x for x, _ in points], [y for _, y in points],
+                  **{**look, 'color': colour}, label=name, gid='odometry')
+        axes.plot(*points[-1], linestyle='', marker='o', markersize=3.0, color=colour, zorder=5.0)
     draw_legend(figure, MAP_LEFT, 1 if are_named else 2)

@@ -54,8 +54,9 @@ from kachaka_simple_control.report.plot_style import (
     GREY,
     LINEAR,
     ORANGE,
-    shared_scale,
+    scale_for,
     time_unit,
+    velocity_steps,
 )
 from kachaka_simple_control.text import format_fixed, one_line, pluralize
 
@@ -219,7 +220,11 @@ def _draw(figure: Figure, views: Sequence[PlanView]) -> None:
     proportion = HEIGHT / PATH_WIDTH
     area = extent(
         chain.from_iterable(view.floor.corners for view in views), proportion, proportion)
-    scales = [shared_scale(views, component) for component in (LINEAR, ANGULAR)]
+    limits, duration = [view.limits for view in views], max(view.plan.duration for view in views)
+    scales = [
+        scale_for(component, [value for view in views
+                              for _, value in velocity_steps(view.plan, component.attribute)],
+                  limits, duration) for component in (LINEAR, ANGULAR)]
     part = (HEIGHT - BETWEEN) / 2.0
     for row, view in zip(reversed(range(len(views))), views):
         base = KEY + row * ROW

@@ -276,14 +276,6 @@ class Scale:
     duration: float
 
 
-def shared_scale(views: Sequence[PlanView], component: VelocityComponent) -> Scale:
-    """Return a scale for one velocity component of all plans, including the limits nearby."""
-    values = [value for view in views
-              for _, value in velocity_steps(view.plan, component.attribute)]
-    duration = max(view.plan.duration for view in views)
-    return scale_for(component, values, [view.limits for view in views], duration)
-
-
 def scale_for(component: VelocityComponent, values: Sequence[float], limits: Sequence[Limits],
               duration: float) -> Scale:
     """Return a scale for values and a duration [s], including the limits nearby."""
