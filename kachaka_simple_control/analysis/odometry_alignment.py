@@ -52,32 +52,18 @@ class DeadReckoning:
         self._velocities: list[Velocity] = []
         self._command_timeout = command_timeout
         for message in messages:
-            if not self.times or message.time >= self.times[-1]:
-                self._add(message)
-
-    def _add(self, message: VelocitySent) -> None:
-        if not self.times:
-            pose = ORIGIN
-        elif self._velocities[-1].is_zero:
-            if message.velocity.is_zero:
-                return
-            pose = self.poses[-1]
-        else:
-            pose = self._pose_after(len(self.times) - 1, message.time)
-        self.times.append(message.time)
-        self.poses.append(pose)
-        self._velocities.append(message.velocity)
+            if self.times and (message.time < self.times[-1] or (
+                    message.velocity.is_zero and self._velocities[-1].is_zero)):
+                continue  # out of order, or still at rest
+            self.poses.append(self.at(message.time))
+            self.times.append(message.time)
+            self._velocities.append(message.velocity)
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s]; before the first message the origin."""
-        last = len(self.times) - 1
-        index = last if last >= 0 and time >= self.times[last] else (
-            bisect_right(self.times, time) - 1)
+        index = bisect_right(self.times, time) - 1
         if index < 0:
             return ORIGIN
-        return self._pose_after(index, time)
-
-    def _pose_after(self, index: int, time: float) -> Pose:
         velocity = self._velocities[index]
         if velocity.is_zero:
             return self.poses[index]
