@@ -32,15 +32,7 @@ from kachaka_simple_control.motion.geometry import Point
 from kachaka_simple_control.report.json_export import FORMAT
 from kachaka_simple_control.report.map_plot import add_map, draw_legend, MAP_BOTTOM, MAP_LEFT
 from kachaka_simple_control.report.output_file import save_figure
-from kachaka_simple_control.report.plot_style import (
-    BLUE,
-    draw_figure,
-    GREEN,
-    ODOMETRY,
-    ORANGE,
-    PLANNED,
-    PURPLE,
-)
+from kachaka_simple_control.report.plot_style import Colour, draw_figure, draw_line, LOOKS
 from kachaka_simple_control.report.text_tables import Column, columns, Row
 from kachaka_simple_control.text import escaped, format_fixed, pluralize
 
@@ -52,7 +44,7 @@ MAX_BYTES = 100_000_000
 #: The largest difference between the planned ends of drives of the same motion [m, rad].
 MAX_END_DIFFERENCE = 1e-6
 #: The colours of the drives in the plot; with more drives, all have one colour and no name.
-COLOURS = (ORANGE, BLUE, GREEN, PURPLE)
+COLOURS = (Colour.ORANGE, Colour.BLUE, Colour.GREEN, Colour.PURPLE)
 #: The height of a legend line [inch], and the number of lines that need no extra room.
 LEGEND_LINE, LEGEND_LINES = 0.19, 3
 HEAD = (Column('drive'), Column('x', '[mm]'), Column('y', '[mm]'), Column('heading', '[deg]'),
@@ -261,17 +253,15 @@ def save_comparison(drives: Sequence[DriveEnd], path: Path) -> None:
 def _draw(figure: Figure, drives: Sequence[DriveEnd]) -> None:
     planned = drives[0].paths['planned']
     are_named = len(drives) <= len(COLOURS)
-    colours = COLOURS if are_named else (ORANGE,) * len(drives)
+    colours = COLOURS if are_named else (Colour.ORANGE,) * len(drives)
     bottom = MAP_BOTTOM + LEGEND_LINE * max(0, 1 + len(drives) - LEGEND_LINES) * are_named
     axes, _ = add_map(
         figure, chain(planned, *(drive.paths['odometry'] for drive in drives)), bottom)
-    axes.plot([x for x, _ in planned], [y for _, y in planned], **PLANNED, label='planned',
-              gid='planned')
-    look = {**ODOMETRY, 'linestyle': '-', 'linewidth': 1.2 if are_named else 0.8}
+    draw_line(axes, planned, **LOOKS['planned'], label='planned', gid='planned')
+    look = {**LOOKS['odometry'], 'linestyle': '-', 'linewidth': 1.2 if are_named else 0.8}
     for number, (drive, colour) in enumerate(zip(drives, colours)):
         points = drive.paths['odometry']
         name = drive.name if are_named else None if number else 'odometry'
-        axes.plot([x for x, _ in points], [y for _, y in points],
-                  **{**look, 'color': colour}, label=name, gid='odometry')
+        draw_line(axes, points, **{**look, 'color': colour}, label=name, gid='odometry')
         axes.plot(*points[-1], linestyle='', marker='o', markersize=3.0, color=colour, zorder=5.0)
     draw_legend(figure, MAP_LEFT, 1 if are_named else 2)

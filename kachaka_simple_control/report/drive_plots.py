@@ -37,20 +37,17 @@ from kachaka_simple_control.report.output_file import save_figure
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     ANGULAR,
-    BLUE,
+    Colour,
     draw_figure,
     draw_limits,
+    draw_line,
     file_of,
-    GREY,
     LINEAR,
+    LOOKS,
     min_max_decimate,
-    ODOMETRY,
-    ORANGE,
-    PLANNED,
     round_step,
     Scale,
     scale_for,
-    SENT,
     set_time_limits,
     StepPoint,
     time_unit,
@@ -178,8 +175,8 @@ def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
         values = [value for points in lines.values() for _, value in points]
         scale = scale_for(component, values or [0.0], [limits], duration)
         _set_time(axes, aligned, scale, component.label)
-        for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
-            _draw_line(axes, aligned, points, {**look, 'label': name, 'gid': name})
+        for name, points in lines.items():
+            _draw_line(axes, aligned, points, {**LOOKS[name], 'label': name, 'gid': name})
         draw_limits(axes, component, limits)
         unit = time_unit(duration)[1]
         for pause in pauses:
@@ -198,17 +195,16 @@ def draw_drive_errors(figure: Figure, aligned: AlignedDrive) -> None:
     """
     rows = _rows(figure, BOTTOM)
     duration = time_span(aligned)
-    parts: tuple[tuple[str, str, Callable[[OdometrySample], float], dict[str, Any]], ...] = (
-        ('distance [mm]', 'distance', lambda sample: 1e3 * sample.distance, {'color': BLUE}),
-        ('heading [°]', 'heading', lambda sample: math.degrees(sample.angle),
-         {'color': ORANGE, 'linestyle': '-'}))
-    for axes, (label, name, value_of, look) in zip(rows, parts):
+    parts: tuple[tuple[str, str, Callable[[OdometrySample], float], str], ...] = (
+        ('distance [mm]', 'distance', lambda sample: 1e3 * sample.distance, Colour.BLUE),
+        ('heading [°]', 'heading', lambda sample: math.degrees(sample.angle), Colour.ORANGE))
+    for axes, (label, name, value_of, colour) in zip(rows, parts):
         points = [(sample.time, value_of(sample)) for sample in aligned.odometry]
         values = [0.0, *(value for _, value in points)]
         span = max(max(values) - min(values), 1e-3)
         lowest = min(values) - 0.08 * span * (min(values) < 0.0)
         _set_time(axes, aligned, Scale(lowest, max(values) + 0.08 * span, duration), label)
-        _draw_line(axes, aligned, points, {**look, 'linewidth': 1.4, 'gid': name})
+        _draw_line(axes, aligned, points, {'color': colour, 'linewidth': 1.4, 'gid': name})
     rows[1].set_xlabel(f'time since t = 0 [{time_unit(duration)[0]}]')
 
 
@@ -273,7 +269,7 @@ def _draw_line(
     unit = time_unit(duration)[1]
     if not is_dense(aligned):
         # A sent velocity is held until the next message; odometry is interpolated between samples.
-        axes.plot([time / unit for time, _ in points], [value for _, value in points],
+        draw_line(axes, [(time / unit, value) for time, value in points],
                   drawstyle='steps-post' if name in {'planned', 'sent'} else 'default', **look)
         return
     bands = min_max_decimate(points, duration, BANDS)
@@ -303,14 +299,14 @@ def draw_periods(figure: Figure, interval_errors: Sequence[float]) -> None:
     bar = 2.0 * reach / len(counts)
     lefts = [-reach + number * bar for number in range(len(counts))]
     # The log scale keeps a count of one visible beside a count of thousands.
-    axes.bar(lefts, counts, bar, align='edge', color=BLUE, edgecolor='white', linewidth=0.4,
-             gid='periods')
+    axes.bar(lefts, counts, bar, align='edge', color=Colour.BLUE, edgecolor='white',
+             linewidth=0.4, gid='periods')
     axes.set_yscale('log')
     axes.set(xlim=(-reach, reach), ylim=(0.6, 2.0 * max(10, *counts)),
              xlabel='interval, longer than due by [ms]', ylabel='intervals')
     axes.yaxis.set_major_formatter('{x:.0f}')
     axes.minorticks_off()
-    axes.axvline(0.0, color=GREY, linewidth=1.0, linestyle='--')
+    axes.axvline(0.0, color=Colour.GREY, linewidth=1.0, linestyle='--')
 
 
 def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
@@ -361,7 +357,8 @@ def _draw_calibration(figure: Figure, log: DriveLog, fit: CalibrationFit) -> Non
     above, below = _rows(figure, 0.85, width, row=1.9, gap=0.2)
     above.set(ylabel='x [m]', xlim=(0.0, times[-1]))
     below.set(ylabel='heading [°]', xlim=(0.0, times[-1]), xlabel='time [s]')
-    for (name, line), look in zip(poses.items(), (SENT, PLANNED, ODOMETRY)):
+    for name, line in poses.items():
+        look = LOOKS['planned' if name == 'fit' else name]
         above.plot(times, [pose.x for pose in line], **look, gid=name)
         below.plot(times, [math.degrees(pose.theta) for pose in line], **look, label=name,
                    gid=name)

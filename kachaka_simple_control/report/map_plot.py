@@ -33,12 +33,10 @@ from kachaka_simple_control.motion.geometry import (
 )
 from kachaka_simple_control.report.plot_style import (
     add_axes,
-    GREEN,
-    GREY,
-    ODOMETRY,
-    PLANNED,
+    Colour,
+    draw_line,
+    LOOKS,
     round_step,
-    SENT,
 )
 
 if TYPE_CHECKING:
@@ -73,7 +71,7 @@ TICKS = 6.0
 AT_END: dict[str, Any] = {
     'edgecolor': '#222222', 'linewidth': 1.4, 'facecolor': (0, 0, 0, 0.06), 'zorder': 2.0}
 AT_START: dict[str, Any] = {
-    'edgecolor': GREEN, 'linewidth': 1.6, 'facecolor': 'none', 'linestyle': (0, (4, 2)),
+    'edgecolor': Colour.GREEN, 'linewidth': 1.6, 'facecolor': 'none', 'linestyle': (0, (4, 2)),
     'zorder': 2.2}
 #: The largest number of points of a line; more points would make the page large.
 MAX_POINTS = 5000
@@ -279,13 +277,12 @@ def draw_drive_path(figure: Figure, aligned: AlignedDrive, footprint: Footprint 
     end = aligned.odometry[-1].pose if aligned.odometry else (
         aligned.dead_reckoning.end if aligned.sent else aligned.planned_end)
     axes, size = add_map(figure, [*chain(*lines.values()), *outlines(footprint, (ORIGIN, end))])
-    for (name, points), look in zip(lines.items(), (PLANNED, SENT, ODOMETRY)):
+    for name, points in lines.items():
         kept = simplify(points, size * MAP_GRAIN, MAX_POINTS)
         thin = THIN if name == 'odometry' and len(kept) > MANY else {}
-        axes.plot([x for x, _ in kept], [y for _, y in kept], **{**look, **thin}, label=name,
-                  gid=name)
+        draw_line(axes, kept, **{**LOOKS[name], **thin}, label=name, gid=name)
     _draw_robots(axes, footprint, end, size * HEADING_LENGTH)
-    draw_directions(axes, chain(*chain(*planned)), size * PLACE_SIZE, SENT['color'])
+    draw_directions(axes, chain(*chain(*planned)), size * PLACE_SIZE, LOOKS['sent']['color'])
     draw_step_numbers(axes, enumerate(_begun(aligned, planned), 1), size * PLACE_SIZE)
     draw_legend(figure, MAP_LEFT, 2)
 
@@ -347,5 +344,5 @@ def _draw_robots(axes: Axes, footprint: Footprint | None, end: Pose, reach: floa
         x, y = transform_point((reach, 0.0), pose)
         axes.plot([pose.x, x], [pose.y, y], color=colour, linewidth=1.4, zorder=2.5)
         axes.plot(pose.x, pose.y, linestyle='', marker='o', markersize=4.0, color=colour,
-                  markeredgecolor=GREY, markeredgewidth=0.0, zorder=5.0,
+                  markeredgecolor=Colour.GREY, markeredgewidth=0.0, zorder=5.0,
                   label=None if footprint is not None else name)

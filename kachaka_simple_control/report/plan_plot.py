@@ -47,13 +47,11 @@ from kachaka_simple_control.report.output_file import check_plot_file, save_figu
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     ANGULAR,
-    BLUE,
+    Colour,
     draw_figure,
+    draw_line,
     draw_velocity,
-    GREEN,
-    GREY,
     LINEAR,
-    ORANGE,
     scale_for,
     time_unit,
     velocity_steps,
@@ -69,15 +67,15 @@ MAX_TURNS = 12
 #: The styles of the start and the end of a plan; both are visible if they coincide.
 START: dict[str, Any] = {
     'linestyle': '', 'marker': 'o', 'markersize': 9.5, 'markerfacecolor': 'white',
-    'markeredgecolor': GREEN, 'markeredgewidth': 1.8, 'zorder': 5.0}
+    'markeredgecolor': Colour.GREEN, 'markeredgewidth': 1.8, 'zorder': 5.0}
 END: dict[str, Any] = {
-    'linestyle': '', 'marker': 'o', 'markersize': 4.5, 'color': ORANGE, 'zorder': 6.0}
+    'linestyle': '', 'marker': 'o', 'markersize': 4.5, 'color': Colour.ORANGE, 'zorder': 6.0}
 #: The style of the robot at the end of a step.
 ROBOT: dict[str, Any] = {
-    'facecolor': (0.34, 0.71, 0.91, 0.10), 'edgecolor': GREY, 'linewidth': 0.8}
+    'facecolor': (0.34, 0.71, 0.91, 0.10), 'edgecolor': Colour.GREY, 'linewidth': 0.8}
 #: The style of the floor area that a plan needs.
 FLOOR: dict[str, Any] = {
-    'facecolor': 'none', 'edgecolor': GREY, 'linewidth': 1.0, 'linestyle': (0, (6, 3))}
+    'facecolor': 'none', 'edgecolor': Colour.GREY, 'linewidth': 1.0, 'linestyle': (0, (6, 3))}
 #: The radius of a drawn turn in place, as a part of the distance from the axle to the front.
 TURN = 0.7
 
@@ -95,15 +93,14 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     grain = area.height * MAP_GRAIN
     steps = step_segments(view.plan)
     segments = [segment for step in steps for segment in step]
-    points = polyline(segments, grain)
-    axes.plot([x for x, _ in points], [y for _, y in points], color=BLUE, linewidth=1.6,
+    draw_line(axes, polyline(segments, grain), color=Colour.BLUE, linewidth=1.6,
               solid_joinstyle='round', zorder=3.0, gid='path')
     reach = view.footprint.front if view.footprint else area.height * HEADING_LENGTH
     _draw_robots(axes, view, grain, reach)
     left, bottom, width, height = view.floor
     axes.add_patch(Rectangle((left, bottom), width, height, **FLOOR, zorder=1.5, gid='floor'))
     _draw_turns(axes, _turns(segments), reach * TURN)
-    draw_directions(axes, segments, grain, BLUE)
+    draw_directions(axes, segments, grain, Colour.BLUE)
     draw_step_numbers(axes, enumerate(steps, 1), PLACE_SIZE * area.height)
     end = view.plan.pose
     axes.plot(0.0, 0.0, **START, gid='start')
@@ -131,13 +128,14 @@ def _draw_robots(axes: Axes, view: PlanView, grain: float, reach: float) -> None
     if footprint is not None:
         axes.add_collection(
             PolyCollection([outline(footprint, pose) for pose in poses], **ROBOT, gid='robots'))
-        for pose, colour, width in ((ORIGIN, GREEN, 2.2), (view.plan.pose, ORANGE, 1.1)):
+        for pose, colour, width in (
+                (ORIGIN, Colour.GREEN, 2.2), (view.plan.pose, Colour.ORANGE, 1.1)):
             axes.add_collection(PolyCollection(
                 [outline(footprint, pose)], facecolor='none', edgecolor=colour, linewidth=width,
                 zorder=2.0))
     axes.add_collection(LineCollection(
-        [[(pose.x, pose.y), transform_point((reach, 0.0), pose)] for pose in poses], colors=GREY,
-        linewidths=1.2, zorder=2.5, gid='headings'))
+        [[(pose.x, pose.y), transform_point((reach, 0.0), pose)] for pose in poses],
+        colors=Colour.GREY, linewidths=1.2, zorder=2.5, gid='headings'))
 
 
 def _draw_turns(axes: Axes, turns: Sequence[ArcSegment], radius: float) -> None:
@@ -146,13 +144,13 @@ def _draw_turns(axes: Axes, turns: Sequence[ArcSegment], radius: float) -> None:
     if not turns:
         return
     axes.add_collection(LineCollection(
-        [turn.sweep(radius) for turn in turns], colors=ORANGE, linewidths=1.2, zorder=2.6,
+        [turn.sweep(radius) for turn in turns], colors=Colour.ORANGE, linewidths=1.2, zorder=2.6,
         gid='turns'))
     ends = [advance(turn.start, 0.0, turn.angle) for turn in turns]
     draw_arrows(axes, [
         Pose(*transform_point((radius, 0.0), end),
              end.theta + math.copysign(math.pi / 2.0, turn.angle))
-        for turn, end in zip(turns, ends)], ORANGE)
+        for turn, end in zip(turns, ends)], Colour.ORANGE)
 
 
 def _draw_legend(figure: Figure) -> None:
@@ -162,10 +160,10 @@ def _draw_legend(figure: Figure) -> None:
     marks = {
         'start': Line2D([], [], **START), 'end': Line2D([], [], **END),
         'robot after a step': Patch(**ROBOT),
-        'its heading': Line2D([], [], color=GREY, linewidth=1.2),
-        'path': Line2D([], [], color=BLUE, linewidth=1.6), 'floor needed': Patch(**FLOOR)}
+        'its heading': Line2D([], [], color=Colour.GREY, linewidth=1.2),
+        'path': Line2D([], [], color=Colour.BLUE, linewidth=1.6), 'floor needed': Patch(**FLOOR)}
     if figure.findobj(lambda artist: artist.get_gid() == 'turns'):
-        marks['turn in place'] = Line2D([], [], color=ORANGE, linewidth=1.2)
+        marks['turn in place'] = Line2D([], [], color=Colour.ORANGE, linewidth=1.2)
     figure.legend(
         [*marks.values()], [*marks], loc='lower left', ncol=len(marks), frameon=False,
         bbox_to_anchor=(PATH_LEFT / WIDTH, 0.1 / figure.get_figheight()), borderpad=0.0,

@@ -90,17 +90,22 @@ def min_max_decimate(points: Sequence[StepPoint], end: float, count: int) -> lis
     return bands
 
 
-# The colours of Okabe and Ito, which colour-blind people can distinguish.
-BLUE, ORANGE, GREEN = '#0072B2', '#D55E00', '#009E73'
-SKY, PURPLE = '#56B4E9', '#CC79A7'
-GREY, FAINT = '#666666', '#dddddd'
+class Colour:
+    """Colours, most of them of Okabe and Ito, which colour-blind people can distinguish."""
 
-# The styles of three lines that often overlap; they differ in width, colour and dashes.
-PLANNED: dict[str, Any] = {
-    'color': SKY, 'linewidth': 5.0, 'alpha': 0.6, 'zorder': 3.0, 'solid_capstyle': 'round'}
-SENT: dict[str, Any] = {'color': '#003f63', 'linewidth': 1.5, 'zorder': 3.5}
-ODOMETRY: dict[str, Any] = {
-    'color': ORANGE, 'linewidth': 1.5, 'linestyle': (0, (3, 1.6)), 'zorder': 4.0}
+    BLUE, ORANGE, GREEN = '#0072B2', '#D55E00', '#009E73'
+    SKY, PURPLE = '#56B4E9', '#CC79A7'
+    GREY, FAINT = '#666666', '#dddddd'
+
+
+#: The styles of three lines that often overlap; they differ in width, colour and dashes.
+LOOKS: dict[str, dict[str, Any]] = {
+    'planned': {'color': Colour.SKY, 'linewidth': 5.0, 'alpha': 0.6, 'zorder': 3.0,
+                'solid_capstyle': 'round'},
+    'sent': {'color': '#003f63', 'linewidth': 1.5, 'zorder': 3.5},
+    'odometry': {'color': Colour.ORANGE, 'linewidth': 1.5, 'linestyle': (0, (3, 1.6)),
+                 'zorder': 4.0},
+}
 
 #: Settings on top of matplotlib's default style.  Lines are simplified with a tolerance of
 #: 0.3 pixels.  The minus sign is the ASCII hyphen, as in the tables.
@@ -130,10 +135,15 @@ def add_axes(
         left / total_width, bottom / total_height, width / total_width, height / total_height))
     if aligns_label:
         axes.yaxis.set_label_coords(-LABEL / width, 0.5)
-    axes.grid(visible=True, color=FAINT, linewidth=0.6)
+    axes.grid(visible=True, color=Colour.FAINT, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[['top', 'right']].set_visible(False)
     return axes
+
+
+def draw_line(axes: Axes, points: Sequence[tuple[float, float]], **look: Any) -> None:
+    """Draw a line through points, with the given style."""
+    axes.plot([x for x, _ in points], [y for _, y in points], **look)
 
 
 def round_step(size: float) -> float:
@@ -255,10 +265,11 @@ class VelocityComponent:
     limits: Callable[[Limits], tuple[float, float]]
 
 
-LINEAR = VelocityComponent('linear_x', 'linear [m/s]', 'm/s', BLUE, lambda limits: (
+LINEAR = VelocityComponent('linear_x', 'linear [m/s]', 'm/s', Colour.BLUE, lambda limits: (
     -limits.backward_velocity, limits.max_linear_velocity))
-ANGULAR = VelocityComponent('angular_z', 'angular [rad/s]', 'rad/s', ORANGE, lambda limits: (
-    -limits.max_angular_velocity, limits.max_angular_velocity))
+ANGULAR = VelocityComponent(
+    'angular_z', 'angular [rad/s]', 'rad/s', Colour.ORANGE,
+    lambda limits: (-limits.max_angular_velocity, limits.max_angular_velocity))
 
 
 @dataclass(frozen=True)
@@ -319,10 +330,11 @@ def set_time_limits(axes: Axes, scale: Scale, label: str, ends: Sequence[float])
     unit = time_unit(scale.duration)[1]
     right = scale.duration / unit
     axes.set(xlim=(-0.01 * right, 1.01 * right), ylim=(scale.lowest, scale.highest), ylabel=label)
-    axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=1.0)
+    axes.axhline(0.0, color=Colour.GREY, linewidth=0.6, zorder=1.0)
     if len(ends) <= MAX_BOUNDARIES:
-        axes.vlines([end / unit for end in ends], 0.0, 1.0, color=GREY, linewidth=0.5, alpha=0.5,
-                    transform=axes.get_xaxis_transform(), zorder=1.0, gid='boundaries')
+        axes.vlines(
+            [end / unit for end in ends], 0.0, 1.0, color=Colour.GREY, linewidth=0.5, alpha=0.5,
+            transform=axes.get_xaxis_transform(), zorder=1.0, gid='boundaries')
 
 
 def draw_limits(axes: Axes, component: VelocityComponent, limits: Limits) -> None:
@@ -332,7 +344,8 @@ def draw_limits(axes: Axes, component: VelocityComponent, limits: Limits) -> Non
     near = [(limit, side, offset) for limit, side, offset in (
         (above, 'bottom', 2.0), (below, 'top', -2.0)) if bottom < limit < top]
     for limit, side, offset in near:
-        axes.axhline(limit, color=GREY, linewidth=1.0, linestyle='--', zorder=2.0, gid='limit')
+        axes.axhline(
+            limit, color=Colour.GREY, linewidth=1.0, linestyle='--', zorder=2.0, gid='limit')
         axes.annotate(
             f'limit {format_number(limit)} {component.unit}', (1.0, limit), (-4.0, offset),
             va=side, xycoords=axes.get_yaxis_transform(), **WORDS)
