@@ -11,15 +11,19 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Record a drive as an MCAP file that is readable after each flush."""
+"""Record a drive as an MCAP file that is readable after each flush, and as a bag of rosbag2."""
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
-import contextlib
+from dataclasses import dataclass
 import importlib.util
-import os
+import json
+import math
+from operator import attrgetter
 from pathlib import Path
+from textwrap import indent
 from typing import Any, cast, NamedTuple, TYPE_CHECKING
 
 from kachaka_simple_control.analysis.paths import sample_path
@@ -34,19 +38,7 @@ from kachaka_simple_control.control.events import (
 )
 from kachaka_simple_control.motion.geometry import ORIGIN
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.report.output_file import NEEDS_MCAP
-from kachaka_simple_control.report.rosbag2_metadata import (
-    bag_information,
-    BEST_EFFORT,
-    definition,
-    FACTOR_TYPE,
-    folder_information,
-    ODOMETRY_TYPE,
-    PATH_TYPE,
-    Topic,
-    TRANSIENT_LOCAL,
-    VELOCITY_TYPES,
-)
+from kachaka_simple_control.report.output_file import CrashSafeFile, NEEDS_MCAP
 from kachaka_simple_control.telemetry.cdr import (
     float64,
     NANO,
@@ -67,6 +59,107 @@ FACTOR_TOPIC = '/kachaka_simple_control/speed_factor'
 CHUNK_SIZE = 1 << 20
 
 
+#: The type and the name of each field, in order, by message type.
+FIELDS = {
+    'builtin_interfaces/Time': ('int32 sec', 'uint32 nanosec'),
+    'std_msgs/Float64': ('float64 data',),
+    'std_msgs/Header': ('builtin_interfaces/Time stamp', 'string frame_id'),
+    'geometry_msgs/Vector3': ('float64 x', 'float64 y', 'float64 z'),
+    'geometry_msgs/Point': ('float64 x', 'float64 y', 'float64 z'),
+    'geometry_msgs/Quaternion': ('float64 x', 'float64 y', 'float64 z', 'float64 w'),
+    'geometry_msgs/Twist': ('geometry_msgs/Vector3 linear', 'geometry_msgs/Vector3 angular'),
+    'geometry_msgs/TwistStamped': ('std_msgs/Header header', 'geometry_msgs/Twist twist'),
+    'geometry_msgs/TwistWithCovariance': (
+        'geometry_msgs/Twist twist', 'float64[36] covariance'),
+    'geometry_msgs/Pose': (
+        'geometry_msgs/Point position', 'geometry_msgs/Quaternion orientation'),
+    'geometry_msgs/PoseStamped': ('std_msgs/Header header', 'geometry_msgs/Pose pose'),
+    'geometry_msgs/PoseWithCovariance': ('geometry_msgs/Pose pose', 'float64[36] covariance'),
+    'nav_msgs/Odometry': (
+        'std_msgs/Header header', 'string child_frame_id',
+        'geometry_msgs/PoseWithCovariance pose', 'geometry_msgs/TwistWithCovariance twist'),
+    'nav_msgs/Path': ('std_msgs/Header header', 'geometry_msgs/PoseStamped[] poses'),
+}
+RULE = '=' * 80
+
+
+def definition(message_type: str) -> str:
+    """
+    Return the MCAP schema of a message type: the definitions of the type and its field types.
+
+    :param message_type: its full name, for example ``nav_msgs/msg/Odometry``
+    """
+    first = message_type.replace('/msg/', '/')
+    others = [name for name in _parts(first) if name != first]
+    return _fields(first) + ''.join(
+        f'{RULE}\nMSG: {name}\n{_fields(name)}' for name in dict.fromkeys(others))
+
+
+def _fields(name: str) -> str:
+    return ''.join(f'{field}\n' for field in FIELDS[name])
+
+
+def _parts(name: str) -> list[str]:
+    kinds = [field.partition(' ')[0].partition('[')[0] for field in FIELDS[name]]
+    return [name, *(part for kind in kinds if kind in FIELDS for part in _parts(kind))]
+
+
+#: The metadata version of Humble; later releases also read it.
+VERSION = 5
+#: The numbers of QoS policies: Humble reads only numbers, later releases read both.
+KEEP_LAST, RELIABLE, BEST_EFFORT, TRANSIENT_LOCAL, VOLATILE, AUTOMATIC = 1, 1, 2, 1, 2, 1
+#: An infinite duration, RMW_DURATION_INFINITE, in seconds and nanoseconds.
+INFINITE = (9223372036, 854775807)
+
+
+@dataclass
+class Topic:
+    """
+    A topic in a recording.
+
+    :param name: its resolved name
+    :param message_type: the full name of its message type
+    :param depth: the history depth of its publisher
+    :param reliability: the reliability of its publisher
+    :param durability: the durability of its publisher
+    :param channel: the id of its channel in the file
+    :param count: the number of its messages in the file
+    """
+
+    name: str
+    message_type: str
+    depth: int = 10
+    reliability: int = RELIABLE
+    durability: int = VOLATILE
+    channel: int = 0
+    count: int = 0
+
+    @property
+    def qualities(self) -> str:
+        """Return the QoS profile that the publisher of the topic offers, as YAML."""
+        lines = [
+            f'history: {KEEP_LAST}', f'depth: {self.depth}', f'reliability: {self.reliability}',
+            f'durability: {self.durability}', *_duration('deadline'), *_duration('lifespan'),
+            f'liveliness: {AUTOMATIC}', *_duration('liveliness_lease_duration'),
+            'avoid_ros_namespace_conventions: false']
+        return '- ' + '\n  '.join(lines)
+
+    @property
+    def lines(self) -> list[str]:
+        """Return the lines about the topic in the description of a recording, as YAML."""
+        # A JSON string is a valid YAML string.
+        return ['  - topic_metadata:',
+                f'      name: {json.dumps(self.name)}',
+                f'      type: {self.message_type}',
+                '      serialization_format: cdr',
+                f'      offered_qos_profiles: {json.dumps(self.qualities)}',
+                f'    message_count: {self.count}']
+
+
+def _duration(name: str) -> list[str]:
+    return [f'{name}:', f'  sec: {INFINITE[0]}', f'  nsec: {INFINITE[1]}']
+
+
 def stamp(epoch: float, time: float) -> int:
     """
     Return a time of the steady clock as nanoseconds since 1970.
@@ -78,78 +171,6 @@ def stamp(epoch: float, time: float) -> int:
     :param time: the time [s on the steady clock]
     """
     return round(epoch * NANO) + round(time * NANO)
-
-
-class CrashSafeFile:
-    """
-    A file for an MCAP writer that is complete on the disk after each flush.
-
-    Each flush writes an end record after the data, and the next flush overwrites it.  If the
-    program is killed, the file is readable up to the last flush.
-
-    :param path: the file; it must not exist
-    :param end: the bytes that complete the file after the data
-    :raises OSError: if it cannot be created
-    """
-
-    def __init__(self, path: Path, end: bytes) -> None:
-        self._descriptor = os.open(
-            path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
-        self._end = end
-        self._pending = bytearray()
-        self._size = 0
-
-    def write(self, data: bytes) -> int:
-        """Buffer data until ``flush``, and return its length."""
-        self._pending += data
-        return len(data)
-
-    def tell(self) -> int:
-        """Return the offset of the next data in the file."""
-        return self._size + len(self._pending)
-
-    def flush(self) -> None:
-        """
-        Write the buffered data and the end to the disk.
-
-        :raises OSError: if the write fails; the file then keeps its old content
-        """
-        self._store(self._end)
-
-    def close(self) -> None:
-        """
-        Write the buffered data, which contains its own end, and close the file.
-
-        :raises OSError: if the write fails; the file then keeps its old content
-        """
-        try:
-            self._store(b'')
-        finally:
-            self.abandon()
-
-    def abandon(self) -> None:
-        """Close the file without another write."""
-        with contextlib.suppress(OSError):
-            os.close(self._descriptor)
-
-    def _store(self, end: bytes) -> None:
-        try:
-            self._pwrite(bytes(self._pending) + end, self._size)
-        except OSError:
-            # The disk has room for the old end, because the file contained it before.
-            with contextlib.suppress(OSError):
-                if self._size:
-                    self._pwrite(self._end, self._size)
-                    os.ftruncate(self._descriptor, self._size + len(self._end))
-            raise
-        self._size += len(self._pending)
-        self._pending.clear()
-
-    def _pwrite(self, data: bytes, offset: int) -> None:
-        view = memoryview(data)
-        while view:
-            count = os.pwrite(self._descriptor, view, offset)
-            view, offset = view[count:], offset + count
 
 
 class _Message(NamedTuple):
@@ -252,14 +273,14 @@ class McapRecorder:
             raise
         self._file = file
         self._add_topic('velocity', Topic(
-            session.velocity_topic, VELOCITY_TYPES[session.message_type]))
+            session.velocity_topic, f'geometry_msgs/msg/{session.message_type}'))
         if session.odometry_topic is not None:
             self._add_topic('odometry', Topic(
-                session.odometry_topic, ODOMETRY_TYPE, reliability=BEST_EFFORT))
+                session.odometry_topic, 'nav_msgs/msg/Odometry', reliability=BEST_EFFORT))
         self._add_topic('path', Topic(
-            PATH_TOPIC, PATH_TYPE, depth=1, durability=TRANSIENT_LOCAL))
+            PATH_TOPIC, 'nav_msgs/msg/Path', depth=1, durability=TRANSIENT_LOCAL))
         self._add_topic('factor', Topic(
-            FACTOR_TOPIC, FACTOR_TYPE, depth=1, durability=TRANSIENT_LOCAL))
+            FACTOR_TOPIC, 'std_msgs/msg/Float64', depth=1, durability=TRANSIENT_LOCAL))
 
     def _add_topic(self, kind: str, topic: Topic) -> None:
         schema = self._writer.register_schema(
@@ -270,6 +291,8 @@ class McapRecorder:
 
     def _record(self, event: Event) -> None:
         match event:
+            case MotionPlanned():
+                self._motion = event
             case SpeedFactorChanged():
                 self._has_factor = True
                 self._add('factor', self._stamp(event.time), float64(event.product))
@@ -278,39 +301,32 @@ class McapRecorder:
                 self._has_factor = True
                 self._add('factor', self._stamp(event.time), float64(1.0))
         match event:
-            case MotionPlanned():
-                self._motion = event
-            case OdometryReceived():
-                self._pose = event.pose
-        match event:
             case VelocitySent():
                 time = self._stamp(event.time)
                 self._add('velocity', time, twist(event.velocity)
                           if self._session.message_type == 'Twist' else
                           twist_stamped(event.velocity, time, self._session.frame))
-            case OdometryReceived() if 'odometry' in self._topics:
-                time = self._stamp(event.time)
-                self._add('odometry', time, odometry(event.pose, event.velocity, time))
+            case OdometryReceived():
+                self._pose = event.pose
+                if 'odometry' in self._topics:
+                    time = self._stamp(event.time)
+                    self._add('odometry', time, odometry(event.pose, event.velocity, time))
             case MotionStarted() if event.has_plan:
-                time = self._stamp(event.time)
-                self._add('path', time, self._planned_path(time))
+                motion, time = self._motion, self._stamp(event.time)
+                assert motion is not None
+                poses = sample_path(plan(motion.motion, motion.limits, motion.rate), self._pose)
+                self._add('path', time, self._paths.path(
+                    [self._paths.pose(pose) for pose in poses], time))
 
     def _add(self, kind: str, time: int, data: bytes) -> None:
         self._pending.append(_Message(time, self._topics[kind], data))
 
-    def _planned_path(self, time: int) -> bytes:
-        motion = self._motion
-        assert motion is not None
-        planned = plan(motion.motion, motion.limits, motion.rate)
-        poses = sample_path(planned, self._pose)
-        return self._paths.path([self._paths.pose(pose) for pose in poses], time)
-
-    def _store(self, until: int) -> None:
-        self._pending.sort(key=lambda message: message.stamp)
-        due = [message for message in self._pending if message.stamp <= until]
+    def _store(self, until: float) -> None:
+        self._pending.sort(key=attrgetter('stamp'))
+        count = bisect_right(self._pending, until, key=attrgetter('stamp'))
+        due, self._pending = self._pending[:count], self._pending[count:]
         if not due:
             return
-        del self._pending[:len(due)]
         for message in due:
             self._writer.add_message(
                 message.topic.channel, message.stamp, message.data, message.stamp)
@@ -321,8 +337,7 @@ class McapRecorder:
         self._span = [min(stamps), max(stamps)]
 
     def _finish(self) -> None:
-        if self._pending:
-            self._store(max(message.stamp for message in self._pending))
+        self._store(math.inf)
         self._writer.add_metadata('rosbag2', {'serialized_metadata': self._information()})
         self._writer.finish()
         if self._file is not None:
@@ -335,14 +350,26 @@ class McapRecorder:
             return
         file = self._path.with_name('metadata.yaml')
         try:
-            file.write_text(folder_information(self._information()), encoding='utf-8')
+            file.write_text('rosbag2_bagfile_information:\n' + indent(self._information(), '  '),
+                            encoding='utf-8')
         except OSError:
             file.unlink(missing_ok=True)
             raise
 
     def _information(self) -> str:
+        """Return the description of the recording that rosbag2 needs, as YAML."""
         first, last = self._span or (0, 0)
-        return bag_information([*self._topics.values()], first, last, self._path.name)
+        topics, name = self._topics.values(), self._path.name
+        span = ['duration:', f'  nanoseconds: {last - first}',
+                'starting_time:', f'  nanoseconds_since_epoch: {first}',
+                f'message_count: {sum(topic.count for topic in topics)}']
+        lines = [f'version: {VERSION}', 'storage_identifier: mcap', *span,
+                 'topics_with_message_count:', *(line for topic in topics for line in topic.lines),
+                 'compression_format: ""', 'compression_mode: ""',
+                 'relative_file_paths:', f'  - {name}',
+                 'files:', f'  - path: {name}',
+                 *(f'    {line}' for line in (*span[2:4], *span[:2], span[4]))]
+        return '\n'.join(lines) + '\n'
 
     def _stamp(self, time: float) -> int:
         return stamp(self._session.epoch, time)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Output files: atomic writes, checks of plot files, and the directory of a report."""
+"""Output files: safe writes, checks of plot files, and the directory of a report."""
 
 from __future__ import annotations
 
@@ -45,6 +45,78 @@ def write_atomically(path: Path, data: bytes) -> None:
         with contextlib.suppress(OSError):
             new.unlink()
         raise
+
+
+class CrashSafeFile:
+    """
+    A file for an MCAP writer that is complete on the disk after each flush.
+
+    Each flush writes an end record after the data, and the next flush overwrites it.  If the
+    program is killed, the file is readable up to the last flush.
+
+    :param path: the file; it must not exist
+    :param end: the bytes that complete the file after the data
+    :raises OSError: if it cannot be created
+    """
+
+    def __init__(self, path: Path, end: bytes) -> None:
+        self._descriptor = os.open(
+            path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        self._end = end
+        self._pending = bytearray()
+        self._size = 0
+
+    def write(self, data: bytes) -> int:
+        """Buffer data until ``flush``, and return its length."""
+        self._pending += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the offset of the next data in the file."""
+        return self._size + len(self._pending)
+
+    def flush(self) -> None:
+        """
+        Write the buffered data and the end to the disk.
+
+        :raises OSError: if the write fails; the file then keeps its old content
+        """
+        self._store(self._end)
+
+    def close(self) -> None:
+        """
+        Write the buffered data, which contains its own end, and close the file.
+
+        :raises OSError: if the write fails; the file then keeps its old content
+        """
+        try:
+            self._store(b'')
+        finally:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Close the file without another write."""
+        with contextlib.suppress(OSError):
+            os.close(self._descriptor)
+
+    def _store(self, end: bytes) -> None:
+        try:
+            self._pwrite(bytes(self._pending) + end, self._size)
+        except OSError:
+            # The disk has room for the old end, because the file contained it before.
+            with contextlib.suppress(OSError):
+                if self._size:
+                    self._pwrite(self._end, self._size)
+                    os.ftruncate(self._descriptor, self._size + len(self._end))
+            raise
+        self._size += len(self._pending)
+        self._pending.clear()
+
+    def _pwrite(self, data: bytes, offset: int) -> None:
+        view = memoryview(data)
+        while view:
+            count = os.pwrite(self._descriptor, view, offset)
+            view, offset = view[count:], offset + count
 
 
 def check_plot_file(file: str | os.PathLike[str]) -> Path:

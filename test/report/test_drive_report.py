@@ -22,7 +22,7 @@ import signal
 import time
 
 from kachaka_simple_control.control.processes import is_running
-from kachaka_simple_control.report.rosbag2_metadata import FIELDS
+from kachaka_simple_control.report.mcap_recorder import FIELDS
 from program import children_of, COMMAND, find_process, program
 import pytest
 from recordings import read_with_mcap, read_with_rosbags, READERS

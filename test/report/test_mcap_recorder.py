@@ -27,8 +27,7 @@ from kachaka_simple_control.control.events import (
 )
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.plan import plan
-from kachaka_simple_control.report.mcap_recorder import stamp
-from kachaka_simple_control.report.rosbag2_metadata import definition
+from kachaka_simple_control.report.mcap_recorder import definition, stamp
 from messages import of_plan
 import pytest
 from recorded_drive import LIMITS, PLANNED, RecordedDrive, STAMPED, TWIST

@@ -22,7 +22,7 @@ from pathlib import Path
 from kachaka_simple_control.control.events import OdometryReceived
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.report import mcap_recorder
-from kachaka_simple_control.report.mcap_recorder import CrashSafeFile
+from kachaka_simple_control.report.output_file import CrashSafeFile
 import pytest
 from recorded_drive import RecordedDrive, TWIST
 from recordings import read_with_mcap, read_with_rosbags, READERS, velocities
