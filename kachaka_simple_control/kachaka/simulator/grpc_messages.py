@@ -11,16 +11,35 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Protobuf messages of the simulated robot, and the transform from odometry to the map."""
+"""Convert values of the simulated robot to gRPC messages, and received commands to tasks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 import math
+from typing import Any
 
 from kachaka_api.generated import kachaka_api_pb2 as pb2
-from kachaka_simple_control.kachaka.error_codes import SUCCESS
+from kachaka_simple_control.kachaka.error_codes import (
+    ERROR_NO_FURNITURE,
+    ERROR_NOT_A_VELOCITY,
+    ERROR_OUT_OF_RANGE,
+    ERROR_UNKNOWN_NAME,
+    SUCCESS,
+)
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
-from kachaka_simple_control.motion.geometry import compose, ORIGIN, Pose, relative_to, Velocity
+from kachaka_simple_control.kachaka.simulator.grpc_state import SimulatorState
+from kachaka_simple_control.kachaka.simulator.tasks import (
+    Action,
+    DriveStraight,
+    plan_to_pose,
+    StandStill,
+    Task,
+    TaskResult,
+    TurnInPlace,
+)
+from kachaka_simple_control.motion.geometry import Pose, Velocity
 
 
 def result(code: int) -> pb2.Result:
@@ -83,26 +102,177 @@ def transform(where: Pose, frame: str, child: str, stamp: int) -> pb2.RosTransfo
         translation=pb2.Vector3(x=where.x, y=where.y), rotation=rotation(where.theta))
 
 
-class MapToOdom:
-    """The transform from odometry to the map: the identity until ``correct()`` is called."""
+#: The duration of a speak command with any text [s] (assumed).  The command makes no sound.
+SPEAK_DURATION = 1.0
+#: The location of the dock, which every Kachaka has; the manufacturer's examples use this name.
+HOME = 'home'
+#: A chosen serial number that no real robot has.
+SERIAL_NUMBER = 'SIMULATED'
+#: The release of the robot's software for the implemented version of the SDK.
+VERSION = '3.17.5'
 
-    def __init__(self) -> None:
-        #: the pose of the odometry origin on the map
-        self.offset = ORIGIN
 
-    def to_map(self, pose: Pose) -> Pose:
-        """Convert a pose in odometry to a pose on the map."""
-        return compose(self.offset, pose)
+@dataclass(frozen=True)
+class ReceivedCommand:
+    """
+    A command received from a client.
 
-    def to_odometry(self, pose: Pose) -> Pose:
-        """Convert a pose on the map to a pose in odometry."""
-        return relative_to(self.offset, pose)
+    :param command: the command
+    :param time: the time of receipt [s since 1970]
+    """
 
-    def correct(self, map_pose: Pose, odometry_pose: Pose) -> None:
-        """
-        Set the transform so that it maps the odometry pose to the map pose.
+    command: pb2.Command
+    time: int
 
-        :param map_pose: the pose on the map
-        :param odometry_pose: the pose in odometry
-        """
-        self.offset = compose(map_pose, relative_to(odometry_pose, ORIGIN))
+
+def task_from_request(
+        request: pb2.StartCommandRequest, state: SimulatorState, identity: str) -> Task | int:
+    """
+    Return the task for a request, or an error code.
+
+    :param request: the request
+    :param state: the robot and its clock
+    :param identity: the unique name for the task
+    """
+    name = request.command.WhichOneof('command')
+    if name is None:
+        return ERROR_UNKNOWN_NAME
+    command = getattr(request.command, name)
+    if not all(math.isfinite(value) for _, value in command.ListFields()
+               if isinstance(value, float)):
+        return ERROR_NOT_A_VELOCITY
+    actions = ACTIONS[name](command, state) if name in ACTIONS else ERROR_UNKNOWN_NAME
+    if isinstance(actions, int):
+        return actions
+    if request.HasField('lock_on_end'):
+        actions = (*actions, StandStill(request.lock_on_end.duration_sec, can_be_ended=True))
+    return Task(
+        identity, actions,
+        ends_docked=name in {'return_home_command', 'move_to_location_command'},
+        note=ReceivedCommand(request.command, state.clock.stamp() // 10**9))
+
+
+def _return_home(command: Any, state: SimulatorState) -> tuple[Action, ...]:
+    return state.robot.actions_to_dock(state.now())
+
+
+def _move_to_location(
+        command: pb2.MoveToLocationCommand, state: SimulatorState) -> tuple[Action, ...] | int:
+    if command.target_location_id != HOME:
+        return ERROR_UNKNOWN_NAME
+    return _return_home(command, state)
+
+
+def _move_to_pose(command: pb2.MoveToPoseCommand, state: SimulatorState) -> tuple[Action, ...]:
+    goal = Pose(command.x, command.y, command.yaw)
+    return plan_to_pose(state.map_to_odom.to_odometry(goal))
+
+
+def _lock(command: pb2.LockCommand, state: SimulatorState) -> tuple[Action, ...] | int:
+    if command.duration_sec < 0.0:
+        return ERROR_OUT_OF_RANGE
+    return (StandStill(command.duration_sec, can_be_ended=True),)
+
+
+def _move_by_velocity(
+        command: pb2.MoveByVelocityWithMutedSensorsCommand,
+        state: SimulatorState) -> tuple[Action, ...]:
+    velocity = command.signed_velocity
+    return (DriveStraight(velocity * command.move_duration_sec, abs(velocity)),)
+
+
+def _return_shelf(command: pb2.ReturnShelfCommand, state: SimulatorState) -> int:
+    return ERROR_UNKNOWN_NAME if command.target_shelf_id else ERROR_NO_FURNITURE
+
+
+#: For each command, a function that returns its actions, or an error code if it needs furniture.
+ACTIONS: dict[str, Callable[[Any, SimulatorState], tuple[Action, ...] | int]] = {
+    'move_forward_command': lambda command, state: (
+        DriveStraight(command.distance_meter, command.speed),),
+    'rotate_in_place_command': lambda command, state: (TurnInPlace(command.angle_radian),),
+    'move_to_pose_command': _move_to_pose,
+    'move_to_location_command': _move_to_location,
+    'return_home_command': _return_home,
+    'lock_command': _lock,
+    'speak_command': lambda command, state: (StandStill(SPEAK_DURATION),),
+    'localize_command': lambda command, state: (TurnInPlace(math.tau),),
+    'move_by_velocity_with_muted_sensors_command': _move_by_velocity,
+    'undock_shelf_command': lambda command, state: ERROR_NO_FURNITURE,
+    'return_shelf_command': _return_shelf,
+}
+
+
+def command_of(task: Task | None) -> pb2.Command | None:
+    """Return the command of a task; None without a task."""
+    return task.note.command if task and isinstance(task.note, ReceivedCommand) else None
+
+
+def _history(result: TaskResult) -> pb2.History:
+    note = result.task.note
+    return pb2.History(
+        id=result.task.identity, command=command_of(result.task), success=result.is_success,
+        error_code=result.code,
+        command_executed_time=note.time if isinstance(note, ReceivedCommand) else 0)
+
+
+Fields = dict[str, Any]
+
+
+def _battery(is_docked: bool) -> Fields:
+    """Return a full battery; it is charging if the robot is on the dock."""
+    status = (pb2.POWER_SUPPLY_STATUS_CHARGING if is_docked
+              else pb2.POWER_SUPPLY_STATUS_DISCHARGING)
+    return {'remaining_percentage': 100.0, 'power_supply_status': status}
+
+
+def _command_state(task: Task | None) -> Fields:
+    """Return the state and the running command, if there is one."""
+    state = pb2.COMMAND_STATE_RUNNING if task else pb2.COMMAND_STATE_PENDING
+    return {
+        'state': state, 'command': command_of(task), 'command_id': task.identity if task else ''}
+
+
+def _last_result(results: Sequence[TaskResult]) -> Fields:
+    """Return the result of the last ended command."""
+    if not results:
+        return {}
+    last = results[-1]
+    return {'result': result(last.code), 'command': command_of(last.task),
+            'command_id': last.task.identity}
+
+
+def _locations(dock: pb2.Pose) -> Fields:
+    """Return the location of the dock, the only one."""
+    return {'default_location_id': HOME, 'locations': [
+        pb2.Location(id=HOME, name=HOME, pose=dock, type=pb2.LOCATION_TYPE_CHARGER)]}
+
+
+#: The calls that return a value, or wait until it is newer than the value of the client: the name
+#: of the value, and the fields of the response for a value.  There are no shelves and no maps.
+READINGS: dict[str, tuple[str, Callable[[Any], Fields]]] = {
+    'GetAutoHomingEnabled': ('auto_homing', lambda enabled: {'enabled': enabled}),
+    'GetBatteryInfo': ('docked', _battery),
+    'GetCommandState': ('task', _command_state),
+    'GetCurrentMapId': ('constant', lambda _: {}),
+    'GetError': ('errors', lambda codes: {'error_codes': codes}),
+    # All commands, newest last; this order is an assumption.
+    'GetHistoryList': ('results', lambda results: {'histories': [*map(_history, results)]}),
+    'GetLastCommandResult': ('results', _last_result),
+    'GetLocations': ('dock', _locations),
+    'GetLocationsDigest': ('constant', lambda _: {'locations': [
+        pb2.LocationDigest(id=HOME, name=HOME, type=pb2.LOCATION_TYPE_CHARGER)]}),
+    'GetManualControlEnabled': ('manual_control', lambda enabled: {'enabled': enabled}),
+    'GetMapList': ('constant', lambda _: {}),
+    'GetMovingShelfId': ('constant', lambda _: {}),
+    # The estimated pose on the map.
+    'GetRobotPose': ('pose', lambda pose: {'pose': pose}),
+    'GetRobotSerialNumber': ('constant', lambda _: {'serial_number': SERIAL_NUMBER}),
+    'GetRobotVersion': ('constant', lambda _: {'version': VERSION}),
+    'GetRosOdometry': ('odometry', lambda odometry: {'odometry': odometry}),
+    # The same odometry; this is an assumption.
+    'GetRosWheelOdometry': ('odometry', lambda odometry: {'odometry': odometry}),
+    'GetShelves': ('constant', lambda _: {}),
+    'GetShelvesDigest': ('constant', lambda _: {}),
+    'GetShortcuts': ('constant', lambda _: {}),
+    'GetSpeakerVolume': ('volume', lambda volume: {'volume': volume}),
+}

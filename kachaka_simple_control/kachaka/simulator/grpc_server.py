@@ -16,27 +16,16 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Callable, Iterator
 import contextlib
 import socket
 import threading
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import grpc
-from kachaka_api.generated.kachaka_api_pb2_grpc import (
-    add_KachakaApiServicer_to_server,
-    KachakaApiServicer,
-)
-from kachaka_simple_control.kachaka.simulator.grpc_services import (
-    DrivingService,
-    EquipmentService,
-    MapService,
-    SensingService,
-    StateService,
-    TransformService,
-)
+from kachaka_api.generated.kachaka_api_pb2_grpc import add_KachakaApiServicer_to_server
+from kachaka_simple_control.kachaka.simulator.grpc_services import SimulatedKachakaServicer
 from kachaka_simple_control.kachaka.simulator.grpc_state import Clock, SimulatorState
-from kachaka_simple_control.kachaka.simulator.grpc_tasks import CommandService
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 
 #: The robot's port, and the loopback address: only this machine reaches the simulated robot.
@@ -44,28 +33,6 @@ PORT = 26400
 LOOPBACK = '127.0.0.1'
 #: Without this option, a second server on the same port would take half of the calls.
 OPTIONS = (('grpc.so_reuseport', 0),)
-
-
-class SimulatedKachakaServicer(
-        CommandService, DrivingService, EquipmentService, MapService, SensingService,
-        StateService, TransformService, KachakaApiServicer):  # type: ignore[misc]
-    """The gRPC service of a simulated Kachaka; other calls return UNIMPLEMENTED."""
-
-
-def _refuse(name: str) -> Callable[[Any, Any, Any], Awaitable[None]]:
-    async def refuse(_servicer: Any, _request: Any, context: Any) -> None:
-        await context.abort(
-            grpc.StatusCode.UNIMPLEMENTED, f'the simulated Kachaka has no {name}')
-    return refuse
-
-
-#: All calls of the robot's service, and the calls that the simulated robot does not implement.
-CALLS = tuple(name for name in vars(KachakaApiServicer) if name[0].isupper())
-UNIMPLEMENTED = tuple(
-    name for name in CALLS
-    if getattr(SimulatedKachakaServicer, name) is getattr(KachakaApiServicer, name))
-for _name in UNIMPLEMENTED:
-    setattr(SimulatedKachakaServicer, _name, _refuse(_name))
 
 
 class GrpcServer:

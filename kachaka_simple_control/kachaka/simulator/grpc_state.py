@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The state shared by the gRPC services: the robot, its clock, and values for long polls."""
+"""The state behind the gRPC service: robot, clock, map transform, and values for long polls."""
 
 from __future__ import annotations
 
@@ -22,9 +22,8 @@ import math
 import time
 from typing import Generic, TypeVar
 
-from kachaka_api.generated import kachaka_api_pb2 as pb2
-from kachaka_simple_control.kachaka.simulator.grpc_messages import MapToOdom
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
+from kachaka_simple_control.motion.geometry import compose, ORIGIN, Pose, relative_to
 
 
 class Clock:
@@ -50,6 +49,31 @@ class Clock:
         :returns: the delay [s]; None for a clock that is set by a test, which wakes the server
         """
         return max(until - self.now(), 0.0)
+
+
+class MapToOdom:
+    """The transform from odometry to the map: the identity until ``correct()`` is called."""
+
+    def __init__(self) -> None:
+        #: the pose of the odometry origin on the map
+        self.offset = ORIGIN
+
+    def to_map(self, pose: Pose) -> Pose:
+        """Convert a pose in odometry to a pose on the map."""
+        return compose(self.offset, pose)
+
+    def to_odometry(self, pose: Pose) -> Pose:
+        """Convert a pose on the map to a pose in odometry."""
+        return relative_to(self.offset, pose)
+
+    def correct(self, map_pose: Pose, odometry_pose: Pose) -> None:
+        """
+        Set the transform so that it maps the odometry pose to the map pose.
+
+        :param map_pose: the pose on the map
+        :param odometry_pose: the pose in odometry
+        """
+        self.offset = compose(map_pose, relative_to(odometry_pose, ORIGIN))
 
 
 class SimulatorState:
@@ -161,21 +185,3 @@ class LongPollValue(Generic[T]):
     def _refresh_at(self, now: float) -> None:
         self._value = self._read(now)
         self._cursor = self._state.new_cursor()
-
-
-class Service:
-    """
-    The base class of all parts of the robot's gRPC service; the servicer inherits all parts.
-
-    :param state: the robot and its clock
-    """
-
-    def __init__(self, state: SimulatorState) -> None:
-        self._state = state
-        #: the cursor source for values that never change
-        self._constant = LongPollValue(state, lambda _: None)
-
-    async def constant_metadata(self, request: pb2.GetRequest) -> pb2.Metadata:
-        """Return the metadata of a constant value; wait forever if the client has the value."""
-        cursor, _ = await self._constant.get(request.metadata.cursor)
-        return pb2.Metadata(cursor=cursor)

@@ -25,7 +25,7 @@ with optional_imports():
     import grpc
     from grpc_support import bench, DEADLINE, NOTHING
     from kachaka_api.generated import kachaka_api_pb2 as pb2
-    from kachaka_simple_control.kachaka.simulator.grpc_server import CALLS, UNIMPLEMENTED
+    from kachaka_simple_control.kachaka.simulator.grpc_services import CALLS, UNIMPLEMENTED
 
 pytestmark = [pytest.mark.real_time, pytest.mark.needs('grpc', 'kachaka_api')]
 

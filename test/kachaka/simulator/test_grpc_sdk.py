@@ -37,7 +37,8 @@ with optional_imports():
     from grpc_support import bench, FastClock, StillClock
     import kachaka_api
     from kachaka_api.generated import kachaka_api_pb2 as pb2
-    from kachaka_simple_control.kachaka.simulator.grpc_server import GrpcServer, UNIMPLEMENTED
+    from kachaka_simple_control.kachaka.simulator.grpc_server import GrpcServer
+    from kachaka_simple_control.kachaka.simulator.grpc_services import UNIMPLEMENTED
 
 pytestmark = pytest.mark.needs('grpc', 'kachaka_api')
 

@@ -24,7 +24,7 @@ from optional_libraries import optional_imports
 import pytest
 
 with optional_imports():
-    from kachaka_simple_control.kachaka.simulator.grpc_messages import MapToOdom
+    from kachaka_simple_control.kachaka.simulator.grpc_state import MapToOdom
 
 pytestmark = pytest.mark.needs('kachaka_api')
 
