@@ -32,12 +32,12 @@ from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME,
 from kachaka_simple_control.kachaka.simulator.grpc_state import SimulatorState
 from kachaka_simple_control.kachaka.simulator.tasks import (
     Action,
-    DriveStraight,
+    drive_straight,
     plan_to_pose,
     StandStill,
     Task,
     TaskResult,
-    TurnInPlace,
+    turn_in_place,
 )
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 
@@ -178,7 +178,7 @@ def _move_by_velocity(
         command: pb2.MoveByVelocityWithMutedSensorsCommand,
         state: SimulatorState) -> tuple[Action, ...]:
     velocity = command.signed_velocity
-    return (DriveStraight(velocity * command.move_duration_sec, abs(velocity)),)
+    return (drive_straight(velocity * command.move_duration_sec, abs(velocity)),)
 
 
 def _return_shelf(command: pb2.ReturnShelfCommand, state: SimulatorState) -> int:
@@ -188,14 +188,14 @@ def _return_shelf(command: pb2.ReturnShelfCommand, state: SimulatorState) -> int
 #: For each command, a function that returns its actions, or an error code if it needs furniture.
 ACTIONS: dict[str, Callable[[Any, SimulatorState], tuple[Action, ...] | int]] = {
     'move_forward_command': lambda command, state: (
-        DriveStraight(command.distance_meter, command.speed),),
-    'rotate_in_place_command': lambda command, state: (TurnInPlace(command.angle_radian),),
+        drive_straight(command.distance_meter, command.speed),),
+    'rotate_in_place_command': lambda command, state: (turn_in_place(command.angle_radian),),
     'move_to_pose_command': _move_to_pose,
     'move_to_location_command': _move_to_location,
     'return_home_command': _return_home,
     'lock_command': _lock,
     'speak_command': lambda command, state: (StandStill(SPEAK_DURATION),),
-    'localize_command': lambda command, state: (TurnInPlace(math.tau),),
+    'localize_command': lambda command, state: (turn_in_place(math.tau),),
     'move_by_velocity_with_muted_sensors_command': _move_by_velocity,
     'undock_shelf_command': lambda command, state: ERROR_NO_FURNITURE,
     'return_shelf_command': _return_shelf,

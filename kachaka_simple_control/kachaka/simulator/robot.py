@@ -35,7 +35,7 @@ from kachaka_simple_control.kachaka.simulator.drive_model import (
 )
 from kachaka_simple_control.kachaka.simulator.tasks import (
     Action,
-    DriveStraight,
+    drive_straight,
     plan_docking,
     Task,
     TaskQueue,
@@ -270,7 +270,7 @@ class SimulatedKachaka:
         while (task := self._tasks.current) is not None:
             if self._is_docked and task.moves:
                 self._is_docked = False
-                self._tasks.prepend(DriveStraight(
+                self._tasks.prepend(drive_straight(
                     self._parameters.undock_distance, self._parameters.undock_velocity))
             answer = self._tasks.step(*self._drive.state_at(now), now)
             if not isinstance(answer, TaskResult):

@@ -16,9 +16,9 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
-from typing import ClassVar
 
 from kachaka_simple_control.kachaka.error_codes import ERROR_STUCK, SUCCESS
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
@@ -44,112 +44,37 @@ MAX_RESULTS = 100
 
 @dataclass(frozen=True)
 class MotionAction:
-    """The base class of actions that move the robot: one straight line or one turn in place."""
-
-    is_turn: ClassVar[bool] = False
-
-    def length(self, start: Pose) -> float:
-        """
-        Return the signed distance [m] or angle [rad] of the action.
-
-        :param start: the odometry pose at the start of the action
-        """
-        raise NotImplementedError
-
-    def max_speed(self, limits: Limits) -> float:
-        """Return the largest speed of the action [m/s] or [rad/s]."""
-        return limits.max_angular_velocity if self.is_turn else limits.max_linear_velocity
-
-
-@dataclass(frozen=True)
-class DriveStraight(MotionAction):
     """
-    An action that drives straight.
+    An action that moves the robot: one straight line or one turn in place.
+
+    :param length: returns the signed distance [m] or angle [rad] of the action; called with the
+        odometry pose at its start
+    :param is_turn: whether the action is a turn
+    :param speed: the largest speed [m/s, rad/s]; 0 for the largest speed of the robot
+    """
+
+    length: Callable[[Pose], float]
+    is_turn: bool = False
+    speed: float = 0.0
+
+
+def drive_straight(distance: float, speed: float = 0.0) -> MotionAction:
+    """
+    Return an action that drives straight.
 
     :param distance: the distance [m], negative backwards
     :param speed: the largest speed [m/s]; 0 for the largest speed of the robot
     """
-
-    distance: float
-    speed: float = 0.0
-
-    def length(self, start: Pose) -> float:
-        """Return the signed distance [m]."""
-        return self.distance
-
-    def max_speed(self, limits: Limits) -> float:
-        """Return the largest speed [m/s]."""
-        return min(abs(self.speed) or math.inf, limits.max_linear_velocity)
+    return MotionAction(lambda _: distance, speed=speed)
 
 
-@dataclass(frozen=True)
-class TurnInPlace(MotionAction):
+def turn_in_place(angle: float) -> MotionAction:
     """
-    An action that turns in place.
+    Return an action that turns in place.
 
     :param angle: the angle [rad], counter-clockwise positive, not wrapped
     """
-
-    angle: float
-    is_turn: ClassVar[bool] = True
-
-    def length(self, start: Pose) -> float:
-        """Return the signed angle [rad]."""
-        return self.angle
-
-
-@dataclass(frozen=True)
-class FacePoint(MotionAction):
-    """
-    An action that turns in place towards a point, by the smaller angle.
-
-    :param x: x of the point in odometry [m]
-    :param y: y of the point in odometry [m]
-    """
-
-    x: float
-    y: float
-    is_turn: ClassVar[bool] = True
-
-    def length(self, start: Pose) -> float:
-        """Return the signed angle [rad]; 0 if the robot stands on the point."""
-        if math.hypot(self.x - start.x, self.y - start.y) <= SAME_POINT:
-            return 0.0
-        direction = math.atan2(self.y - start.y, self.x - start.x)
-        return math.remainder(direction - start.theta, math.tau)
-
-
-@dataclass(frozen=True)
-class DriveToPoint(MotionAction):
-    """
-    An action that drives straight ahead by the distance of a point.
-
-    :param x: x of the point in odometry [m]
-    :param y: y of the point in odometry [m]
-    """
-
-    x: float
-    y: float
-
-    def length(self, start: Pose) -> float:
-        """Return the distance to the point [m]."""
-        return math.hypot(self.x - start.x, self.y - start.y)
-
-
-@dataclass(frozen=True)
-class TurnToHeading(MotionAction):
-    """
-    An action that turns in place to a heading, by the smaller angle.
-
-    :param theta: the heading in odometry [rad]
-    """
-
-    theta: float
-    is_turn: ClassVar[bool] = True
-
-    def length(self, start: Pose) -> float:
-        """Return the signed angle [rad]."""
-        return math.remainder(self.theta - start.theta, math.tau)
+    return MotionAction(lambda _: angle, is_turn=True)
 
 
 @dataclass(frozen=True)
@@ -172,9 +97,25 @@ def plan_to_pose(pose: Pose) -> tuple[Action, ...]:
     """
     Return the actions to reach a pose: a turn, a straight line and a turn, without obstacles.
 
+    Both turns are by the smaller angle.
+
     :param pose: the pose in odometry
     """
-    return FacePoint(pose.x, pose.y), DriveToPoint(pose.x, pose.y), TurnToHeading(pose.theta)
+    def distance(start: Pose) -> float:
+        return math.hypot(pose.x - start.x, pose.y - start.y)
+
+    def angle_to_point(start: Pose) -> float:
+        if distance(start) <= SAME_POINT:
+            return 0.0
+        direction = math.atan2(pose.y - start.y, pose.x - start.x)
+        return math.remainder(direction - start.theta, math.tau)
+
+    def angle_to_heading(start: Pose) -> float:
+        return math.remainder(pose.theta - start.theta, math.tau)
+
+    return (
+        MotionAction(angle_to_point, is_turn=True), MotionAction(distance),
+        MotionAction(angle_to_heading, is_turn=True))
 
 
 def plan_docking(dock: Pose, distance: float, speed: float) -> tuple[Action, ...]:
@@ -185,7 +126,7 @@ def plan_docking(dock: Pose, distance: float, speed: float) -> tuple[Action, ...
     :param distance: the distance to drive backwards [m]
     :param speed: the backward speed [m/s]
     """
-    return (*plan_to_pose(advance(dock, distance, 0.0)), DriveStraight(-distance, speed))
+    return (*plan_to_pose(advance(dock, distance, 0.0)), drive_straight(-distance, speed))
 
 
 class ActionController:
@@ -213,9 +154,10 @@ class ActionController:
         self._tolerance, self._max_end_speed = (TOLERANCE, math.inf) if parameters.is_ideal else (
             TOLERANCE_WITH_LAG, MAX_END_SPEED)
         self._length = action.length(start)
-        self._speed = action.max_speed(limits)
-        self._acceleration = (
-            parameters.angular_acceleration if action.is_turn else parameters.linear_acceleration)
+        fastest, self._acceleration = (
+            (limits.max_angular_velocity, parameters.angular_acceleration) if action.is_turn
+            else (limits.max_linear_velocity, parameters.linear_acceleration))
+        self._speed = min(abs(action.speed) or math.inf, fastest)
         self.end += TIME_LIMIT_FACTOR * abs(self._length) / self._speed + TIME_LIMIT_MARGIN
 
     def step(

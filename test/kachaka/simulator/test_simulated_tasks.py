@@ -32,11 +32,11 @@ from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParam
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.kachaka.simulator.tasks import (
     ActionController,
-    DriveStraight,
+    drive_straight,
     plan_to_pose,
     StandStill,
     Task,
-    TurnInPlace,
+    turn_in_place,
 )
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
 import pytest
@@ -61,7 +61,7 @@ def results(robot, now):
 def test_a_straight_line_is_exact_and_takes_its_time():
     """0.3 m at 0.1 m/s: 3 s."""
     robot = SimulatedKachaka()
-    assert send(robot, DriveStraight(0.3, 0.1), now=1.0) == SUCCESS
+    assert send(robot, drive_straight(0.3, 0.1), now=1.0) == SUCCESS
     assert robot.state(2.5)[0].x == pytest.approx(0.15, abs=1e-12)
     assert robot.task(3.98).identity == 'task'
     assert robot.task(4.05) is None
@@ -70,9 +70,9 @@ def test_a_straight_line_is_exact_and_takes_its_time():
 
 
 @pytest.mark.parametrize(('action', 'pose'), [
-    (DriveStraight(-0.4), Pose(-0.4)), (DriveStraight(1.0, 9.0), Pose(1.0)),
-    (TurnInPlace(math.pi), Pose(theta=math.pi)), (TurnInPlace(-7.0), Pose(theta=-7.0)),
-    (DriveStraight(0.0), ORIGIN)])
+    (drive_straight(-0.4), Pose(-0.4)), (drive_straight(1.0, 9.0), Pose(1.0)),
+    (turn_in_place(math.pi), Pose(theta=math.pi)), (turn_in_place(-7.0), Pose(theta=-7.0)),
+    (drive_straight(0.0), ORIGIN)])
 def test_a_task_ends_at_its_goal(action, pose):
     """Backwards, faster than it can, more than a turn, and nothing at all."""
     robot = SimulatedKachaka()
@@ -87,7 +87,7 @@ def test_a_task_ends_at_its_goal(action, pose):
 def test_a_robot_with_imperfect_drive_arrives(parameters, distance, angle):
     """Within 1 mm and 1 mrad, by closed-loop control."""
     robot = SimulatedKachaka(parameters=parameters)
-    send(robot, TurnInPlace(angle), DriveStraight(distance))
+    send(robot, turn_in_place(angle), drive_straight(distance))
     pose, velocity = robot.state(90.0)
     assert results(robot, 90.0) == [('task', SUCCESS)]
     assert math.hypot(pose.x, pose.y) == pytest.approx(abs(distance), abs=1e-3)
@@ -99,7 +99,7 @@ def test_a_robot_with_imperfect_drive_arrives(parameters, distance, angle):
 def test_a_robot_with_lag_does_not_overshoot(lag):
     """It arrives within 10 s."""
     robot = SimulatedKachaka(parameters=SimulationParameters(lag=lag))
-    send(robot, DriveStraight(0.3))
+    send(robot, drive_straight(0.3))
     assert max(robot.state(0.01 * tick)[0].x for tick in range(1000)) < 0.3 + 1e-3
     assert results(robot, 10.0) == [('task', SUCCESS)]
 
@@ -108,7 +108,7 @@ def test_a_robot_that_drives_past_its_goal_has_not_arrived():
     """Unless it can stop at once."""
     for parameters, is_there in (
             (SimulationParameters(lag=0.1), False), (SimulationParameters(), True)):
-        controller = ActionController(DriveStraight(1.0), ORIGIN, 0.0, KACHAKA.limits, parameters)
+        controller = ActionController(drive_straight(1.0), ORIGIN, 0.0, KACHAKA.limits, parameters)
         assert (controller.step(Pose(1.0), Velocity(0.2), 1.0) is True) == is_there
         assert controller.step(Pose(1.0), ZERO, 1.0) is True
 
@@ -119,7 +119,7 @@ def test_a_robot_that_drives_past_its_goal_has_not_arrived():
 def test_a_pose_is_reached_from_anywhere(x, y, theta):
     """With the heading of the pose, whichever turn it is in."""
     robot = SimulatedKachaka()
-    send(robot, TurnInPlace(1.0), DriveStraight(0.3))
+    send(robot, turn_in_place(1.0), drive_straight(0.3))
     send(robot, *plan_to_pose(Pose(x, y, theta)), now=10.0)
     pose, _ = robot.state(60.0)
     assert (pose.x, pose.y) == (pytest.approx(x, abs=2e-4), pytest.approx(y, abs=2e-4))
@@ -132,7 +132,7 @@ def test_queries_change_nothing():
     poses = []
     for questions in (1, 500):
         robot = SimulatedKachaka(parameters=parameters, seed=5)
-        send(robot, DriveStraight(0.5), TurnInPlace(1.0))
+        send(robot, drive_straight(0.5), turn_in_place(1.0))
         for question in range(questions):
             robot.state(4.0 * (question + 1) / questions)
         poses.append(robot.state(4.0))
@@ -142,7 +142,7 @@ def test_queries_change_nothing():
 def test_a_robot_that_cannot_reach_its_goal_fails_and_stops():
     """Its wheels turn and it does not move."""
     robot = SimulatedKachaka(parameters=SimulationParameters(linear_gain=0.0))
-    send(robot, DriveStraight(0.3), TurnInPlace(1.0))
+    send(robot, drive_straight(0.3), turn_in_place(1.0))
     assert robot.task(12.0) is not None
     assert results(robot, 14.0) == [('task', ERROR_STUCK)]
     assert robot.state(20.0) == (ORIGIN, ZERO)
@@ -151,9 +151,9 @@ def test_a_robot_that_cannot_reach_its_goal_fails_and_stops():
 def test_a_task_ends_the_one_before_unless_it_waits():
     """The robot goes on from where it is."""
     robot = SimulatedKachaka()
-    send(robot, DriveStraight(1.0, 0.1), name='a')
-    send(robot, DriveStraight(1.0, 0.1), now=1.0, name='b')
-    send(robot, DriveStraight(-0.3, 0.1), now=2.0, name='c', drop_others=False)
+    send(robot, drive_straight(1.0, 0.1), name='a')
+    send(robot, drive_straight(1.0, 0.1), now=1.0, name='b')
+    send(robot, drive_straight(-0.3, 0.1), now=2.0, name='c', drop_others=False)
     assert robot.task(10.9).identity == 'b'
     assert robot.task(11.1).identity == 'c'
     assert results(robot, 20.0) == [('a', ERROR_CANCELLED), ('b', SUCCESS), ('c', SUCCESS)]
@@ -163,8 +163,8 @@ def test_a_task_ends_the_one_before_unless_it_waits():
 def test_cancelling_stops_at_once_and_drops_all_tasks():
     """It returns the running task; a second time none."""
     robot = SimulatedKachaka()
-    send(robot, DriveStraight(1.0, 0.1), name='a')
-    send(robot, DriveStraight(1.0, 0.1), name='b', drop_others=False)
+    send(robot, drive_straight(1.0, 0.1), name='a')
+    send(robot, drive_straight(1.0, 0.1), name='b', drop_others=False)
     assert robot.cancel_tasks(1.0).identity == 'a'
     assert robot.cancel_tasks(1.0) is None
     assert robot.state(9.0) == (Pose(pytest.approx(0.1, abs=1e-12)), ZERO)
@@ -177,7 +177,7 @@ def test_a_standstill_that_may_be_ended_can_be_ended():
     assert robot.end_standstill(0.0) == ERROR_NOTHING_TO_DO
     send(robot, StandStill(30.0), now=0.0)
     assert robot.end_standstill(1.0) == ERROR_NOTHING_TO_DO
-    send(robot, StandStill(30.0, can_be_ended=True), DriveStraight(0.1, 0.1), now=2.0)
+    send(robot, StandStill(30.0, can_be_ended=True), drive_straight(0.1, 0.1), now=2.0)
     assert robot.end_standstill(5.0) == SUCCESS
     assert robot.state(5.5)[0].x == pytest.approx(0.05, abs=1e-12)
     assert results(robot, 7.0)[-1] == ('task', SUCCESS)
@@ -198,7 +198,7 @@ def test_tasks_and_manual_control_end_each_other():
     robot.set_manual_control(True, 0.0)
     # Its command timeout would end within a control period of the task and must not stop it.
     robot.set_robot_velocity(1.0, 0.0, 0.91)
-    send(robot, DriveStraight(1.0, 0.1), now=1.0)
+    send(robot, drive_straight(1.0, 0.1), now=1.0)
     assert robot.manual_control(1.1) is False
     assert robot.set_robot_velocity(1.0, 0.0, 1.1) == ERROR_NO_MANUAL_CONTROL
     assert robot.state(2.0)[0].x == pytest.approx(0.027 + 0.1, abs=1e-12)
@@ -212,7 +212,7 @@ def test_on_the_dock_a_task_that_moves_undocks_first():
     robot = SimulatedKachaka(docked=True)
     send(robot, StandStill(1.0), now=0.0)
     assert robot.is_docked(2.0) is True
-    send(robot, TurnInPlace(1.0), now=2.0)
+    send(robot, turn_in_place(1.0), now=2.0)
     assert robot.is_docked(2.0) is False
     pose, _ = robot.state(9.0)
     assert (pose.x, pose.theta) == (pytest.approx(0.2), pytest.approx(1.0))
@@ -222,7 +222,7 @@ def test_a_task_waits_for_undocking():
     """Manual control began it; it is completed."""
     robot = SimulatedKachaka(docked=True)
     robot.set_manual_control(True, 0.0)
-    send(robot, DriveStraight(0.1, 0.1), now=0.5)
+    send(robot, drive_straight(0.1, 0.1), now=0.5)
     assert robot.state(1.99)[0].x == pytest.approx(0.199)
     assert robot.state(9.0)[0].x == pytest.approx(0.3)
 
@@ -231,7 +231,7 @@ def test_a_task_waits_for_undocking():
 def test_the_robot_docks_from_any_pose(docked):
     """Backwards onto its dock; a docked robot needs no actions."""
     robot = SimulatedKachaka(docked=docked)
-    send(robot, DriveStraight(0.4), TurnInPlace(2.0), DriveStraight(0.3))
+    send(robot, drive_straight(0.4), turn_in_place(2.0), drive_straight(0.3))
     send(robot, *robot.actions_to_dock(20.0), now=20.0, ends_docked=True)
     assert robot.is_docked(25.0) is False
     pose, velocity = robot.state(60.0)
@@ -245,7 +245,7 @@ def test_the_robot_docks_from_any_pose(docked):
 def test_a_cancelled_return_does_not_end_docked():
     """Nor does one that another task ends."""
     robot = SimulatedKachaka()
-    send(robot, DriveStraight(0.5))
+    send(robot, drive_straight(0.5))
     send(robot, *robot.actions_to_dock(9.0), now=9.0, ends_docked=True)
     robot.cancel_tasks(10.0)
     assert robot.is_docked(60.0) is False
@@ -258,12 +258,12 @@ def test_emergency_stop_ends_everything_at_once(docked):
     if docked:
         robot.set_manual_control(True, 0.0)
     else:
-        send(robot, DriveStraight(1.0, 0.1))
+        send(robot, drive_straight(1.0, 0.1))
     assert robot.set_emergency_stop(1.0) == SUCCESS
     assert robot.errors(1.0) == (ERROR_PAUSED,)
     assert robot.set_manual_control(True, 2.0) == ERROR_PAUSED
     assert robot.set_robot_velocity(1.0, 0.0, 2.0) == ERROR_PAUSED
-    assert send(robot, DriveStraight(1.0), now=2.0) == ERROR_PAUSED
+    assert send(robot, drive_straight(1.0), now=2.0) == ERROR_PAUSED
     assert robot.set_manual_control(False, 2.0) == SUCCESS
     assert send(robot, StandStill(1.0), now=2.0) == SUCCESS
     robot.press_power_button(4.0)
