@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 import sys
 
 from kachaka_simple_control.control.signals import ShutdownEvent
@@ -28,28 +29,8 @@ from kachaka_simple_control.text import escaped
 SDK_MISSING = (
     'the SDK of the robot is missing here ({error}); install it with: '
     "pip install 'kachaka_simple_control[kachaka]' && pip install --no-deps kachaka-api")
-#: The options that are fields of ``SimulationParameters``: name, unit, help.
-PARAMETER_OPTIONS = (
-    ('dead_time', 'S', 'how long after a command the drive begins to follow it'),
-    ('lag', 'S', 'time constant of the drive'),
-    ('linear_acceleration', 'M/S2', 'largest change of the forward velocity'),
-    ('angular_acceleration', 'RAD/S2', 'largest change of the turning velocity'),
-    ('linear_gain', 'F', 'forward velocity, by odometry, over the demanded one'),
-    ('backward_gain', 'F', 'that gain backwards, over the one forwards'),
-    ('angular_gain', 'F', 'turning velocity, by odometry, over the demanded one'),
-    ('right_gain', 'F', 'that gain to the right, over the one to the left'),
-    ('veer', 'RAD/M', 'how much the robot turns to the left on each metre forwards'),
-    ('odometry_scale', 'F', 'true distance over the one that odometry reports'),
-    ('wheel_ratio', 'F', 'true diameter of the right wheel over that of the left one'),
-    ('track_ratio', 'F', 'true track over the one that odometry uses'),
-    ('velocity_noise', 'F', 'standard deviation of the velocity, as a part of it'),
-    ('odometry_noise', 'M', 'standard deviation of the position in odometry'),
-    ('heading_noise', 'RAD', 'standard deviation of the heading in odometry'),
-    ('undock_distance', 'M', 'how far the robot drives off its dock'),
-    ('undock_velocity', 'M/S', 'how fast it does that'),
-)
 #: The names of all options of a simulated robot.
-SIMULATION_NAMES = ('docked', 'seed', *(name for name, _, _ in PARAMETER_OPTIONS))
+SIMULATION_NAMES = ('docked', 'seed', *(figure.name for figure in fields(SimulationParameters)))
 
 
 def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> None:
@@ -63,9 +44,9 @@ def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> No
     add('--docked', action='store_true', default=None,
         help=f'{robot} starts on its charging dock')
     add('--seed', type=int, help='of all noise (default: 0)')
-    for name, unit, text in PARAMETER_OPTIONS:
-        add(f"--{name.replace('_', '-')}", type=float, metavar=unit,
-            help=f'{text} (default: {getattr(SimulationParameters, name)})')
+    for figure in fields(SimulationParameters):
+        add(f"--{figure.name.replace('_', '-')}", type=float, metavar=figure.metadata['unit'],
+            help=f"{figure.metadata['help']} (default: {figure.default})")
 
 
 def add_parent_option(parser: argparse.ArgumentParser) -> None:
@@ -95,8 +76,8 @@ def simulation_parameters(
     """
     try:
         return SimulationParameters(
-            **{name: value for name, _, _ in PARAMETER_OPTIONS
-               if (value := getattr(options, name)) is not None})
+            **{figure.name: value for figure in fields(SimulationParameters)
+               if (value := getattr(options, figure.name)) is not None})
     except ValueError as error:
         parser.error(str(error))
 

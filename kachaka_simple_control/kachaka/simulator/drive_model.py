@@ -16,14 +16,37 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
 import math
 import random
+from typing import Any
 
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK
 from kachaka_simple_control.motion.calibration import OdometryCalibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
+
+#: The rules for the figures of a simulated robot: the text for errors, and the check.
+FINITE, ABOVE_0 = 'a finite number', 'above 0'
+FINITE_ABOVE_0, FINITE_FROM_0 = 'a finite number above 0', 'a finite number, 0 or more'
+RULES: dict[str, Callable[[float], bool]] = {
+    FINITE: math.isfinite,
+    ABOVE_0: lambda value: value > 0.0,
+    FINITE_ABOVE_0: lambda value: 0.0 < value < math.inf,
+    FINITE_FROM_0: lambda value: 0.0 <= value < math.inf}
+
+
+def _figure(default: float, unit: str, text: str, rule: str = FINITE_FROM_0) -> Any:
+    """
+    Return a field of ``SimulationParameters``, which is also an option of the commands.
+
+    :param default: the value for an ideal robot
+    :param unit: the unit, as the help of the option shows it; F for a factor
+    :param text: the help of the option
+    :param rule: the rule for the value
+    """
+    return field(default=default, metadata={'unit': unit, 'help': text, 'rule': rule})
 
 
 @dataclass(frozen=True)
@@ -59,28 +82,38 @@ class SimulationParameters:
         out of the range of ``OdometryCalibration``
     """
 
-    dead_time: float = 0.0
-    lag: float = 0.0
-    linear_acceleration: float = math.inf
-    angular_acceleration: float = math.inf
-    linear_gain: float = 1.0
-    backward_gain: float = 1.0
-    angular_gain: float = 1.0
-    right_gain: float = 1.0
-    veer: float = 0.0
-    odometry_scale: float = 1.0
-    wheel_ratio: float = 1.0
-    track_ratio: float = 1.0
-    velocity_noise: float = 0.0
-    odometry_noise: float = 0.0
-    heading_noise: float = 0.0
-    undock_distance: float = 0.2
-    undock_velocity: float = 0.1
+    dead_time: float = _figure(0.0, 'S', 'how long after a command the drive begins to follow it')
+    lag: float = _figure(0.0, 'S', 'time constant of the drive')
+    linear_acceleration: float = _figure(
+        math.inf, 'M/S2', 'largest change of the forward velocity', ABOVE_0)
+    angular_acceleration: float = _figure(
+        math.inf, 'RAD/S2', 'largest change of the turning velocity', ABOVE_0)
+    linear_gain: float = _figure(
+        1.0, 'F', 'forward velocity, by odometry, over the demanded one', FINITE)
+    backward_gain: float = _figure(1.0, 'F', 'that gain backwards, over the one forwards', FINITE)
+    angular_gain: float = _figure(
+        1.0, 'F', 'turning velocity, by odometry, over the demanded one', FINITE)
+    right_gain: float = _figure(
+        1.0, 'F', 'that gain to the right, over the one to the left', FINITE)
+    veer: float = _figure(
+        0.0, 'RAD/M', 'how much the robot turns to the left on each metre forwards', FINITE)
+    odometry_scale: float = _figure(1.0, 'F', 'true distance over the one that odometry reports')
+    wheel_ratio: float = _figure(
+        1.0, 'F', 'true diameter of the right wheel over that of the left one')
+    track_ratio: float = _figure(1.0, 'F', 'true track over the one that odometry uses')
+    velocity_noise: float = _figure(
+        0.0, 'F', 'standard deviation of the velocity, as a part of it')
+    odometry_noise: float = _figure(0.0, 'M', 'standard deviation of the position in odometry')
+    heading_noise: float = _figure(0.0, 'RAD', 'standard deviation of the heading in odometry')
+    undock_distance: float = _figure(0.2, 'M', 'how far the robot drives off its dock')
+    undock_velocity: float = _figure(0.1, 'M/S', 'how fast it does that', FINITE_ABOVE_0)
 
     def __post_init__(self) -> None:
         """Check each value."""
-        for field in fields(self):
-            _check(field.name, getattr(self, field.name))
+        for figure in fields(self):
+            value, rule = getattr(self, figure.name), figure.metadata['rule']
+            if not RULES[rule](value):
+                raise ValueError(f'{figure.name} is {value}; it must be {rule}')
         try:
             self.floor  # noqa: B018
         except InvalidMotionError as error:
@@ -99,19 +132,6 @@ class SimulationParameters:
         return (
             self.lag == 0.0 and self.velocity_noise == 0.0
             and math.isinf(self.linear_acceleration) and math.isinf(self.angular_acceleration))
-
-
-def _check(name: str, value: float) -> None:
-    if name.endswith('gain') or name == 'veer':
-        is_valid, rule = math.isfinite(value), 'a finite number'
-    elif name.endswith('acceleration'):
-        is_valid, rule = value > 0.0, 'above 0'
-    elif name == 'undock_velocity':
-        is_valid, rule = math.isfinite(value) and value > 0.0, 'a finite number above 0'
-    else:
-        is_valid, rule = math.isfinite(value) and value >= 0.0, 'a finite number, 0 or more'
-    if not is_valid:
-        raise ValueError(f'{name} is {value}; it must be {rule}')
 
 
 IDEAL = SimulationParameters()
