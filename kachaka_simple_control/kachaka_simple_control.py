@@ -40,12 +40,12 @@ from kachaka_simple_control.errors import (
     MotionRunningError,
     UsageError,
 )
-from kachaka_simple_control.kachaka.own_simulation import OwnSimulation, start_on_this_machine
+from kachaka_simple_control.kachaka.bridge_process import OwnSimulation
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.plan import DriveOrder, Plan
 from kachaka_simple_control.motion.steps import Motion, Move
 from kachaka_simple_control.ros.commander import Commander
-from kachaka_simple_control.ros.dds_transport import use_udp_transport
+from kachaka_simple_control.ros.dds_transport import start_on_this_machine, use_udp_transport
 from kachaka_simple_control.ros.executors import before_shutdown, wake_main_thread
 from kachaka_simple_control.ros.introspection import IntrospectionPublishers
 from kachaka_simple_control.ros.names import INTROSPECTION_TOPICS, names_of

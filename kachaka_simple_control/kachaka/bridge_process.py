@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Run a bridge to a robot in its own process during a ``with`` block."""
+"""Run a bridge to a robot in its own process, for a ``with`` block or for a node."""
 
 from __future__ import annotations
 
@@ -21,11 +21,14 @@ import subprocess
 import sys
 import threading
 import time
+from typing import ClassVar
 
+from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.control import processes
-from kachaka_simple_control.errors import ControlError, RobotNotFoundError
+from kachaka_simple_control.errors import ControlError, RobotNotFoundError, UsageError
 from kachaka_simple_control.exit_codes import NO_ROBOT
-from kachaka_simple_control.files.robot_profile import KACHAKA
+from kachaka_simple_control.files.robot_profile import KACHAKA, RobotProfile
+from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
 from kachaka_simple_control.text import escaped
 
 #: The longest time for the process to end after SIGTERM [s].
@@ -206,3 +209,48 @@ class BridgeProcess:
                 with contextlib.suppress(OSError):  # a full disk
                     sys.stderr.write(line)
                     sys.stderr.flush()
+
+
+class OwnSimulation:
+    """
+    A simulated robot in a child process, and the table of results printed at its end.
+
+    :param profile: the robot that the node drives
+    :param namespace: the ROS namespace of the robot
+    :raises UsageError: if the node does not drive a Kachaka, or if an earlier node of this program
+        still has a simulated robot in the namespace
+    """
+
+    #: the namespaces of the running robots
+    _running: ClassVar[set[str]] = set()
+
+    def __init__(self, profile: RobotProfile, namespace: str) -> None:
+        if not profile.is_kachaka:
+            raise UsageError(f'sim=True starts a simulated kachaka, not a {profile.name}')
+        if namespace in self._running:
+            raise UsageError(
+                f'an earlier node of this program has the simulated robot {namespace}: call its '
+                'destroy_node() first, or choose another robot_namespace')
+        self._running.add(namespace)
+        self._namespace = namespace
+        self._bridge: BridgeProcess | None = BridgeProcess(['--sim', '--namespace', namespace])
+        #: returns the robot's DDS participant, for ``Session.require_robot()``
+        self.require_participant = self._bridge.require_participant
+
+    def end(self, drive_log: DriveLog, stop_confirmed_after: float | None) -> None:
+        """
+        End the robot, and print a table of the requested, sent and driven motions.
+
+        A second call has no effect.
+
+        :param drive_log: the log of the drive
+        :param stop_confirmed_after: the time from the stop to the standstill in odometry [s]; None
+            if odometry did not show a standstill
+        """
+        bridge, self._bridge = self._bridge, None
+        if bridge is None:
+            return
+        bridge.end()
+        self._running.discard(self._namespace)
+        if drive_log.steps:
+            print(drive_table(drive_log, stop_confirmed_after, terminal_columns()), flush=True)

@@ -15,9 +15,12 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 import re
+
+from kachaka_simple_control.errors import UsageError
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 #: The variable that lists other machines; they are discovered in spite of the range.
@@ -81,6 +84,33 @@ def use_localhost_only() -> None:
         os.environ[RANGE] = 'LOCALHOST'
     else:
         os.environ[RANGE] = 'SUBNET'
+
+
+def start_on_this_machine(own: object) -> None:
+    """
+    Restrict ROS to this machine, and initialise ROS if needed.
+
+    A simulated robot has the same names as a real robot.  If other machines could see it, their
+    drives of a real robot would end.
+
+    :param own: the node that is being created
+    :raises UsageError: if it is too late to restrict ROS to this machine
+    """
+    import rclpy
+    from rclpy.node import Node
+    if rclpy.ok() and not is_range_chosen():
+        # rclpy has already read its environment variables.  Only the DDS profile is read later,
+        # when the first node is created.
+        others = (found for found in gc.get_objects()
+                  if issubclass(type(found), Node) and found is not own)
+        if not can_still_be_localhost_only() or next(others, None) is not None:
+            raise UsageError(
+                'sim=True comes too late to keep the simulated robot on this machine: make this '
+                'node first, before rclpy.init(), which it then calls itself; or set '
+                'ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST (on Humble ROS_LOCALHOST_ONLY=1)')
+    use_localhost_only()
+    if not rclpy.ok():
+        rclpy.init()
 
 
 def is_localhost_requested() -> bool:
