@@ -54,8 +54,8 @@ class GrpcRobot:
 
         :raises RuntimeError: if the robot does not respond
         """
-        from kachaka_simple_control.kachaka.grpc_client.address import Address
         from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
+        from kachaka_simple_control.kachaka.program import Address
         from kachaka_simple_control.ros import conversions
         client = RobotClient(Address.parse(self.address))
         result, response = client.odometry(0, RESPONSE_TIMEOUT)

@@ -34,9 +34,9 @@ from kachaka_simple_control.exit_codes import (
     HELP,
     OneLineParser,
 )
-from kachaka_simple_control.kachaka.grpc_client.address import address_argument
 from kachaka_simple_control.kachaka.program import (
     add_simulation_options,
+    address_argument,
     SIMULATION_NAMES,
     simulation_parameters,
     simulation_words,

@@ -26,18 +26,15 @@ from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.output import make_log_nonblocking
 from kachaka_simple_control.control.signals import ShutdownEvent
-from kachaka_simple_control.errors import RobotTakenError
+from kachaka_simple_control.errors import RobotNotFoundError, RobotTakenError
 from kachaka_simple_control.exit_codes import BAD_USAGE, FAULTED, NO_ROBOT, OneLineParser
 from kachaka_simple_control.kachaka.bridge_process import PARTICIPANT
-from kachaka_simple_control.kachaka.grpc_client.address import (
-    address_argument,
-    PORT,
-    UnreachableError,
-)
 from kachaka_simple_control.kachaka.program import (
     add_parent_option,
     add_simulation_options,
+    address_argument,
     ExitError,
+    PORT,
     run_until_shutdown,
     SDK_MISSING,
     simulation_parameters,
@@ -102,10 +99,10 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
         node = make_node()
     except ImportError as error:
         raise ExitError(FAULTED, f'ROS 2 is missing here ({error})') from None
-    except UnreachableError as error:
-        raise ExitError(NO_ROBOT, error) from None
     except RobotTakenError as error:
         raise ExitError(NO_ROBOT, f'{error}; {_advice(options)}') from None
+    except RobotNotFoundError as error:
+        raise ExitError(NO_ROBOT, error) from None
     except (RuntimeError, UnicodeError) as error:
         raise ExitError(BAD_USAGE, error) from None
     try:

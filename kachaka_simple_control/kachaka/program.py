@@ -11,26 +11,88 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Common code of ``kachaka_bridge`` and ``kachaka_sim``: options and program end."""
+"""Common code of the commands for a Kachaka: its address, options and the program's end."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 import sys
 
 from kachaka_simple_control.control.signals import ShutdownEvent
 from kachaka_simple_control.exit_codes import DONE
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
-from kachaka_simple_control.text import escaped
+from kachaka_simple_control.text import escaped, quoted
 
+#: The port of the robot's gRPC service (docs/GRPC.md in pf-robotics/kachaka-api).
+PORT = 26400
+#: The longest address: a host name of 253 characters, brackets and a port.
+MAX_ADDRESS_LENGTH = 261
 #: With --no-deps, because the version pins of the manufacturer's package downgrade other packages.
 SDK_MISSING = (
     'the SDK of the robot is missing here ({error}); install it with: '
     "pip install 'kachaka_simple_control[kachaka]' && pip install --no-deps kachaka-api")
 #: The names of all options of a simulated robot.
 SIMULATION_NAMES = ('docked', 'seed', *(figure.name for figure in fields(SimulationParameters)))
+
+
+@dataclass(frozen=True)
+class Address:
+    """
+    The address of a robot's gRPC service.
+
+    :param host: the host name or IP address
+    :param port: the TCP port
+    """
+
+    host: str
+    port: int = PORT
+
+    @classmethod
+    def parse(cls, text: str) -> Address:
+        """
+        Return the address from a text.
+
+        :param text: ``HOST`` or ``HOST:PORT``; an IPv6 address with a port needs brackets
+        :raises ValueError: if the text is not an address; the message has one line
+        """
+        host, port = _split_address(text.strip())
+        if len(text) > MAX_ADDRESS_LENGTH or not text.isprintable():
+            raise ValueError(
+                f'{quoted(text, 60)} is no address of a robot; it has at most '
+                f'{MAX_ADDRESS_LENGTH} characters, all of them visible')
+        if not host or any(c.isspace() or c == '/' for c in text.strip()) or set('[]') & set(host):
+            raise ValueError(
+                f'{text!r} is no address of a robot; write HOST or HOST:{PORT}, for example '
+                f'192.168.1.20 or 192.168.1.20:{PORT}')
+        if not (port.isascii() and port.isdigit() and 1 <= int(port) <= 65535):
+            raise ValueError(f'the port in {text!r} must be a number from 1 to 65535')
+        return cls(host, int(port))
+
+    def __str__(self) -> str:
+        """Return the address as text in the form that gRPC expects."""
+        host = f'[{self.host}]' if ':' in self.host else self.host
+        return f'{host}:{self.port}'
+
+
+def _split_address(text: str) -> tuple[str, str]:
+    if text.startswith('['):
+        host, bracket, rest = text[1:].partition(']')
+        has_port = rest.startswith(':')
+        return (host if bracket and (has_port or not rest) else ''), rest[1:] or str(PORT)
+    if text.count(':') == 1:
+        host, _, port = text.partition(':')
+        return host, port
+    return text, str(PORT)
+
+
+def address_argument(text: str) -> Address:
+    """Return the address from a command line argument; raise argparse's error if invalid."""
+    try:
+        return Address.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def add_simulation_options(parser: argparse._ActionsContainer, robot: str) -> None:

@@ -30,6 +30,7 @@ from kachaka_simple_control.kachaka.program import (
     add_parent_option,
     add_simulation_options,
     ExitError,
+    PORT,
     run_until_shutdown,
     SDK_MISSING,
     simulation_parameters,
@@ -115,7 +116,7 @@ def _parser() -> OneLineParser:
         description='Simulate a Kachaka that speaks gRPC as the real one does.  Needs no ROS.',
         epilog='Signal USR1 presses its power button: a pause, or its end.')
     add = parser.add_argument
-    add('--grpc-port', type=_port, default=26400, metavar='PORT',
+    add('--grpc-port', type=_port, default=PORT, metavar='PORT',
         help='where to listen; 0: any port that is free (default: %(default)s)')
     add('--host', default='127.0.0.1',
         help='the address to listen at; 0.0.0.0: all of this machine (default: %(default)s)')

@@ -17,21 +17,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+import socket
 from typing import Any
 
 import grpc
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiStub
+from kachaka_simple_control.errors import RobotNotFoundError
 from kachaka_simple_control.kachaka.error_codes import ErrorTexts
-from kachaka_simple_control.kachaka.grpc_client.address import (
-    Address,
-    check_reachable,
-    SWITCH_ON,
-    UnreachableError,
-)
 from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
+from kachaka_simple_control.kachaka.program import Address
 from kachaka_simple_control.text import escaped
 
+#: See docs/GENERAL.md in pf-robotics/kachaka-api.
+SWITCH_ON = 'switch the Kachaka API on in the phone app (Settings, the robot, Kachaka API)'
 #: The longest time for a robot to accept a connection, and to respond to each of three calls [s].
 CONNECT_TIMEOUT = 3.0
 IDENTIFY_TIMEOUT = 2.0
@@ -176,16 +175,41 @@ def connect(address: Address) -> ConnectedRobot:
     Connect to a robot and identify it.
 
     :param address: the address of the robot
-    :raises UnreachableError: if no robot responds; the message has advice for the user
+    :raises RobotNotFoundError: if no robot responds; the message has advice for the user
     """
-    check_reachable(address, CONNECT_TIMEOUT)
+    _check_reachable(address, CONNECT_TIMEOUT)
     client = RobotClient(address)
     result, identity = client.identity(IDENTIFY_TIMEOUT)
     if not result.is_success:
         client.close()
-        raise UnreachableError(_advice(address, result))
+        raise RobotNotFoundError(_advice(address, result))
     _, text = client.error_texts(IDENTIFY_TIMEOUT)
     return ConnectedRobot(address, client, identity, ErrorTexts(text))
+
+
+def _check_reachable(address: Address, timeout: float) -> None:
+    """
+    Open a TCP connection to an address and close it.
+
+    :param address: the address
+    :param timeout: the longest time to try [s]
+    :raises RobotNotFoundError: if the connection fails
+    """
+    try:
+        with socket.create_connection((address.host, address.port), timeout):
+            return
+    except socket.gaierror:
+        text = (f'there is no host {address.host!r}: look the IP address of the robot up in the '
+                'phone app (Settings, App information)')
+    except ConnectionRefusedError:
+        text = f'{address} is there, but refuses connections: {SWITCH_ON}'
+    except TimeoutError:
+        text = (f'{address} does not answer within {timeout:g} s: is the robot on, is its address '
+                'right, and is this machine in the same network?')
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        text = f'{address} cannot be reached ({reason}): is this machine in its network?'
+    raise RobotNotFoundError(text)
 
 
 def _advice(address: Address, result: RpcResult) -> str:

@@ -22,8 +22,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.error_codes import ErrorText, ErrorTexts
-from kachaka_simple_control.kachaka.grpc_client.address import Address
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
+from kachaka_simple_control.kachaka.program import Address
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.telemetry.diagnosis import Level
 import pytest
