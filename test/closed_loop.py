@@ -25,7 +25,6 @@ from kachaka_simple_control.control.tick_scheduler import Tick, TickScheduler
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.simulator.drive_model import (
     DriveModel,
-    NoisyOdometry,
     ODOMETRY_PERIOD,
     SimulationParameters,
 )
@@ -84,7 +83,6 @@ class ClosedLoopDrive:
         self._feedback = PoseFeedback(
             self.delay or 0.0, self.parameters.floor if self.knows_odometry else None)
         self._robot = DriveModel(self.parameters, 0.0, self.seed)
-        self._odometry = NoisyOdometry(self.parameters, 0.0, self.seed)
         self._samples = 0
 
     def run(self) -> Pose:
@@ -109,8 +107,8 @@ class ClosedLoopDrive:
     def _pass(self, until: float) -> None:
         """Deliver the odometry that arrives until a time [s]."""
         while (time := self._samples * ODOMETRY_PERIOD) <= until:
-            pose, velocity = self._robot.reported_at(time)
-            seen = self.read(self._odometry.read(pose, time))
+            pose, velocity = self._robot.odometry_at(time)
+            seen = self.read(pose)
             self._feedback.on_odometry(
                 time, Pose(seen.x, seen.y, math.remainder(seen.theta, math.tau)),
                 is_moving=abs(velocity.linear_x) > 0.01 or abs(velocity.angular_z) > 0.02)

@@ -179,8 +179,7 @@ class SimulatedBridge(BridgeNode):
         limits = KACHAKA.limits
         code = self._robot.set_robot_velocity(
             velocity.linear_x / limits.max_linear_velocity,
-            velocity.angular_z / limits.max_angular_velocity,
-            now)
+            velocity.angular_z / limits.max_angular_velocity, now)
         if code == ERROR_NO_MANUAL_CONTROL:
             self.set_manual_control(True)
         elif code != SUCCESS:

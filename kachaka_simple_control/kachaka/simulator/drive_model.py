@@ -137,6 +137,11 @@ class SimulationParameters:
 IDEAL = SimulationParameters()
 
 
+#: The period of odometry [s]: the official bridge requests odometry every 20 ms.
+ODOMETRY_PERIOD = 0.02
+#: The frames of odometry (REP-105), with the names of the official bridge.
+ODOMETRY_FRAME = 'odom'
+ROBOT_FRAME = 'base_footprint'
 #: While the velocity changes, the path is a sequence of arcs of this duration [s].  The length of
 #: each arc is exact; its shape is approximate: a circular arc instead of a spiral.
 GRID_PERIOD = 0.001
@@ -145,10 +150,7 @@ STANDSTILL = 1e-6
 
 
 def first_order_response(
-        velocity: float,
-        target: float,
-        duration: float,
-        lag: float,
+        velocity: float, target: float, duration: float, lag: float,
         acceleration: float) -> tuple[float, float]:
     """
     Return the exact response of the drive to a constant commanded velocity.
@@ -194,7 +196,9 @@ class _State:
 
 class DriveModel:
     """
-    A unicycle model that follows commanded velocities; it starts at rest at the origin.
+    A unicycle model that follows commanded velocities, and its odometry.
+
+    It starts at rest at the origin.
 
     Each call takes the time [s]; the time must not decrease.  The state is stored at each command
     and, while the velocity changes, on a fixed time grid.  A query computes its result from the
@@ -202,13 +206,14 @@ class DriveModel:
 
     :param parameters: the deviations from an ideal robot
     :param start: the current time [s]; the time grid starts here
-    :param seed: the seed of the velocity noise
+    :param seed: the seed of all noise
     """
 
     def __init__(self, parameters: SimulationParameters, start: float, seed: int) -> None:
         self._parameters = parameters
         self._floor = parameters.floor
         self._start = start
+        self._seed = seed
         self._random = random.Random(seed)
         self._state = _State(start, ORIGIN, ORIGIN, ZERO)
         self._target = ZERO
@@ -231,6 +236,19 @@ class DriveModel:
         """Return the odometry pose without noise, and the odometry velocity."""
         state, velocity = self._query(now)
         return state.reported, velocity
+
+    def odometry_at(self, now: float) -> tuple[Pose, Velocity]:
+        """Return the odometry pose with noise, and the odometry velocity."""
+        parameters, (pose, velocity) = self._parameters, self.reported_at(now)
+        if parameters.odometry_noise == 0.0 and parameters.heading_noise == 0.0:
+            return pose, velocity
+        # The noise depends only on the time and the seed.
+        sample = int((now - self._start) / ODOMETRY_PERIOD)
+        noise = random.Random(f'{self._seed} {sample}')
+        return Pose(
+            pose.x + noise.gauss(0.0, parameters.odometry_noise),
+            pose.y + noise.gauss(0.0, parameters.odometry_noise),
+            pose.theta + noise.gauss(0.0, parameters.heading_noise)), velocity
 
     def _query(self, now: float) -> tuple[_State, Velocity]:
         """Return the state at a time, and the odometry velocity."""
@@ -306,37 +324,3 @@ class DriveModel:
             way = self._floor.to_floor(way)
             pose = advance(self._state.pose, way.linear_x, way.angular_z)
         return _State(now, pose, reported, Velocity(linear_x, angular_z))
-
-
-#: The period of odometry [s]: the official bridge requests odometry every 20 ms.
-ODOMETRY_PERIOD = 0.02
-#: The frames of odometry (REP-105), with the names of the official bridge.
-ODOMETRY_FRAME = 'odom'
-ROBOT_FRAME = 'base_footprint'
-
-
-class NoisyOdometry:
-    """
-    Adds noise to an odometry pose; the noise depends only on the time and the seed.
-
-    :param parameters: the parameters with the standard deviations
-    :param start: the current time [s]
-    :param seed: the seed of the noise
-    """
-
-    def __init__(self, parameters: SimulationParameters, start: float, seed: int) -> None:
-        self._parameters = parameters
-        self._start = start
-        self._seed = seed
-
-    def read(self, pose: Pose, now: float) -> Pose:
-        """Return a pose plus the noise at a time [s]."""
-        parameters = self._parameters
-        if parameters.odometry_noise == 0.0 and parameters.heading_noise == 0.0:
-            return pose
-        sample = int((now - self._start) / ODOMETRY_PERIOD)
-        noise = random.Random(f'{self._seed} {sample}')
-        return Pose(
-            pose.x + noise.gauss(0.0, parameters.odometry_noise),
-            pose.y + noise.gauss(0.0, parameters.odometry_noise),
-            pose.theta + noise.gauss(0.0, parameters.heading_noise))

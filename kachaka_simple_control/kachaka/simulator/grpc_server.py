@@ -124,9 +124,7 @@ class ServerThread:
 
 @contextlib.contextmanager
 def serving(
-        robot: SimulatedKachaka,
-        port: int = 0,
-        host: str = LOOPBACK,
+        robot: SimulatedKachaka, port: int = 0, host: str = LOOPBACK,
         clock: Clock | None = None) -> Iterator[ServerThread]:
     """
     Serve a simulated robot over gRPC during a ``with`` block.

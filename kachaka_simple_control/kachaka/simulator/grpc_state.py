@@ -147,8 +147,7 @@ class LongPollValue(Generic[T]):
     """
 
     def __init__(
-            self, state: SimulatorState, read: Callable[[float], T],
-            period: float = 0.0) -> None:
+            self, state: SimulatorState, read: Callable[[float], T], period: float = 0.0) -> None:
         self._state = state
         self._read = read
         self._period = period

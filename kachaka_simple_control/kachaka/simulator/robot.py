@@ -30,7 +30,6 @@ from kachaka_simple_control.kachaka.error_codes import (
 from kachaka_simple_control.kachaka.simulator.drive_model import (
     DriveModel,
     IDEAL,
-    NoisyOdometry,
     SimulationParameters,
 )
 from kachaka_simple_control.kachaka.simulator.tasks import (
@@ -72,14 +71,10 @@ class SimulatedKachaka:
     """
 
     def __init__(
-            self,
-            start: float = 0.0,
-            parameters: SimulationParameters = IDEAL,
-            docked: bool = False,
-            seed: int = 0) -> None:
+            self, start: float = 0.0, parameters: SimulationParameters = IDEAL,
+            docked: bool = False, seed: int = 0) -> None:
         self._parameters = parameters
         self._drive = DriveModel(parameters, start, seed)
-        self._odometry = NoisyOdometry(parameters, start, seed)
         self._now = start
         self._is_docked = docked
         self._is_paused = False
@@ -238,8 +233,7 @@ class SimulatedKachaka:
 
     def odometry(self, now: float) -> tuple[Pose, Velocity]:
         """Return the odometry pose with noise, and the odometry velocity."""
-        pose, velocity = self._drive.reported_at(self._advance(now))
-        return self._odometry.read(pose, self._now), velocity
+        return self._drive.odometry_at(self._advance(now))
 
     @property
     def has_wrong_odometry(self) -> bool:
