@@ -31,8 +31,10 @@ from kachaka_simple_control.kachaka.grpc_client.connection_state import (
 )
 from kachaka_simple_control.kachaka.grpc_client.polling import (
     Fetch,
+    HEALTH_EXIT_TIMEOUT,
     HealthPoller,
     LogThread,
+    ODOMETRY_DEADLINE,
     OdometryPoller,
 )
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
@@ -112,8 +114,7 @@ class GrpcBridge(BridgeNode):
             self._odometry_poller(publisher, fetch)
             for publisher, fetch in zip(self._odometry, (client.odometry, client.wheel_odometry))]
         self._health.poll()
-        self._health.start()
-        for poller in self._pollers:
+        for poller in (self._health, *self._pollers):
             poller.start()
 
     def executors(self) -> list[ExecutorLoop]:
@@ -150,8 +151,9 @@ class GrpcBridge(BridgeNode):
         # Close the driver first; this also cancels the calls of the other threads.
         self._driver.close()
         self._health.stop()
+        self._health.join(HEALTH_EXIT_TIMEOUT)
         for poller in self._pollers:
-            poller.join()
+            poller.join(ODOMETRY_DEADLINE)
         self._log_thread.close()
 
     def _odometry_poller(self, publisher: Publisher, fetch: Fetch) -> OdometryPoller:

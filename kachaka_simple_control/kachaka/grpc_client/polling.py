@@ -35,19 +35,19 @@ LOG_REPEAT_PERIOD = 1.0
 LOG_EXIT_TIMEOUT = 0.5
 
 
-class LogThread:
+class LogThread(threading.Thread):
     """
-    Logs texts in a separate thread, so that the caller never waits; drops repeated texts.
+    A thread that logs texts, so that the caller never waits; it drops repeated texts.
 
     :param emit: logs a text; may block
     """
 
     def __init__(self, emit: Callable[[Level, str], None]) -> None:
+        super().__init__(name='log', daemon=True)
         self._emit = emit
         self._queue: queue.SimpleQueue[tuple[Level, str] | None] = queue.SimpleQueue()
         self._last_times: dict[str, float] = {}
-        self._thread = threading.Thread(target=self._run, name='log', daemon=True)
-        self._thread.start()
+        self.start()
 
     def log(self, level: Level, text: str) -> None:
         """Queue a text for the log, unless the same text is recent."""
@@ -62,14 +62,40 @@ class LogThread:
     def close(self) -> None:
         """Log the queued texts, and end the thread."""
         self._queue.put(None)
-        self._thread.join(LOG_EXIT_TIMEOUT)
+        self.join(LOG_EXIT_TIMEOUT)
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Log the texts of the queue until ``close()``."""
         while (entry := self._queue.get()) is not None:
             self._emit(*entry)
 
 
-#: The longest time to wait for newer odometry [s].
+class Poller(threading.Thread):
+    """
+    The base class of threads that poll the robot.
+
+    :param name: the name of the thread
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name=name, daemon=True)
+        self.is_over = threading.Event()
+
+    def poll(self) -> float:
+        """Poll once; return the time to wait until the next poll [s]."""
+        raise NotImplementedError
+
+    def run(self) -> None:
+        """Poll until ``stop()``."""
+        while not self.is_over.is_set():
+            self.is_over.wait(self.poll())
+
+    def stop(self) -> None:
+        """Make the thread end after the current call; a closed client makes this fast."""
+        self.is_over.set()
+
+
+#: The longest time to wait for newer odometry [s], also at the end of the thread.
 ODOMETRY_DEADLINE = 1.0
 #: The shortest period of odometry [s], even if a robot ignores cursors.
 MIN_ODOMETRY_PERIOD = 0.01
@@ -79,9 +105,9 @@ IDLE_PERIOD = 0.1
 Fetch = Callable[[int, float], tuple[RpcResult, Any]]
 
 
-class OdometryPoller:
+class OdometryPoller(Poller):
     """
-    Fetches and publishes odometry in a separate thread, started by ``start()``.
+    Fetches and publishes odometry in a thread, started by ``start()``.
 
     :param name: the name of the thread
     :param fetch: returns odometry newer than a cursor, within a deadline [s]
@@ -94,25 +120,12 @@ class OdometryPoller:
     def __init__(
             self, name: str, fetch: Fetch, is_wanted: Callable[[], bool],
             publish: Callable[[Any], None], on_result: Callable[[RpcResult, float], None]) -> None:
+        super().__init__(name)
         self._fetch = fetch
         self._is_wanted = is_wanted
         self._publish = publish
         self._on_result = on_result
         self._cursor = 0
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Make the thread end after the current call."""
-        self._over.set()
-
-    def join(self) -> None:
-        """Wait until the thread has ended; a closed client makes this fast."""
-        self._thread.join(ODOMETRY_DEADLINE)
 
     def poll(self) -> float:
         """Fetch and publish once if there is a subscriber; return the time to wait [s]."""
@@ -121,7 +134,7 @@ class OdometryPoller:
             return IDLE_PERIOD
         begun = time.monotonic()
         result, response = self._fetch(self._cursor, ODOMETRY_DEADLINE)
-        if self._over.is_set():
+        if self.is_over.is_set():
             return 0.0
         if result.failure is not RpcFailure.LATE:
             self._on_result(result, begun)
@@ -134,23 +147,18 @@ class OdometryPoller:
         self._cursor = cursor
         return max(0.0, begun + MIN_ODOMETRY_PERIOD - time.monotonic())
 
-    def _run(self) -> None:
-        while not self._over.is_set():
-            pause = self.poll()
-            if pause > 0.0:
-                self._over.wait(pause)
-
 
 #: The period of the error polls [s], while the robot responds and while the connection is lost.
 HEALTH_PERIOD = 1.0
 HEALTH_PERIOD_WHEN_LOST = 0.3
-#: The longest time for the robot to respond [s].
+#: The longest time for the robot to respond, and for the thread to end [s].
 HEALTH_DEADLINE = 1.0
+HEALTH_EXIT_TIMEOUT = 0.5
 
 
-class HealthPoller:
+class HealthPoller(Poller):
     """
-    Polls the robot's errors in a separate thread, started by ``start()``.
+    Polls the robot's errors in a thread, started by ``start()``.
 
     The calls also detect when the connection is lost, and when it is back.
 
@@ -163,26 +171,16 @@ class HealthPoller:
     def __init__(
             self, client: RobotClient, robot: RobotDriver, log: Callable[[Level, str], None],
             on_poll: Callable[[], None]) -> None:
+        super().__init__('health')
         self._client = client
         self._robot = robot
         self._log = log
         self._on_poll = on_poll
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='health', daemon=True)
         #: the errors that the robot reports
         self.codes: list[int] = []
 
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End the thread; wait for a running call at most half of its deadline."""
-        self._over.set()
-        self._thread.join(HEALTH_DEADLINE / 2.0)
-
-    def poll(self) -> None:
-        """Poll the robot's errors once, and log changes."""
+    def poll(self) -> float:
+        """Poll the robot's errors once, and log changes; return the time to wait [s]."""
         begun = time.monotonic()
         result, codes = self._client.errors(HEALTH_DEADLINE)
         self._robot.on_result(result, begun)
@@ -190,12 +188,7 @@ class HealthPoller:
             self._fetch_texts(codes)
             self._report(codes)
         self._on_poll()
-
-    def _run(self) -> None:
-        while not self._over.is_set():
-            self.poll()
-            self._over.wait(
-                HEALTH_PERIOD if self._robot.connection.is_up else HEALTH_PERIOD_WHEN_LOST)
+        return HEALTH_PERIOD if self._robot.connection.is_up else HEALTH_PERIOD_WHEN_LOST
 
     def _fetch_texts(self, codes: list[int]) -> None:
         """Fetch the error texts if a new code has no text: a starting robot may have none yet."""
