@@ -13,7 +13,7 @@
 # limitations under the License.
 """Text from outside, as it is printed."""
 
-from kachaka_simple_control.kachaka.error_codes import ErrorTexts
+from kachaka_simple_control.kachaka.robot_status import ErrorTexts
 from kachaka_simple_control.text import escaped, quoted
 import pytest
 

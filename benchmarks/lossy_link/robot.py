@@ -29,7 +29,7 @@ import time
 
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
-from kachaka_simple_control.kachaka.error_codes import SUCCESS
+from kachaka_simple_control.kachaka.robot_status import SUCCESS
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 import rclpy

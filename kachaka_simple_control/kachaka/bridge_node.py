@@ -21,7 +21,7 @@ import time
 
 from geometry_msgs.msg import Twist
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.error_codes import ERROR_NO_MANUAL_CONTROL, SUCCESS
+from kachaka_simple_control.kachaka.robot_status import ERROR_NO_MANUAL_CONTROL, SUCCESS
 from kachaka_simple_control.kachaka.simulator.drive_model import (
     ODOMETRY_FRAME,
     ODOMETRY_PERIOD,

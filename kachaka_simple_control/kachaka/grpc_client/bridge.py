@@ -25,10 +25,6 @@ from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.bridge_node import BridgeNode
 from kachaka_simple_control.kachaka.grpc_client.client import ConnectedRobot
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
-from kachaka_simple_control.kachaka.grpc_client.connection_state import (
-    connection_status,
-    robot_status,
-)
 from kachaka_simple_control.kachaka.grpc_client.polling import (
     Fetch,
     HEALTH_EXIT_TIMEOUT,
@@ -38,6 +34,10 @@ from kachaka_simple_control.kachaka.grpc_client.polling import (
     OdometryPoller,
 )
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
+from kachaka_simple_control.kachaka.robot_status import (
+    connection_status,
+    robot_status,
+)
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions

@@ -24,9 +24,8 @@ import grpc
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiStub
 from kachaka_simple_control.errors import RobotNotFoundError
-from kachaka_simple_control.kachaka.error_codes import ErrorTexts
-from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 from kachaka_simple_control.kachaka.program import Address
+from kachaka_simple_control.kachaka.robot_status import ErrorTexts, RpcFailure, RpcResult
 from kachaka_simple_control.text import escaped
 
 #: See docs/GENERAL.md in pf-robotics/kachaka-api.

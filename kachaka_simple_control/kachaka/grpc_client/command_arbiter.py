@@ -26,8 +26,11 @@ from kachaka_simple_control.control.timing import (
     STOP_RPC_TIMEOUT,
     STREAM_TIMEOUT,
 )
-from kachaka_simple_control.kachaka.error_codes import ERROR_NO_MANUAL_CONTROL
-from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
+from kachaka_simple_control.kachaka.robot_status import (
+    ERROR_NO_MANUAL_CONTROL,
+    RpcFailure,
+    RpcResult,
+)
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 

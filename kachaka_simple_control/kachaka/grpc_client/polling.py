@@ -21,9 +21,8 @@ import threading
 import time
 from typing import Any, TYPE_CHECKING
 
-from kachaka_simple_control.kachaka.error_codes import ErrorTexts
-from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
 from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
+from kachaka_simple_control.kachaka.robot_status import ErrorTexts, RpcFailure, RpcResult
 from kachaka_simple_control.telemetry.diagnosis import Level
 
 if TYPE_CHECKING:

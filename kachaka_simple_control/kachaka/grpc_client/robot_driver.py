@@ -23,16 +23,16 @@ from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.timing import SHUTDOWN_RPC_TIMEOUT
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.error_codes import ErrorTexts
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
     CommandArbiter,
     RpcKind,
     RpcRequest,
     VelocityCommand,
 )
-from kachaka_simple_control.kachaka.grpc_client.connection_state import (
+from kachaka_simple_control.kachaka.robot_status import (
     ConnectionEvent,
     ConnectionState,
+    ErrorTexts,
     RpcFailure,
     RpcResult,
 )

@@ -21,7 +21,7 @@ import math
 from typing import Any
 
 from kachaka_api.generated import kachaka_api_pb2 as pb2
-from kachaka_simple_control.kachaka.error_codes import (
+from kachaka_simple_control.kachaka.robot_status import (
     ERROR_NO_FURNITURE,
     ERROR_NOT_A_VELOCITY,
     ERROR_OUT_OF_RANGE,

@@ -24,7 +24,7 @@ from typing import Any
 import grpc
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiServicer
-from kachaka_simple_control.kachaka.error_codes import (
+from kachaka_simple_control.kachaka.robot_status import (
     ERROR_NOT_A_VELOCITY,
     ERROR_NOTHING_TO_DO,
     ERROR_OUT_OF_RANGE,

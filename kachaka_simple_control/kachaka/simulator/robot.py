@@ -19,7 +19,7 @@ from enum import Enum
 import math
 
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.error_codes import (
+from kachaka_simple_control.kachaka.robot_status import (
     ERROR_CANCELLED,
     ERROR_NO_MANUAL_CONTROL,
     ERROR_NOT_A_VELOCITY,

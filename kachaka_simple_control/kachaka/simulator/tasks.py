@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
-from kachaka_simple_control.kachaka.error_codes import ERROR_STUCK, SUCCESS
+from kachaka_simple_control.kachaka.robot_status import ERROR_STUCK, SUCCESS
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.geometry import advance, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits

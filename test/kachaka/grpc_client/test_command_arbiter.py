@@ -31,7 +31,7 @@ from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
     StreamTimeout,
     VelocityCommand,
 )
-from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
+from kachaka_simple_control.kachaka.robot_status import RpcFailure, RpcResult
 import pytest
 
 COMMAND_TIMEOUT = KACHAKA.command_timeout

@@ -23,7 +23,7 @@ from kachaka_simple_control.kachaka.grpc_client.command_arbiter import (
     RpcKind,
     VelocityCommand,
 )
-from kachaka_simple_control.kachaka.grpc_client.connection_state import RpcFailure, RpcResult
+from kachaka_simple_control.kachaka.robot_status import RpcFailure, RpcResult
 
 COMMAND_TIMEOUT = KACHAKA.command_timeout
 RESULTS = st.sampled_from([

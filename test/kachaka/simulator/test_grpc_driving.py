@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from kachaka_simple_control.kachaka.error_codes import (
+from kachaka_simple_control.kachaka.robot_status import (
     ERROR_NO_MANUAL_CONTROL,
     ERROR_NOT_A_VELOCITY,
     ERROR_PAUSED,

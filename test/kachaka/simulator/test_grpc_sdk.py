@@ -21,7 +21,7 @@ import inspect
 from pathlib import Path
 import re
 
-from kachaka_simple_control.kachaka.error_codes import (
+from kachaka_simple_control.kachaka.robot_status import (
     ERROR_NO_FURNITURE,
     ERROR_NOTHING_TO_DO,
     ERROR_PAUSED,

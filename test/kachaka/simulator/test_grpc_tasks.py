@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from kachaka_simple_control.kachaka.error_codes import (
+from kachaka_simple_control.kachaka.robot_status import (
     ERROR_CANCELLED,
     ERROR_NO_FURNITURE,
     ERROR_NO_MANUAL_CONTROL,

@@ -20,7 +20,7 @@ import math
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kachaka_simple_control.files.robot_profile import KACHAKA
-from kachaka_simple_control.kachaka.error_codes import (
+from kachaka_simple_control.kachaka.robot_status import (
     ERROR_CANCELLED,
     ERROR_NO_MANUAL_CONTROL,
     ERROR_NOTHING_TO_DO,
