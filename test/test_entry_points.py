@@ -52,7 +52,7 @@ def entry_point(name):
     ([*entry_point('__main__ import main'), 'square'], 'motion.plan'),
     (entry_point('__main__ import main'), 'commands.cli'),
     ([*entry_point('__main__ import main'), 'square'], 'commands.drive'),
-    (entry_point('entry_points import calibrate as main'), 'commands.tape_measure'),
+    (entry_point('entry_points import calibrate as main'), 'commands.calibrate_options'),
     (entry_point('entry_points import compare as main'), 'report.comparison'),
     (entry_point('entry_points import bridge as main'), 'errors'),
     (entry_point('entry_points import simulate as main'), 'kachaka.program'),

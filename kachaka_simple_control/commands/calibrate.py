@@ -11,85 +11,401 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command ``kachaka_calibrate``: calibrate a robot, and write its profile."""
+"""
+The command ``kachaka_calibrate``: calibrate a robot, and write its profile.
+
+It calibrates the velocities by odometry, or odometry by a tape measure: with a straight line and a
+turn, or with squares.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+import contextlib
 from dataclasses import replace
+from datetime import datetime
 from functools import partial
 import math
+import os
+from pathlib import Path
 import sys
+import tempfile
+from typing import TypeVar
 
-from kachaka_simple_control.analysis.calibration_fit import CalibrationFit, fit_calibration, MOTION
+from kachaka_simple_control.analysis.calibration_fit import (
+    CalibrationError,
+    fit_calibration,
+    MOTION,
+)
 from kachaka_simple_control.analysis.drive_log import DriveLog
+from kachaka_simple_control.analysis.odometry_fit import (
+    fit_floor,
+    fit_umbmark,
+    reported_displacement,
+    reported_path,
+    Square,
+)
+from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.commands.calibrate_options import (
-    ask,
     CalibrateOptions,
-    drive_until_good,
-    FIT_HEAD,
     FLOOR,
     NAME,
     parse,
-    require_ready,
-    show,
-    today,
     UMBMARK,
-    write_robot,
 )
-from kachaka_simple_control.commands.cli import Options
-from kachaka_simple_control.commands.drive_or_preview import drive
+from kachaka_simple_control.commands.drive_or_preview import confirm, drive
 from kachaka_simple_control.commands.preview import plan_view
-from kachaka_simple_control.commands.tape_measure import measure_floor, measure_squares
+from kachaka_simple_control.commands.settings import choose_settings, Settings
+from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import UsageError
+from kachaka_simple_control.files.library import find
+from kachaka_simple_control.files.robot_profile import (
+    calibrated_text,
+    KACHAKA_TRACK,
+    RobotProfile,
+)
+from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
+from kachaka_simple_control.motion.geometry import Pose
+from kachaka_simple_control.motion.units import ANGLE, LENGTH, Quantity, SIZE, UnitError
 from kachaka_simple_control.report.drive_plots import save_calibration_plot
-from kachaka_simple_control.report.output_file import check_plot_file
-from kachaka_simple_control.report.text_tables import columns
+from kachaka_simple_control.report.output_file import check_plot_file, write_atomically
+from kachaka_simple_control.report.text_tables import (
+    Column,
+    columns,
+    plan_table,
+    Row,
+    terminal_columns,
+)
 from kachaka_simple_control.run_command import run_command
-from kachaka_simple_control.text import escaped
+from kachaka_simple_control.text import escaped, escaped_lines
+
+T = TypeVar('T')
+
+#: The largest number of attempts of a drive.
+MAX_ATTEMPTS = 3
+#: The side length of the squares in the library, and the range of other side lengths [m].
+SIDE, MIN_SIDE, MAX_SIDE = '4 m', 0.5, 10.0
+MARK = 'Mark where the middle between its wheels is, and which way it looks.  '
 
 
-def calibrate(options: Options, more: CalibrateOptions) -> None:
+def calibrate(options: CalibrateOptions) -> None:
     """
     Drive a calibration motion after the user's confirmation, and write the robot's profile.
 
     :raises CalibrationError: if the drive gives no valid calibration; no file is written
     :raises ControlError: if the drive cannot start or is not completed; no file is written
     """
-    settings = require_ready(options, more)
+    settings = require_ready(options)
     if settings.profile.is_calibrated:
         raise UsageError(
             f'{escaped(settings.robot)} is calibrated already; name the robot without its '
             'calibration')
-    plot = None if more.plot is None else check_plot_file(more.plot)
+    plot = None if options.plot is None else check_plot_file(options.plot)
     view = plan_view(MOTION, options)
     show([view])
-    if more.is_dry:
+    if options.dry_run:
         return
-
-    def measure(options: Options) -> tuple[DriveLog, CalibrationFit]:
-        ask(options, more, view)
-        log = drive(replace(options, motions=(MOTION,)))
-        return log, fit_calibration(log)
-
-    log, fit = drive_until_good(options, more, measure)
-    # Printed first, so that the result is not lost if the file cannot be written.
-    print('\n'.join(['', *_table(fit), '']), flush=True)
-    write_robot(settings.robot, fit.calibration(today(), more.floor), more.file)
-    if plot is not None:
-        save_calibration_plot(log, fit, plot)
-
-
-def _table(fit: CalibrationFit) -> list[str]:
-    rows = [(f'gain {name}', f'{gain.value:.4f}', f'{gain.error:.4f}')
-            for name, gain in fit.gains.items()]
-    rows += [
+    log, fit = drive_until_good(options, MOTION, view, lambda log: (log, fit_calibration(log)))
+    show_result([
+        *((f'gain {name}', f'{gain.value:.4f}', f'{gain.error:.4f}')
+          for name, gain in fit.gains.items()),
         ('veer', f'{math.degrees(fit.veer.value):.2f} deg/m',
          f'{math.degrees(fit.veer.error):.2f} deg/m'),
         ('delay: dead time and lag', f'{fit.delay.value:.3f} s', f'{fit.delay.error:.3f} s'),
         ('noise of odometry, position', f'{1e3 * fit.position_noise:.1f} mm', ''),
-        ('noise of odometry, heading', f'{math.degrees(fit.heading_noise):.2f} deg', '')]
-    return columns(FIT_HEAD, rows)
+        ('noise of odometry, heading', f'{math.degrees(fit.heading_noise):.2f} deg', '')])
+    write_robot(options, settings.robot, fit.calibration(today(), options.floor))
+    if plot is not None:
+        save_calibration_plot(log, fit, plot)
+
+
+def measure_floor(options: CalibrateOptions) -> None:
+    """
+    Calibrate odometry with a straight line and a turn, and write the robot's profile.
+
+    The robot drives 1 m and makes one full turn, and the user measures both on the floor.
+
+    :raises CalibrationError: if the drives give no valid calibration; no file is written
+    :raises ControlError: if a drive cannot start or is not completed; no file is written
+    """
+    settings = require_ready(options)
+    straight, turn = 'floor_straight', 'floor_turn'
+    views = [plan_view(name, options) for name in (straight, turn)]
+    answers = None if options.dry_run else _Answers(options.measured, [[LENGTH], [ANGLE]])
+    show(views)
+    if answers is None:
+        return
+    length = reported_displacement(_drive(options, straight, views[0], straight, MARK))[0]
+    distance, = answers.ask(
+        'How far does it stand from where it began?  Such as 0.985 m', [LENGTH])
+    turned = reported_displacement(
+        _drive(options, turn, views[1], turn, 'Mark which way it looks.  '))[1]
+    angle, = answers.ask('How far has it turned, in all?  Such as 358 deg', [ANGLE])
+    fit = fit_floor(length, distance, turned, angle)
+    show_result([
+        ('scale', f'{fit.scale.value:.4f}', f'{fit.scale.error:.4f}'),
+        ('track ratio', f'{fit.track_ratio.value:.4f}', f'{fit.track_ratio.error:.4f}'),
+        ('1 m by odometry', f'{length:.4f} m', ''),
+        ('a turn by odometry', f'{math.degrees(turned):.2f} deg', '')])
+    known = settings.profile.odometry_calibration or OdometryCalibration()
+    write_robot(options, settings.robot, replace(
+        known, scale=round(fit.scale.value, 5), track_ratio=round(fit.track_ratio.value, 5),
+        date=today(), floor=options.floor or known.floor))
+
+
+def measure_squares(options: CalibrateOptions) -> None:
+    """
+    Calibrate odometry with squares in both directions (UMBmark), and write the robot's profile.
+
+    The user measures the end pose of each square on the floor.
+
+    :raises CalibrationError: if the drives give no valid calibration; no file is written
+    :raises ControlError: if a drive cannot start or is not completed; no file is written
+    """
+    settings = require_ready(options)
+    known = settings.profile.odometry_calibration
+    if known is None:
+        raise UsageError(
+            'squares cannot tell the scale of distances: measure it before by kachaka_calibrate '
+            'floor, and name the file that it writes by --robot')
+    track = _track(options, settings.profile)
+    # An invalid track is refused before the robot moves.
+    known = replace(known, track=track)
+    count, kinds = options.squares or 1, [LENGTH, LENGTH, ANGLE]
+    with _motions(options.side or SIDE) as motions:
+        views = [plan_view(motion, options) for motion in motions]
+        answers = None if options.dry_run else _Answers(options.measured, 2 * count * [kinds])
+        show(views)
+        if answers is None:
+            return
+        squares = []
+        for index in range(2 * count):
+            motion, view = motions[index % 2], views[index % 2]
+            path = _drive(options, motion, view, f'{view.name}_{index // 2 + 1}', MARK)
+            squares.append(Square(path, Pose(*answers.ask(
+                f'Square {index + 1} of {2 * count}: where does it stand, as seen from where it '
+                'began?  Ahead, to the left, turned to the left, such as -0.12 m, 0.05 m, 3 deg',
+                kinds))))
+    fit = fit_umbmark(squares, track, known.scale)
+    wheels, track_ratio = fit.closed_form
+    show_result([
+        ('wheel ratio, right over left', f'{fit.wheel_ratio.value:.5f}',
+         f'{fit.wheel_ratio.error:.5f}'),
+        ('track ratio', f'{fit.track_ratio.value:.4f}', f'{fit.track_ratio.error:.4f}'),
+        ("by Borenstein and Feng's formulas", f'{wheels:.5f}, {track_ratio:.4f}', ''),
+        ('E_max,syst before', f'{1e3 * fit.before:.0f} mm', ''),
+        ('E_max,syst after', f'{1e3 * fit.after:.0f} mm', '')])
+    write_robot(options, settings.robot, replace(
+        known, wheel_ratio=round(fit.wheel_ratio.value, 6),
+        track_ratio=round(fit.track_ratio.value, 5), date=today(),
+        floor=options.floor or known.floor))
+
+
+def require_ready(options: CalibrateOptions) -> Settings:
+    """
+    Check the robot and the output file before a calibration, and return the robot's settings.
+
+    :raises UsageError: if the robot has no odometry, or the file exists or cannot be written;
+        nothing has moved
+    """
+    settings = choose_settings(options, None)
+    robot, file = settings.robot, options.file
+    # A calibration that cannot be written is refused before the robot moves.
+    calibrated_text(robot, OdometryCalibration() if options.part else Calibration())
+    if settings.profile.odometry_topic is None:
+        raise UsageError(f'{escaped(robot)} has no odometry to measure by; its file names none')
+    # A tape measurement may replace the profile of the robot itself, if --output names it.
+    may_replace = options.part and options.output is not None and Path(robot).exists()
+    if file.exists() and not (may_replace and file.samefile(robot)):
+        raise UsageError(
+            f'{escaped(str(file))} is there already; name another file by --output')
+    if not os.access(file.parent, os.W_OK):
+        raise UsageError(f'{escaped(str(file))} cannot be written; name another file by '
+                         '--output')
+    return settings
+
+
+def show(views: Sequence[PlanView]) -> None:
+    """Print the plans of the calibration motions."""
+    print(plan_table(views, terminal_columns()), flush=True)
+
+
+def drive_until_good(
+        options: CalibrateOptions, motion: str, view: PlanView, fit: Callable[[DriveLog], T],
+        before: str = '') -> T:
+    """
+    Drive until a measurement is valid, at most three times, and return the measurement.
+
+    Each time the user is asked whether the robot may drive, unless it is simulated or ``--yes``
+    was given.  The drive is repeated only if a user at the terminal can put the robot back and
+    confirm the next drive.  A drive that ended with a fault is not repeated.
+
+    :param motion: the name of a motion in the library, or the path of a file
+    :param view: the plan of the motion
+    :param fit: a function that returns the measurement from the log of the drive
+    :param before: an instruction for the user before the drive
+    :raises CalibrationError: if the last drive gives no valid measurement
+    :raises UsageError: if there is no terminal to ask at, or the answer is no
+    """
+    for attempt in range(1, MAX_ATTEMPTS + 1):
+        report = options.report  # each attempt has a report directory of its own
+        if report is not None and attempt > 1:
+            report = f'{report}-{attempt}'
+        try:
+            if not (options.sim or options.yes):
+                confirm(view.floor_size, before)
+            return fit(drive(replace(options, motions=(motion,), report=report)))
+        except CalibrationError as error:
+            if (attempt == MAX_ATTEMPTS or signal_dispatcher.signum is not None
+                    or (options.yes and not options.sim) or not sys.stdin.isatty()):
+                raise
+            print(f'\n{escaped_lines(error)}.\nThis drive does not count: put the robot back '
+                  'where it began; it is driven again.', flush=True)
+    raise AssertionError('the last attempt returns or raises')
+
+
+def _drive(
+        options: CalibrateOptions, motion: str, view: PlanView, report: str,
+        before: str) -> list[Pose]:
+    """
+    Drive a motion until its log is valid, and return the path from odometry.
+
+    :param report: the name of a folder within the directory of ``--report``
+    """
+    if options.report is not None:
+        options = replace(options, report=str(Path(options.report) / report))
+    return drive_until_good(options, motion, view, reported_path, before)
+
+
+def today() -> str:
+    """Return today's date in ISO format, for a calibration."""
+    return datetime.now().astimezone().date().isoformat()
+
+
+def show_result(rows: Sequence[Row]) -> None:
+    """
+    Print the result of a calibration, before its profile is written.
+
+    So the result is not lost if the file cannot be written.
+
+    :param rows: names, values and standard errors
+    """
+    table = columns((Column(''), Column('value'), Column('standard error')), rows)
+    print('\n'.join(['', *table, '']), flush=True)
+
+
+def write_robot(
+        options: CalibrateOptions, robot: str,
+        calibration: Calibration | OdometryCalibration) -> None:
+    """
+    Write the profile of a calibrated robot, and print how to use it.
+
+    :param robot: the name or the file of the robot's profile
+    :param calibration: the result of the calibration
+    :raises UsageError: if the file cannot be written
+    """
+    file = options.file
+    try:
+        write_atomically(file, calibrated_text(robot, calibration).encode())
+    except OSError as error:
+        raise UsageError(f'{escaped(str(file))}: {error.strerror}') from None
+    print(f'{file}: written; drive with --robot {file if file.is_absolute() else f"./{file}"}')
+
+
+class _Answers:
+    """The tape measurements, from ``--measured`` or from questions to the user."""
+
+    def __init__(self, given: Sequence[str], quantities: Sequence[Sequence[Quantity]]) -> None:
+        """
+        Check the given answers.
+
+        :param given: the answers from ``--measured``, as text; empty to ask the user
+        :param quantities: the quantities of each answer
+        :raises UsageError: if an answer is invalid, or there is no terminal to ask at
+        """
+        if given and len(given) != len(quantities):
+            raise UsageError(
+                f'--measured is here {len(given)} times; {len(quantities)} answers are needed')
+        if not given and not sys.stdin.isatty():
+            raise UsageError(
+                'pass the measurements by --measured, for there is no terminal to ask at')
+        try:
+            self._given = [
+                _parse(answer, kinds) for answer, kinds in zip(given, quantities, strict=False)]
+        except UnitError as error:
+            raise UsageError(f'--measured: {error}') from None
+
+    def ask(self, question: str, kinds: Sequence[Quantity]) -> list[float]:
+        """
+        Return the next given answer, or ask the user for it.
+
+        :param question: the question to the user
+        :param kinds: the quantities of the answer
+        :returns: the measured values
+        :raises UsageError: if the user gives no answer
+        """
+        if self._given:
+            return self._given.pop(0)
+        while True:
+            print(f'\n{question}: ', end='', flush=True)
+            answer = sys.stdin.readline().strip()
+            if not answer:
+                raise UsageError('nothing was measured: no file was written')
+            try:
+                return _parse(answer, kinds)
+            except UnitError as error:
+                print(escaped(error, 300), flush=True)
+
+
+def _parse(answer: str, kinds: Sequence[Quantity]) -> list[float]:
+    parts = answer.split(',')
+    if len(parts) != len(kinds):
+        example = ', '.join(kind.example for kind in kinds)
+        raise UnitError(f'{escaped(answer, 60)!r}: {len(kinds)} needed, as in {example}')
+    return [kind.parse(part.strip()) for part, kind in zip(parts, kinds, strict=True)]
+
+
+@contextlib.contextmanager
+def _motions(side: str) -> Iterator[tuple[str, str]]:
+    """Yield the clockwise and the counterclockwise square, as library names or as files."""
+    names = 'umbmark_cw', 'umbmark_ccw'
+    length = _size('side', side)
+    if not MIN_SIDE <= length <= MAX_SIDE:
+        raise UsageError(f'--side is {length:g} m; it must be from {MIN_SIDE:g} to {MAX_SIDE:g} m')
+    if side == SIDE:
+        yield names
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / f'{name}.yaml' for name in names]
+        for name, file in zip(names, files, strict=True):
+            text = find(name).text
+            assert text is not None
+            file.write_text(text.replace(SIDE, f'{length:g} m'), encoding='utf-8')
+        yield str(files[0]), str(files[1])
+
+
+def _track(options: CalibrateOptions, profile: RobotProfile) -> float:
+    """
+    Return the track that a robot's odometry uses [m].
+
+    :raises UsageError: if it is neither given nor known
+    """
+    known = profile.odometry_calibration
+    if options.track is not None:
+        return _size('track', options.track)
+    if known is not None and known.track is not None:
+        return known.track
+    if profile.is_kachaka:
+        return KACHAKA_TRACK
+    raise UsageError(
+        "which track does the robot's odometry use?  Say it by --track, as in --track 0.2m")
+
+
+def _size(option: str, text: str) -> float:
+    try:
+        return SIZE.parse(text)
+    except UnitError as error:
+        raise UsageError(f'--{option}: {error}') from None
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -99,9 +415,9 @@ def main(args: Sequence[str] | None = None) -> int:
     :param args: the arguments without the program's name; None for the process's arguments
     :returns: the exit code
     """
-    options, more = parse(sys.argv[1:] if args is None else args)
-    measure = {FLOOR: measure_floor, UMBMARK: measure_squares}.get(more.part, calibrate)
-    return run_command(partial(measure, options, more), NAME)
+    options = parse(sys.argv[1:] if args is None else args)
+    measure = {FLOOR: measure_floor, UMBMARK: measure_squares}.get(options.part, calibrate)
+    return run_command(partial(measure, options), NAME)
 
 
 if __name__ == '__main__':

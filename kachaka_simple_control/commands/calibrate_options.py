@@ -11,46 +11,25 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The options and functions that all parts of ``kachaka_calibrate`` share."""
+"""The options of the command ``kachaka_calibrate``."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from datetime import datetime
-import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-import shlex
-import sys
-from typing import TypeVar
 
-from kachaka_simple_control.analysis.calibration_fit import CalibrationError
-from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.commands.cli import (
     add_drive_options,
     Options,
-    split_ros_arguments,
+    parse_values,
     take_simulation,
 )
-from kachaka_simple_control.commands.drive_or_preview import confirm
-from kachaka_simple_control.commands.settings import choose_settings, Settings
-from kachaka_simple_control.control.signals import signal_dispatcher
-from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.exit_codes import HELP, OneLineParser
-from kachaka_simple_control.files.robot_profile import calibrated_text
-from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
-from kachaka_simple_control.report.output_file import write_atomically
-from kachaka_simple_control.report.text_tables import Column, plan_table, terminal_columns
-from kachaka_simple_control.text import escaped, escaped_lines, quoted
-
-T = TypeVar('T')
+from kachaka_simple_control.text import quoted
 
 NAME = 'kachaka_calibrate'
 OUTPUT = Path('my_kachaka.yaml')
-#: The header of the table of a fit.
-FIT_HEAD = (Column(''), Column('value'), Column('standard error'))
-#: The largest number of attempts of a drive.
-MAX_ATTEMPTS = 3
 #: The parts that need a tape measure.
 FLOOR, UMBMARK = 'floor', 'umbmark'
 EPILOG = """\
@@ -65,32 +44,31 @@ how unequal the wheels are and how wide the track is (after J. Borenstein and L.
 
 
 @dataclass(frozen=True)
-class CalibrateOptions:
+class CalibrateOptions(Options):
     """
-    The options that only ``kachaka_calibrate`` has.
+    The options of ``kachaka_calibrate``: those of a drive and its own.
 
+    :param plot: the file for a plot of the fit; None for no plot
+    :param calibrates: always true
     :param part: the measurement: '' with odometry, ``floor`` or ``umbmark`` with a tape measure
     :param output: the profile to write; None if not given
     :param floor: a description of the floor, for the profile
-    :param plot: the file for a plot of the fit; None for no plot
-    :param is_confirmed: whether to drive without asking
-    :param is_dry: whether to show the motion without driving
+    :param dry_run: whether to show the motion without driving
     :param measured: the answers to the questions, in order; empty to ask the user
     :param side: the side length of the squares, as text
     :param squares: the number of squares in each direction
     :param track: the track that odometry uses, as text; None for the known track of the robot
     """
 
-    part: str
-    output: Path | None
-    floor: str
-    plot: str | None
-    is_confirmed: bool
-    is_dry: bool
-    measured: list[str]
-    side: str | None
-    squares: int | None
-    track: str | None
+    calibrates: bool = True
+    part: str = ''
+    output: Path | None = None
+    floor: str = ''
+    dry_run: bool = False
+    measured: Sequence[str] = ()
+    side: str | None = None
+    squares: int | None = None
+    track: str | None = None
 
     @property
     def file(self) -> Path:
@@ -98,36 +76,29 @@ class CalibrateOptions:
         return OUTPUT if self.output is None else self.output
 
 
-def parse(arguments: Sequence[str]) -> tuple[Options, CalibrateOptions]:
+def parse(arguments: Sequence[str]) -> CalibrateOptions:
     """
     Parse the arguments of the command.
 
     :raises SystemExit: with code 2 and one line if an argument is invalid; with 0 after ``--help``
     """
-    own, ros = split_ros_arguments(arguments)
     parser = _parser()
-    values = vars(parser.parse_args(own))
-    values.pop('ros_args', None)
-    more = CalibrateOptions(*(values.pop(name) for name in (
-        'part', 'output', 'floor', 'plot', 'yes', 'dry_run', 'measured', 'side', 'squares',
-        'track')))
-    if more.part not in ('', FLOOR, UMBMARK):
-        parser.error(f'there is no part {quoted(more.part, 60)}; it is {FLOOR} or {UMBMARK}, or '
-                     'left out')
+    values = parse_values(parser, arguments)
+    part = values['part']
+    if part not in ('', FLOOR, UMBMARK):
+        parser.error(
+            f'there is no part {quoted(part, 60)}; it is {FLOOR} or {UMBMARK}, or left out')
     for name in ('side', 'squares', 'track'):
-        if getattr(more, name) is not None and more.part != UMBMARK:
+        if values[name] is not None and part != UMBMARK:
             parser.error(f'--{name} is about {NAME} {UMBMARK}')
-    if more.measured and not more.part:
+    if values['measured'] and not part:
         parser.error(f'--measured is about {NAME} {FLOOR} and {NAME} {UMBMARK}')
-    if more.part and more.plot is not None:
-        parser.error(f'--plot is not about {NAME} {more.part}')
-    if more.squares is not None and not 1 <= more.squares <= 20:
-        parser.error(f'--squares is {more.squares}; it must be from 1 to 20')
-    simulation = take_simulation(parser, values)
-    return Options(
-        # This command asks for the confirmation itself.
-        ros_arguments=tuple(ros), simulation=simulation, calibrates=True, yes=True,
-        command=shlex.join([NAME, *arguments]), **values), more
+    if part and values['plot'] is not None:
+        parser.error(f'--plot is not about {NAME} {part}')
+    if (squares := values['squares']) is not None and not 1 <= squares <= 20:
+        parser.error(f'--squares is {squares}; it must be from 1 to 20')
+    take_simulation(parser, values)
+    return CalibrateOptions(**values)
 
 
 def _parser() -> OneLineParser:
@@ -156,98 +127,3 @@ def _parser() -> OneLineParser:
               "kachaka '0.2 m')")
     add_drive_options(parser)
     return parser
-
-
-def require_ready(options: Options, more: CalibrateOptions) -> Settings:
-    """
-    Check the robot and the output file before a calibration, and return the robot's settings.
-
-    :raises UsageError: if the robot has no odometry, or the file exists or cannot be written;
-        nothing has moved
-    """
-    settings = choose_settings(options, None)
-    file = more.file
-    # A calibration that cannot be written is refused before the robot moves.
-    calibrated_text(settings.robot, OdometryCalibration() if more.part else Calibration())
-    if settings.profile.odometry_topic is None:
-        raise UsageError(
-            f'{escaped(settings.robot)} has no odometry to measure by; its file names none')
-    if file.exists() and not _is_asked_to_replace(settings.robot, more):
-        raise UsageError(
-            f'{escaped(str(file))} is there already; name another file by --output')
-    if not os.access(file.parent, os.W_OK):
-        raise UsageError(f'{escaped(str(file))} cannot be written; name another file by '
-                         '--output')
-    return settings
-
-
-def _is_asked_to_replace(robot: str, more: CalibrateOptions) -> bool:
-    """Return whether ``--output`` names the profile of the robot itself."""
-    return bool(more.part) and more.output is not None and (
-        Path(robot).exists() and more.output.samefile(robot))
-
-
-def show(views: Sequence[PlanView]) -> None:
-    """Print the plans of the calibration motions."""
-    print(plan_table(views, terminal_columns()), flush=True)
-
-
-def ask(options: Options, more: CalibrateOptions, view: PlanView, before: str = '') -> None:
-    """
-    Ask whether the robot may drive, unless it is simulated or ``--yes`` was given.
-
-    :param view: the plan of the drive
-    :param before: an instruction for the user before the drive
-    :raises UsageError: if there is no terminal to ask at, or the answer is no
-    """
-    if not (options.sim or more.is_confirmed):
-        confirm(view.floor_size, before)
-
-
-def drive_until_good(
-        options: Options, more: CalibrateOptions, measure: Callable[[Options], T]) -> T:
-    """
-    Drive until a measurement is valid, at most three times, and return the measurement.
-
-    The drive is repeated only if a user at the terminal can put the robot back and confirm the
-    next drive.  A drive that ended with a fault is not repeated.
-
-    :param measure: a function that asks, drives and returns the measurement; its argument is the
-        options of this attempt, with a report directory of its own
-    :raises CalibrationError: if the last drive gives no valid measurement
-    """
-    for attempt in range(1, MAX_ATTEMPTS + 1):
-        report = options.report
-        if report is not None and attempt > 1:
-            report = f'{report}-{attempt}'
-        try:
-            return measure(replace(options, report=report))
-        except CalibrationError as error:
-            if (attempt == MAX_ATTEMPTS or signal_dispatcher.signum is not None
-                    or (more.is_confirmed and not options.sim) or not sys.stdin.isatty()):
-                raise
-            print(f'\n{escaped_lines(error)}.\nThis drive does not count: put the robot back '
-                  'where it began; it is driven again.', flush=True)
-    raise AssertionError('the last attempt returns or raises')
-
-
-def today() -> str:
-    """Return today's date in ISO format, for a calibration."""
-    return datetime.now().astimezone().date().isoformat()
-
-
-def write_robot(
-        robot: str, calibration: Calibration | OdometryCalibration, file: Path) -> None:
-    """
-    Write the profile of a calibrated robot, and print how to use it.
-
-    :param robot: the name or the file of the robot's profile
-    :param calibration: the result of the calibration
-    :param file: the profile to write
-    :raises UsageError: if the file cannot be written
-    """
-    try:
-        write_atomically(file, calibrated_text(robot, calibration).encode())
-    except OSError as error:
-        raise UsageError(f'{escaped(str(file))}: {error.strerror}') from None
-    print(f'{file}: written; drive with --robot {file if file.is_absolute() else f"./{file}"}')

@@ -28,12 +28,7 @@ import sys
 from typing import Any, NoReturn
 
 from kachaka_simple_control.control.speed_factor import MIN_SPEED_FACTOR
-from kachaka_simple_control.exit_codes import (
-    DONE,
-    FAULTED,
-    HELP,
-    OneLineParser,
-)
+from kachaka_simple_control.exit_codes import DONE, FAULTED, HELP, OneLineParser
 from kachaka_simple_control.kachaka.program import (
     add_simulation_options,
     address_argument,
@@ -125,21 +120,16 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     :param arguments: the arguments without the program's name; None for the process's arguments
     :raises SystemExit: with code 2 and one line if an argument is invalid; with 0 after ``--help``
     """
-    arguments = sys.argv[1:] if arguments is None else arguments
-    own, ros = split_ros_arguments(arguments)
     parser = _parser()
     if '_ARGCOMPLETE' in os.environ:
         _complete(parser)
-    values = vars(parser.parse_args(own))
-    values.pop('ros_args', None)
-    simulation = take_simulation(parser, values)
+    values = parse_values(parser, sys.argv[1:] if arguments is None else arguments)
+    take_simulation(parser, values)
     if values.pop('version'):
         from kachaka_simple_control.version import installed_version
         print(f'{NAME} {installed_version()}')
         raise SystemExit(DONE)
-    options = Options(
-        motions=tuple(values.pop('motions')), ros_arguments=tuple(ros),
-        command=shlex.join([NAME, *arguments]), simulation=simulation, **values)
+    options = Options(motions=tuple(values.pop('motions')), **values)
     if options.wait and any(map(TIME.fullmatch, options.motions)):
         parser.error('--wait takes no time; -p robot_timeout:=30, after --ros-args, sets how '
                      'long to wait for a robot')
@@ -154,13 +144,24 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     return options
 
 
-def take_simulation(parser: OneLineParser, values: dict[str, Any]) -> tuple[str, ...]:
+def parse_values(parser: OneLineParser, arguments: Sequence[str]) -> dict[str, Any]:
     """
-    Remove the options of the simulated robot from the options of a command, and check them.
+    Parse the arguments of a command that drives.
+
+    :param parser: the parser of the command's own arguments
+    :returns: the options by name, with ``ros_arguments`` and ``command``
+    """
+    own, ros = split_ros_arguments(arguments)
+    return {**vars(parser.parse_args(own)), 'ros_arguments': tuple(ros),
+            'command': shlex.join([parser.prog, *arguments])}
+
+
+def take_simulation(parser: OneLineParser, values: dict[str, Any]) -> None:
+    """
+    Check the options of the simulated robot, and replace them with their text, ``simulation``.
 
     :param parser: the parser, which ends the program if an option is invalid
     :param values: the options of the command by name
-    :returns: the given options of the simulated robot, as text
     """
     simulation = simulation_words(values)
     if simulation and not values['sim']:
@@ -168,7 +169,7 @@ def take_simulation(parser: OneLineParser, values: dict[str, Any]) -> tuple[str,
     simulation_parameters(parser, argparse.Namespace(**values))
     for name in SIMULATION_NAMES:
         values.pop(name)
-    return simulation
+    values['simulation'] = simulation
 
 
 def _parser() -> OneLineParser:
@@ -177,67 +178,54 @@ def _parser() -> OneLineParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Drive a motion, exactly timed; without a name, the seven movements of the '
                     'lesson.')
-    parser.add_argument(
-        'motions', nargs='*', metavar='MOTION',
+    add = parser.add_argument
+    add('motions', nargs='*', metavar='MOTION',
         help='a motion that comes with the package (see --list), or the path of a file')
-    parser.add_argument(
-        '--list', action='store_true', help='list the motions that come with the package')
-    parser.add_argument(
-        '--plan', action='store_true',
+    add('--list', action='store_true', help='list the motions that come with the package')
+    add('--plan', action='store_true',
         help='print what the motions will do, step by step; nothing moves, and no ROS is needed')
-    parser.add_argument(
-        '--plot', metavar='FILE',
+    add('--plot', metavar='FILE',
         help='draw what the motions will do, as .png, .svg or .pdf; likewise')
-    parser.add_argument(
-        '--wait', action='store_true',
+    add('--wait', action='store_true',
         help='stand by: Enter, or the service ~/run, starts the motion; ~/stop ends it')
-    parser.add_argument(
-        '--quiet', action='store_true',
+    add('--quiet', action='store_true',
         help="show nothing while the robot drives but the node's log lines")
-    parser.add_argument(
-        '--speed', type=_speed, metavar='PERCENT',
+    add('--speed', type=_speed, metavar='PERCENT',
         help='drive slower than planned, as in --speed 50%%, on the same path; for a careful '
              'first drive')
-    parser.add_argument(
-        '--repeat', type=_count, default=1, metavar='N',
+    add('--repeat', type=_count, default=1, metavar='N',
         help='drive so many times, with --report DIR into DIR/1, DIR/2, ..., for kachaka_compare')
     add_drive_options(parser)
-    parser.add_argument(
-        '--closed-loop', action=argparse.BooleanOptionalAction,
+    add('--closed-loop', action=argparse.BooleanOptionalAction,
         help='correct the velocities by odometry; needs a robot that kachaka_calibrate has '
              'measured (default: what the motion says, or not)')
-    parser.add_argument('--version', action='store_true', help='print the version')
+    add('--version', action='store_true', help='print the version')
     return parser
 
 
 def add_drive_options(parser: OneLineParser) -> None:
     """Add the options that all driving commands share: robot, rate, report and others."""
-    robot = parser.add_mutually_exclusive_group()
-    robot.add_argument(
-        '--sim', action='store_true',
-        help='start a simulated Kachaka, drive it, and print what was requested, sent and driven')
-    robot.add_argument(
-        '--address', type=lambda text: str(address_argument(text)), metavar='HOST',
-        help='do the same with the real Kachaka at this address, HOST or HOST:PORT; it moves when '
-             'somebody has confirmed')
-    parser.add_argument(
-        '--yes', action='store_true',
+    robot = parser.add_mutually_exclusive_group().add_argument
+    robot('--sim', action='store_true',
+          help='start a simulated Kachaka, drive it, and print what was requested, sent and '
+               'driven')
+    robot('--address', type=lambda text: str(address_argument(text)), metavar='HOST',
+          help='do the same with the real Kachaka at this address, HOST or HOST:PORT; it moves '
+               'when somebody has confirmed')
+    add = parser.add_argument
+    add('--yes', action='store_true',
         help='drive a real robot without asking; needed without a terminal')
-    parser.add_argument(
-        '--robot', metavar='NAME',
+    add('--robot', metavar='NAME',
         help='kachaka, turtlebot3, generic, or the path of a profile (default: what the motion '
              'says, or kachaka)')
-    parser.add_argument(
-        '--rate', type=float, metavar='HZ',
+    add('--rate', type=float, metavar='HZ',
         help='how often a velocity is sent (default: what the motion says, or 10)')
-    parser.add_argument(
-        '--report', metavar='DIR',
+    add('--report', metavar='DIR',
         help='write a report and a recording of the drive to this new directory')
     add_simulation_options(
         parser.add_argument_group('errors of the simulated robot, with --sim'),
         'the simulated robot')
-    parser.add_argument(
-        '--ros-args', action='store_true', default=argparse.SUPPRESS,
+    add('--ros-args', action='store_true', default=argparse.SUPPRESS,
         help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')
 
 

@@ -23,8 +23,8 @@ from kachaka_simple_control.analysis.calibration_fit import (
     CalibrationFit,
     Estimate,
 )
-from kachaka_simple_control.commands import calibrate, calibrate_options
-from kachaka_simple_control.commands.calibrate_options import MAX_ATTEMPTS
+from kachaka_simple_control.commands import calibrate
+from kachaka_simple_control.commands.calibrate import MAX_ATTEMPTS
 from kachaka_simple_control.files.robot_profile import calibrated_text, find_robot, KACHAKA
 from kachaka_simple_control.motion.calibration import Calibration
 from program import call, program
@@ -147,7 +147,7 @@ def test_what_was_measured_is_printed_even_if_no_file_can_be_written(run, monkey
     def fail(path, data):
         raise OSError(28, 'No space left on device')
 
-    monkeypatch.setattr(calibrate_options, 'write_atomically', fail)
+    monkeypatch.setattr(calibrate, 'write_atomically', fail)
     code, output, errors, _ = run('--sim')
     assert (code, errors) == (2, 'kachaka_calibrate: my_kachaka.yaml: No space left on device\n')
     assert 'gain forward                 0.9500      0.0004' in output

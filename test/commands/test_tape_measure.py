@@ -20,8 +20,8 @@ import signal
 import sys
 
 from kachaka_simple_control.analysis.calibration_fit import CalibrationError
-from kachaka_simple_control.commands import calibrate, tape_measure
-from kachaka_simple_control.commands.calibrate_options import MAX_ATTEMPTS
+from kachaka_simple_control.commands import calibrate
+from kachaka_simple_control.commands.calibrate import MAX_ATTEMPTS
 from kachaka_simple_control.errors import MotionStoppedError, RunFaultError
 from kachaka_simple_control.files.library import find
 from kachaka_simple_control.files.robot_profile import find_robot
@@ -61,8 +61,8 @@ def run(tmp_path, monkeypatch, capsys):
                 poses.append(advance(poses[-1], way.distance / parts, way.angle / parts))
         return poses
 
-    monkeypatch.setattr(tape_measure, 'drive', drive)
-    monkeypatch.setattr(tape_measure, 'reported_path', path)
+    monkeypatch.setattr(calibrate, 'drive', drive)
+    monkeypatch.setattr(calibrate, 'reported_path', path)
 
     def run(*arguments, typed=None):
         monkeypatch.setattr(sys, 'stdin', io.StringIO() if typed is None else Typed(typed))
@@ -166,7 +166,7 @@ def test_somebody_confirms_measures_and_may_mistype(run, tmp_path):
 
 def test_a_drive_that_was_spoilt_is_driven_again(run, tmp_path, monkeypatch):
     """With a report of its own; what was measured before stays."""
-    path, calls = tape_measure.reported_path, []
+    path, calls = calibrate.reported_path, []
 
     def spoil_the_second(motion):
         calls.append(motion)
@@ -174,7 +174,7 @@ def test_a_drive_that_was_spoilt_is_driven_again(run, tmp_path, monkeypatch):
             raise CalibrationError('the drive was paused or slowed down: begin again')
         return path(motion)
 
-    monkeypatch.setattr(tape_measure, 'reported_path', spoil_the_second)
+    monkeypatch.setattr(calibrate, 'reported_path', spoil_the_second)
     typed = '\n0.98 m\n\n\n345.9 deg\n'
     code, output, _, driven = run(
         'floor', '--address', 'robot', '--report', 'all', typed=typed)
@@ -196,7 +196,7 @@ def test_a_drive_that_a_fault_or_a_stop_ended_is_not_driven_again(run, monkeypat
         driven.append(options)
         raise error
 
-    monkeypatch.setattr(tape_measure, 'drive', drive)
+    monkeypatch.setattr(calibrate, 'drive', drive)
     code, output, errors, _ = run('floor', '--address', 'robot', typed=9 * '\n')
     assert (code, errors, len(driven)) == (1, f'kachaka_calibrate: {error}\n', 1)
     assert 'driven again' not in output
@@ -210,7 +210,7 @@ def test_without_a_question_only_a_simulated_robot_is_driven_again(
     def spoil(_):
         raise CalibrationError('spoilt')
 
-    monkeypatch.setattr(tape_measure, 'reported_path', spoil)
+    monkeypatch.setattr(calibrate, 'reported_path', spoil)
     code, _, errors, driven = run('floor', *words, typed='')
     assert (code, errors, len(driven)) == (1, 'kachaka_calibrate: spoilt\n', count)
 
@@ -219,7 +219,7 @@ def test_a_drive_is_not_repeated_without_end(run, monkeypatch):
     def spoil(_):
         raise CalibrationError('spoilt')
 
-    monkeypatch.setattr(tape_measure, 'reported_path', spoil)
+    monkeypatch.setattr(calibrate, 'reported_path', spoil)
     code, _, errors, driven = run('floor', '--address', 'robot', typed=9 * '\n')
     assert (code, errors, len(driven)) == (1, 'kachaka_calibrate: spoilt\n', MAX_ATTEMPTS)
 
