@@ -34,9 +34,13 @@ from kachaka_simple_control.commands.settings import (
 )
 from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
-from kachaka_simple_control.display.display_process import DisplayProcess
-from kachaka_simple_control.display.keyboard import is_keyboard, Keyboard
-from kachaka_simple_control.display.terminal import is_terminal, should_display
+from kachaka_simple_control.display.terminal import (
+    DisplayProcess,
+    is_keyboard,
+    is_terminal,
+    Keyboard,
+    should_display,
+)
 from kachaka_simple_control.errors import (
     ControlError,
     RunFaultError,

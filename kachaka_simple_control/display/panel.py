@@ -32,8 +32,6 @@ from rich.text import Text
 
 #: The number of lines of a panel.
 HEIGHT = 6
-#: The smallest terminal that a panel needs [columns, rows].
-MIN_SIZE = 60, 12
 #: The largest width of a panel [columns].
 MAX_COLUMNS = 120
 MAX_NAME_WIDTH = 28

@@ -30,10 +30,14 @@ from kachaka_simple_control.control.events import (
     SessionEnded,
 )
 from kachaka_simple_control.display import terminal
-from kachaka_simple_control.display.display_process import DISPLAY_MODULE
-from kachaka_simple_control.display.display_program import TerminalDisplay
+from kachaka_simple_control.display.display_program import (
+    LineRenderer,
+    PanelRenderer,
+    renderer_for,
+    TerminalDisplay,
+)
 from kachaka_simple_control.display.drive_status import DriveState
-from kachaka_simple_control.display.renderers import LineRenderer, PanelRenderer, renderer_for
+from kachaka_simple_control.display.terminal import DISPLAY_MODULE
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion, Wait
@@ -50,7 +54,7 @@ PUBLISHER = """
 import os, sys, time
 from kachaka_simple_control.telemetry.event_bus import EventBus
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcesses
-from kachaka_simple_control.display.display_process import DisplayProcess
+from kachaka_simple_control.display.terminal import DisplayProcess
 from kachaka_simple_control.motion.geometry import Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.steps import Forward, Motion
@@ -263,13 +267,13 @@ def test_without_rich_it_warns_once_and_writes_lines(monkeypatch):
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.delitem(sys.modules, 'kachaka_simple_control.display.panel')
     renderer = renderer_for(follower)
-    assert isinstance(renderer, LineRenderer)
+    assert type(renderer) is LineRenderer
     assert b'install rich' in os.read(leader, 1000)
     connecting = types.SimpleNamespace(state=DriveState.CONNECTING, step=None)
     renderer.show(connecting, 0.0, 'space pauses')
     assert os.read(leader, 1000) == b'space pauses\r\n'
     monkeypatch.setenv('TERM', 'dumb')
-    assert isinstance(renderer_for(follower), LineRenderer)
+    assert type(renderer_for(follower)) is LineRenderer
     for descriptor in (leader, follower):
         os.close(descriptor)
 

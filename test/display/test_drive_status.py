@@ -32,8 +32,12 @@ from kachaka_simple_control.control.events import (
     VelocityKind,
     VelocitySent,
 )
+from kachaka_simple_control.display.display_program import (
+    LineRenderer,
+    MIN_LINE_PERIOD,
+    StepLogger,
+)
 from kachaka_simple_control.display.drive_status import DriveState, DriveTracker, PLAN_RATE
-from kachaka_simple_control.display.renderers import LineRenderer, MIN_LINE_PERIOD, StepLogger
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, Velocity, ZERO
 from kachaka_simple_control.motion.limits import Limits

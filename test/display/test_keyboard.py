@@ -18,7 +18,7 @@ import signal
 import sys
 import termios
 
-from kachaka_simple_control.display.keyboard import LINE_MODES, LOCAL_MODES
+from kachaka_simple_control.display.terminal import LINE_MODES, LOCAL_MODES
 from program import COMMAND
 import pytest
 from terminals import at_terminal
