@@ -49,53 +49,22 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
-    'Arc',
-    'ControlError',
-    'Forward',
-    'InvalidMotionError',
-    'KachakaSimpleControl',
-    'Limits',
-    'Motion',
-    'MotionRefusedError',
-    'Move',
-    'Plan',
-    'Pose',
-    'Repeat',
-    'RobotNotFoundError',
-    'RunFaultError',
-    'Settle',
-    'Step',
-    'Turn',
-    'UsageError',
-    'Velocity',
-    'Wait',
-    'plan',
+    'Arc', 'ControlError', 'Forward', 'InvalidMotionError', 'KachakaSimpleControl', 'Limits',
+    'Motion', 'MotionRefusedError', 'Move', 'Plan', 'Pose', 'Repeat', 'RobotNotFoundError',
+    'RunFaultError', 'Settle', 'Step', 'Turn', 'UsageError', 'Velocity', 'Wait', 'plan',
 ]
 
-#: The module of each name.  Loading on demand keeps the start of a command short: until its first
+#: The names in each module.  Loading on demand keeps the start of a command short: until its first
 #: line of code runs, Ctrl+C prints a traceback.
-_MODULES = {
-    'Arc': 'motion.steps',
-    'ControlError': 'errors',
-    'Forward': 'motion.steps',
-    'InvalidMotionError': 'errors',
-    'KachakaSimpleControl': 'kachaka_simple_control',
-    'Limits': 'motion.limits',
-    'Motion': 'motion.steps',
-    'MotionRefusedError': 'errors',
-    'Move': 'motion.steps',
-    'Plan': 'motion.plan',
-    'Pose': 'motion.geometry',
-    'Repeat': 'motion.steps',
-    'RobotNotFoundError': 'errors',
-    'RunFaultError': 'errors',
-    'Settle': 'motion.steps',
-    'Step': 'motion.steps',
-    'Turn': 'motion.steps',
-    'UsageError': 'errors',
-    'Velocity': 'motion.geometry',
-    'Wait': 'motion.steps',
-    'plan': 'motion.plan',
+_NAMES = {
+    'errors': ('ControlError', 'InvalidMotionError', 'MotionRefusedError', 'RobotNotFoundError',
+               'RunFaultError', 'UsageError'),
+    'kachaka_simple_control': ('KachakaSimpleControl',),
+    'motion.geometry': ('Pose', 'Velocity'),
+    'motion.limits': ('Limits',),
+    'motion.plan': ('Plan', 'plan'),
+    'motion.steps': (
+        'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Settle', 'Step', 'Turn', 'Wait'),
 }
 
 
@@ -103,10 +72,11 @@ def __getattr__(name: str) -> Any:
     if name == '__version__':
         from kachaka_simple_control.version import installed_version
         return installed_version()
-    if name not in _MODULES:
+    module = next((module for module, names in _NAMES.items() if name in names), None)
+    if module is None:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     from importlib import import_module
-    value = getattr(import_module(f'{__name__}.{_MODULES[name]}'), name)
+    value = getattr(import_module(f'{__name__}.{module}'), name)
     globals()[name] = value
     return value
 
