@@ -59,11 +59,7 @@ from kachaka_simple_control.commands.settings import choose_settings, Settings
 from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.library import find
-from kachaka_simple_control.files.robot_profile import (
-    calibrated_text,
-    KACHAKA_TRACK,
-    RobotProfile,
-)
+from kachaka_simple_control.files.robot_profile import calibrated_text, KACHAKA_TRACK, RobotProfile
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import Pose
 from kachaka_simple_control.motion.units import ANGLE, LENGTH, Quantity, SIZE, UnitError

@@ -29,7 +29,7 @@ from kachaka_simple_control.commands.settings import (
     choose_settings,
     chosen_speed,
     describe_overrides,
-    NAMES,
+    in_file,
     Settings,
 )
 from kachaka_simple_control.control.events import SpeedFactorChanged
@@ -41,11 +41,7 @@ from kachaka_simple_control.display.terminal import (
     Keyboard,
     should_display,
 )
-from kachaka_simple_control.errors import (
-    ControlError,
-    RunFaultError,
-    UsageError,
-)
+from kachaka_simple_control.errors import ControlError, RunFaultError, UsageError
 from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.report.output_file import (
@@ -71,6 +67,8 @@ if TYPE_CHECKING:
     from kachaka_simple_control.motion.limits import Limits
     from kachaka_simple_control.motion.steps import Motion
 
+#: The function of each key.
+Keys = dict[str, Callable[[], object]]
 #: The change of the speed factor for each key press.
 KEY_STEP = 0.1
 
@@ -93,10 +91,7 @@ def drive(options: Options) -> DriveLog:
             use_localhost_only()
         start_ros(options.ros_arguments)
         robot_control = KachakaSimpleControl(
-            {name: value for name in NAMES
-             if (value := getattr(motion_file, name, None)) is not None},
-            parameter_overrides=[
-                Parameter(name, value=value) for name, value in _parameters(options).items()])
+            in_file(motion_file), parameter_overrides=_parameters(options))
         subscribers = stack.enter_context(SubscriberProcesses(robot_control.event_bus))
         try:
             reporter = _start_subscribers(
@@ -189,19 +184,17 @@ def _count_movements() -> int | None:
         return None
 
 
-def _parameters(options: Options) -> dict[str, object]:
+def _parameters(options: Options) -> list[Parameter]:
     # The table and the report need the odometry that ``summary`` records.
-    summary = (options.starts_bridge or options.calibrates
-               or options.report is not None or None)
+    summary = options.starts_bridge or options.calibrates or options.report is not None or None
     values = {'robot': options.robot, 'rate': options.rate, 'summary': summary,
-              'closed_loop': options.closed_loop,
-              'speed_factor': chosen_speed(options)}
-    return {name: value for name, value in values.items() if value is not None}
+              'closed_loop': options.closed_loop, 'speed_factor': chosen_speed(options)}
+    return [Parameter(name, value=value) for name, value in values.items() if value is not None]
 
 
 def _run(
         robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool,
-        keys: dict[str, Callable[[], object]]) -> None:
+        keys: Keys) -> None:
     if motion_file is None:
         with _keyboard(robot_control, keys):
             play_lesson(robot_control)
@@ -217,8 +210,7 @@ def _run(
 
 
 def _wait_for_requests(
-        robot_control: KachakaSimpleControl, motion: Motion, limits: Limits,
-        keys: dict[str, Callable[[], object]]) -> None:
+        robot_control: KachakaSimpleControl, motion: Motion, limits: Limits, keys: Keys) -> None:
     """Start the motion on each ``~/run`` call or Enter key, until the node is stopped."""
     commander = robot_control.commander
     drive = partial(robot_control.run, motion, limits)
@@ -232,21 +224,19 @@ def _wait_for_requests(
         robot_control.session.serve_until_stopped()
 
 
-def _keys(robot_control: KachakaSimpleControl) -> dict[str, Callable[[], object]]:
+def _keys(robot_control: KachakaSimpleControl) -> Keys:
     """Return the function of each key while the robot drives."""
     commander = robot_control.commander
-    slower, faster = partial(commander.change_speed, -KEY_STEP), partial(
-        commander.change_speed, KEY_STEP)
+    faster = partial(commander.change_speed, KEY_STEP)
     return {
         ' ': commander.pause, 'r': commander.resume_when_confirmed,
-        '-': slower, '+': faster, '=': faster,
+        '-': partial(commander.change_speed, -KEY_STEP), '+': faster, '=': faster,
         # Like Ctrl+C.
         'q': lambda: os.kill(os.getpid(), signal.SIGINT),
     }
 
 
-def _keyboard(
-        robot_control: KachakaSimpleControl, keys: dict[str, Callable[[], object]]) -> Keyboard:
+def _keyboard(robot_control: KachakaSimpleControl, keys: Keys) -> Keyboard:
     """Return a keyboard that logs an error of a key's function as a warning."""
     def press(function: Callable[[], object]) -> None:
         try:

@@ -21,7 +21,7 @@ import math
 from typing import TYPE_CHECKING
 
 from kachaka_simple_control.control.timing import MAX_RATE, min_rate
-from kachaka_simple_control.errors import InvalidMotionError, UsageError
+from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.files.robot_profile import find_robot, RobotProfile
 from kachaka_simple_control.motion.units import point_advice, require_number
 from kachaka_simple_control.ros.node_parameters import NodeParameters, parameter_arguments
@@ -76,34 +76,19 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
     """
     given = _given(options)
     values = {'robot': NodeParameters.robot, 'rate': NodeParameters.rate,
-              'closed_loop': NodeParameters.closed_loop, **_in_file(motion_file), **given}
+              'closed_loop': NodeParameters.closed_loop, **in_file(motion_file), **given}
     robot, rate = str(values['robot']), require_number('rate', values['rate'], 'Hz')
     profile = find_robot(robot)
-    try:
-        check_rate(rate, profile)
-    except InvalidMotionError as error:
+    lowest = min_rate(profile.command_timeout)
+    if not lowest <= rate <= MAX_RATE:
+        text = f'{rate:g} Hz; for {profile.name} it must be from {lowest:g} to {MAX_RATE:g} Hz'
         if motion_file is None or motion_file.rate is None or 'rate' in given:
-            raise UsageError(str(error)) from None
-        raise motion_file.error_at('rate', error.message) from None
+            raise UsageError(f'rate is {text}')
+        raise motion_file.error_at('rate', text)
     closed_loop = bool(values['closed_loop'])
     if closed_loop:
         profile.feedback_delay()
     return Settings(robot, rate, profile, closed_loop)
-
-
-def check_rate(rate: float, profile: RobotProfile) -> None:
-    """
-    Check that a robot can be driven at a rate.
-
-    :param rate: the rate of velocity messages [Hz]
-    :param profile: the robot's profile
-    :raises InvalidMotionError: if the rate is out of range for the robot
-    """
-    lowest = min_rate(profile.command_timeout)
-    if not lowest <= rate <= MAX_RATE:
-        raise InvalidMotionError(
-            f'{rate:g} Hz; for {profile.name} it must be from {lowest:g} to {MAX_RATE:g} Hz',
-            name='rate')
 
 
 def describe_overrides(
@@ -115,7 +100,7 @@ def describe_overrides(
     :param used: the effective values
     """
     lines = []
-    for name, said in _in_file(motion_file).items():
+    for name, said in in_file(motion_file).items():
         value = getattr(used, name)
         if value == said:
             continue
@@ -129,7 +114,7 @@ def describe_overrides(
     return lines
 
 
-def _in_file(motion_file: MotionFile | None) -> dict[str, object]:
+def in_file(motion_file: MotionFile | None) -> dict[str, object]:
     """Return the settings that the motion's file contains, by name."""
     values = {name: getattr(motion_file, name, None) for name in NAMES}
     return {name: value for name, value in values.items() if value is not None}
@@ -137,19 +122,15 @@ def _in_file(motion_file: MotionFile | None) -> dict[str, object]:
 
 def _given(options: Options) -> dict[str, object]:
     """Return the settings that the command line contains, by name."""
-    values: dict[str, object] = {}
+    values = {name: option for name in NAMES if (option := getattr(options, name)) is not None}
     parameters = parameter_arguments(options.ros_arguments)
     for name in NAMES:
-        option, parameter = getattr(options, name), None
         if name in parameters:
-            text = parameters[name].strip().strip('\'"')
-            parameter = _READERS[name](name, text)
-        if option is not None and parameter is not None and option != parameter:
-            raise UsageError(
-                f'{_option(name, option)} and -p {name}:={_text(parameter)} differ: give one')
-        value = option if option is not None else parameter
-        if value is not None:
-            values[name] = value
+            parameter = _READERS[name](name, parameters[name].strip().strip('\'"'))
+            if name in values and values[name] != parameter:
+                raise UsageError(f'{_option(name, values[name])} and -p {name}:='
+                                 f'{_text(parameter)} differ: give one')
+            values[name] = parameter
     return values
 
 
@@ -159,13 +140,12 @@ def chosen_speed(options: Options) -> float | None:
 
     :raises UsageError: if the parameter ``speed_factor`` has a different value
     """
+    speed = options.speed
     text = parameter_arguments(options.ros_arguments).get('speed_factor')
-    if options.speed is not None and text is not None and _number('speed_factor', text) != (
-            options.speed):
+    if speed is not None and text is not None and _number('speed_factor', text) != speed:
         raise UsageError(
-            f'--speed {100.0 * options.speed:g}% and -p speed_factor:={escaped(text)} differ: '
-            'give one')
-    return options.speed
+            f'--speed {100.0 * speed:g}% and -p speed_factor:={escaped(text)} differ: give one')
+    return speed
 
 
 def _number(name: str, text: str) -> float:
