@@ -49,7 +49,7 @@ def run_command(body: Callable[[], None], name: str = NAME) -> int:
     except Exception as error:
         code = code_of(error)
         # After a signal, an expected error only says that the signal stopped the motion.
-        if signal_dispatcher.signum is None or not _is_expected(error):
+        if signal_dispatcher.signum is None or not isinstance(error, ControlError):
             first = error.__context__
             # An error of the stop must not hide the reason for the stop.
             with contextlib.suppress(OSError):  # a full disk
@@ -59,17 +59,13 @@ def run_command(body: Callable[[], None], name: str = NAME) -> int:
     return code if signal_dispatcher.signum is None else SIGNALLED + signal_dispatcher.signum
 
 
-def _is_expected(error: Exception) -> bool:
-    return isinstance(error, ControlError)
-
-
 def _message(error: Exception, name: str) -> str:
     if isinstance(error, FileError) and error.problems[0].line is not None:
         # File and line come first, because editors make a link of them.
         return escaped_lines(error)
     if isinstance(error, InvalidMotionError) and (line := _line_of_lesson(error)):
         return f'{line}: {escaped(error, MAX_LINE_LENGTH)}'
-    if _is_expected(error):
+    if isinstance(error, ControlError):
         return f'{name}: {escaped(error, MAX_LINE_LENGTH)}'
     frame = traceback.extract_tb(error.__traceback__)[-1]
     text = escaped(error, MAX_LINE_LENGTH)

@@ -31,26 +31,16 @@ import termios
 import threading
 import time
 
+from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.events import Event, VelocitySent
 from kachaka_simple_control.control.output import make_blocking, STDERR
-from kachaka_simple_control.control.processes import (
-    is_in_background,
-    is_stopped,
-    set_idle_priority,
-)
+from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.drive_status import (
     DriveState,
     DriveStatus,
     DriveTracker,
     STEP,
     StepStatus,
-)
-from kachaka_simple_control.display.terminal import (
-    draw_rows,
-    is_terminal,
-    RELEASE_ROWS,
-    reserve_rows,
-    set_line_modes,
 )
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.telemetry.subscriber_process import decode
@@ -198,8 +188,8 @@ class PanelRenderer(LineRenderer):
         text = ''
         if self._drawn is None or self._drawn[0] != size:
             self.close()
-            text = reserve_rows(size.lines, len(lines))
-        self._write(text + draw_rows(size.lines, lines))
+            text = terminal.reserve_rows(size.lines, len(lines))
+        self._write(text + terminal.draw_rows(size.lines, lines))
         self._drawn = size, lines
 
     def on_event(self, status: DriveStatus, now: float) -> None:
@@ -210,7 +200,7 @@ class PanelRenderer(LineRenderer):
     def close(self) -> None:
         """Release the rows of the panel."""
         if self._drawn is not None:
-            self._write(RELEASE_ROWS)
+            self._write(terminal.RELEASE_ROWS)
             self._drawn = None
 
 
@@ -228,7 +218,7 @@ def renderer_for(descriptor: int) -> LineRenderer:
         # One write call, so that no output of other programs comes in between.
         os.write(descriptor, text.encode(sys.stderr.encoding, 'replace'))
 
-    if not is_terminal(descriptor):
+    if not terminal.is_terminal(descriptor):
         return LineRenderer(write, has_hint=False)
     try:
         from kachaka_simple_control.display.panel import render_panel
@@ -271,7 +261,7 @@ class TerminalDisplay:
         if self._tracker.session_ended is None and self._is_orphan():
             if self._tracker.has_keys:  # the killed program could not restore the modes
                 with contextlib.suppress(OSError, termios.error):
-                    set_line_modes(STDERR, is_on=True)
+                    terminal.set_line_modes(STDERR, is_on=True)
             # The line break is for a shell prompt that may already be there.
             print(f'\n{describe_killed(self._tracker)}', file=sys.stderr, flush=True)
 
@@ -293,7 +283,7 @@ class TerminalDisplay:
         self._renderer.on_event(status, event.time)
 
     def _show(self) -> None:
-        if is_stopped(self._parent):
+        if processes.is_stopped(self._parent):
             # After Ctrl+Z the terminal belongs to another program.
             self._renderer.close()
             return
@@ -328,7 +318,7 @@ def stop_hint(pid: int, has_keys: bool, is_held: bool) -> str:
     :param has_keys: whether the program reads keys
     :param is_held: whether the motion is paused, or the next motion will start paused
     """
-    if is_in_background(pid):
+    if processes.is_in_background(pid):
         return f'`kill {pid}` stops the robot'
     if not has_keys:
         return 'Ctrl+C stops the robot'
@@ -339,7 +329,7 @@ def main() -> int:
     """Show the drive; return the exit code, which is 0 only if the terminal is restored."""
     parent = os.getppid()
     make_blocking(STDERR)  # a partly written frame would corrupt the terminal
-    set_idle_priority()  # a frame may be late, a velocity may not
+    processes.set_idle_priority()  # a frame may be late, a velocity may not
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         TerminalDisplay(renderer_for(STDERR), parent).run()

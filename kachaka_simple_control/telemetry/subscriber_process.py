@@ -180,7 +180,7 @@ class SubscriberProcess:
             frozen = frozen + CLOSE_PERIOD if processes.is_stopped(self._process.pid) else 0.0
             if self.exit_code is None and frozen >= FROZEN_TIMEOUT:
                 self._process.kill()
-                self.failure = self.failure or 'its process is suspended, and was killed'
+                self.fail('its process is suspended, and was killed')
                 self.exit_code = self._process.wait()
         return self.exit_code
 
@@ -257,13 +257,9 @@ class SubscriberProcesses:
             subscriber.send(ended)
             subscriber.close(timeout)
             if subscriber.failure is not None:
-                _print_error(f'what was shown or reported ends early: {subscriber.failure}')
-
-
-def _print_error(text: str) -> None:
-    # The terminal may be closed.
-    with contextlib.suppress(OSError):
-        print(f'kachaka_simple_control: {text}', file=sys.stderr, flush=True)
+                with contextlib.suppress(OSError):  # the terminal may be closed
+                    print('kachaka_simple_control: what was shown or reported ends early: '
+                          f'{subscriber.failure}', file=sys.stderr, flush=True)
 
 
 #: A program that copies standard input to standard output; it imports no module of this package.
@@ -277,7 +273,7 @@ while data := os.read(0, 1 << 16):
 WRITE_TIMEOUT = 5.0
 
 
-class EventFile:
+class EventFile(SubscriberProcess):
     """
     An unnamed temporary file that stores the events of a drive; another process writes it.
 
@@ -287,23 +283,15 @@ class EventFile:
 
     def __init__(self) -> None:
         self._file = tempfile.TemporaryFile()  # noqa: SIM115 (as long as the object)
-        self._process = SubscriberProcess(
-            [sys.executable, '-I', '-S', '-c', COPY], stdout=self._file)
-        self.send, self.fail = self._process.send, self._process.fail
+        super().__init__([sys.executable, '-I', '-S', '-c', COPY], stdout=self._file)
 
-    @property
-    def failure(self) -> str | None:
-        """Return why later events are missing in the file; None if no event is missing."""
-        return self._process.failure
-
-    def close(self) -> None:
+    def close(self, timeout: float = WRITE_TIMEOUT) -> int | None:
         """Write all sent events to the file, and accept no more; a second call has no effect."""
-        self._process.close(WRITE_TIMEOUT)
+        return super().close(timeout)
 
     def events(self) -> Iterator[Event]:
         """Yield all events sent so far, in order."""
         descriptor = self._file.fileno()
-        wait_until(
-            lambda: os.fstat(descriptor).st_size >= self._process.sent_bytes, WRITE_TIMEOUT)
+        wait_until(lambda: os.fstat(descriptor).st_size >= self.sent_bytes, WRITE_TIMEOUT)
         # Read with ``pread``: the other process continues to write at the file position.
         yield from decode(io.BytesIO(os.pread(descriptor, os.fstat(descriptor).st_size, 0)))
