@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from queue import SimpleQueue
 import threading
 import time
@@ -45,25 +46,6 @@ class _Reader:
     handle: EventHandler
     on_detached: Callable[[str], None]
     busy: float = 0.0
-
-
-@dataclass(frozen=True)
-class _Detached:
-    """
-    A detached reader, and the reason: it gets no more events.
-
-    The thread of the bus reports this object, because a publisher must not be delayed.
-    """
-
-    reader: _Reader
-    reason: str
-
-    def tell(self, log: Callable[[str], None]) -> None:
-        """Report the detachment to the reader and to the log."""
-        handle = self.reader.handle
-        name = getattr(handle, '__qualname__', type(handle).__name__)
-        self.reader.on_detached(self.reason)
-        log(f'the reader of events {name} was detached, and is incomplete: {self.reason}')
 
 
 @dataclass(eq=False)
@@ -103,7 +85,8 @@ class EventBus:
     def __init__(self, on_detached: Callable[[str], None] = lambda _: None) -> None:
         self._on_detached = on_detached
         self._readers: tuple[_Reader, ...] = ()
-        self._queue: SimpleQueue[Event | threading.Event | _Detached | None] = SimpleQueue()
+        #: events, functions that the thread calls, None at the end
+        self._queue: SimpleQueue[Event | Callable[[], None] | None] = SimpleQueue()
         self._hurry = threading.Event()
         self._call: _Call | None = None
         self._thread: threading.Thread | None = None
@@ -152,10 +135,15 @@ class EventBus:
         """
         if self._thread is None:
             return True
-        marker = threading.Event()
-        self._queue.put(marker)
+        passed_on = threading.Event()
+
+        def mark() -> None:
+            self._hurry.clear()
+            passed_on.set()
+
+        self._queue.put(mark)
         self._hurry.set()
-        return marker.wait(timeout)
+        return passed_on.wait(timeout)
 
     def close(self) -> None:
         """Pass on the waiting events for up to CLOSE_TIMEOUT, then detach all readers."""
@@ -179,11 +167,8 @@ class EventBus:
         if unfinished is not None and not self._pass_on(unfinished):
             return
         while (item := self._queue.get()) is not None:
-            if isinstance(item, threading.Event):
-                self._hurry.clear()
-                item.set()
-            elif isinstance(item, _Detached):
-                item.tell(self._on_detached)
+            if callable(item):
+                item()
             elif not self._pass_on(_Call(item, [*self._readers])):
                 return
             if self._queue.empty():
@@ -228,4 +213,11 @@ class EventBus:
                 return
             self._readers = tuple(one for one in self._readers if one is not reader)
             self.failures.append(error)
-        self._queue.put(_Detached(reader, str(error)))
+        # The thread of the bus reports this, because a publisher must not be delayed.
+        self._queue.put(partial(self._report, reader, str(error)))
+
+    def _report(self, reader: _Reader, reason: str) -> None:
+        """Report to a reader and to the log that the reader was detached."""
+        name = getattr(reader.handle, '__qualname__', type(reader.handle).__name__)
+        reader.on_detached(reason)
+        self._on_detached(f'the reader of events {name} was detached, and is incomplete: {reason}')
