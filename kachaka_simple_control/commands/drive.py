@@ -34,21 +34,11 @@ from kachaka_simple_control.commands.settings import (
 )
 from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
-from kachaka_simple_control.display.terminal import (
-    DisplayProcess,
-    is_keyboard,
-    is_terminal,
-    Keyboard,
-    should_display,
-)
+from kachaka_simple_control.display import terminal
 from kachaka_simple_control.errors import ControlError, RunFaultError, UsageError
 from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
-from kachaka_simple_control.report.output_file import (
-    missing_libraries,
-    prepare_report_dir,
-    REPORT_MODULE,
-)
+from kachaka_simple_control.report import output_file
 from kachaka_simple_control.report.text_tables import drive_table, terminal_columns
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
 from kachaka_simple_control.ros.parameters import session_started
@@ -86,7 +76,7 @@ def drive(options: Options) -> DriveLog:
     # The stack closes a bridge last, after its robot is stopped and released.
     with contextlib.ExitStack() as stack:
         if options.report is not None:
-            stack.enter_context(prepare_report_dir(options.report))
+            stack.enter_context(output_file.prepare_report_dir(options.report))
         if options.starts_bridge or is_localhost_requested():
             use_localhost_only()
         start_ros(options.ros_arguments)
@@ -96,14 +86,15 @@ def drive(options: Options) -> DriveLog:
         try:
             reporter = _start_subscribers(
                 subscribers, options, motion_file is None, robot_control.session.guardian_memory)
-            keys = {} if options.quiet or not is_terminal(STDERR) else _keys(robot_control)
+            is_shown = not options.quiet and terminal.is_terminal(STDERR)
+            keys = _keys(robot_control) if is_shown else {}
             for line in describe_overrides(options, motion_file, robot_control.node_parameters):
                 robot_control.get_logger().info(line)
             robot_control.event_bus.publish(session_started(
                 robot_control, 'lesson' if motion_file is None else motion_file.motion.name,
                 robot_control.profile, robot_control.robot_names, robot_control.node_parameters,
                 command=options.command,
-                has_keys=bool(keys) and is_keyboard(),
+                has_keys=bool(keys) and terminal.is_keyboard(),
                 movement_count=_count_movements() if motion_file is None else None,
                 motion_source='' if motion_file is None else motion_file.source,
                 motion_text=None if motion_file is None else motion_file.text))
@@ -136,14 +127,14 @@ def _start_subscribers(
         subscribers: SubscriberProcesses, options: Options, is_lesson: bool,
         guardian_memory: tuple[int, int] | None) -> SubscriberProcess | None:
     """Start the display and the report program; return the report program, or None."""
-    if not options.quiet and should_display(is_lesson):
-        subscribers.add(DisplayProcess())
+    if not options.quiet and terminal.should_display(is_lesson):
+        subscribers.add(terminal.DisplayProcess())
     if options.report is not None:
-        for missing in missing_libraries():
+        for missing in output_file.missing_libraries():
             print(f'report: {missing}', file=sys.stderr)
         shared = guardian_memory or ()
         return subscribers.start(
-            REPORT_MODULE, options.report, *map(str, shared), pass_fds=shared[:1])
+            output_file.REPORT_MODULE, options.report, *map(str, shared), pass_fds=shared[:1])
     return None
 
 
@@ -218,7 +209,7 @@ def _wait_for_requests(
     how = f'`ros2 service call {name} std_srvs/srv/Trigger` starts the motion'
     with _keyboard(robot_control, {**keys, '\n': partial(commander.start, drive)}):
         # Logged after the keyboard has started, because earlier keys are ignored.
-        if is_keyboard():
+        if terminal.is_keyboard():
             how = f'Enter starts the motion, Ctrl+C ends this program; {how}, too'
         robot_control.get_logger().info(f'Standing by: {how}')
         robot_control.session.serve_until_stopped()
@@ -236,7 +227,7 @@ def _keys(robot_control: KachakaSimpleControl) -> Keys:
     }
 
 
-def _keyboard(robot_control: KachakaSimpleControl, keys: Keys) -> Keyboard:
+def _keyboard(robot_control: KachakaSimpleControl, keys: Keys) -> terminal.Keyboard:
     """Return a keyboard that logs an error of a key's function as a warning."""
     def press(function: Callable[[], object]) -> None:
         try:
@@ -244,4 +235,4 @@ def _keyboard(robot_control: KachakaSimpleControl, keys: Keys) -> Keyboard:
         except ControlError as error:
             robot_control.get_logger().warning(str(error))
 
-    return Keyboard({key: partial(press, function) for key, function in keys.items()})
+    return terminal.Keyboard({key: partial(press, function) for key, function in keys.items()})

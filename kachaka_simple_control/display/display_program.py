@@ -34,6 +34,7 @@ import time
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.events import Event, VelocitySent
 from kachaka_simple_control.control.output import make_blocking, STDERR
+from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.display import terminal
 from kachaka_simple_control.display.drive_status import (
     DriveState,
@@ -258,7 +259,8 @@ class TerminalDisplay:
                 self._show()
         finally:
             self._renderer.close()
-        if self._tracker.session_ended is None and self._is_orphan():
+        if self._tracker.session_ended is None and wait_until(
+                lambda: os.getppid() != self._parent, KILL_TIMEOUT):
             if self._tracker.has_keys:  # the killed program could not restore the modes
                 with contextlib.suppress(OSError, termios.error):
                     terminal.set_line_modes(STDERR, is_on=True)
@@ -292,12 +294,6 @@ class TerminalDisplay:
             status = self._tracker.status_at(now)
         self._renderer.show(
             status, now, stop_hint(self._parent, self._tracker.has_keys, status.is_held))
-
-    def _is_orphan(self) -> bool:
-        end = time.monotonic() + KILL_TIMEOUT
-        while os.getppid() == self._parent and time.monotonic() < end:
-            time.sleep(0.01)
-        return os.getppid() != self._parent
 
 
 def describe_killed(tracker: DriveTracker) -> str:

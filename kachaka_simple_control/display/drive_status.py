@@ -178,10 +178,10 @@ class StepOdometer:
 
     The displacements are either commanded or from odometry.
 
-    :param plan: the plan of the motion
+    :param plan: the plan of the motion; None if there is none, then nothing is summed up
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan | None) -> None:
         self._plan = plan
         self._step, self._sum = 0, NO_DISPLACEMENT
 
@@ -193,8 +193,9 @@ class StepOdometer:
         :param plan_time: its end [s of the plan]
         :param displacement: the displacement
         """
-        step = self._plan.step_index(plan_time)
-        share = 1.0
+        if self._plan is None or not self._plan.steps:
+            return
+        step, share = self._plan.step_index(plan_time), 1.0
         if step != self._step:
             inside = plan_time - self._plan.steps[step].start
             share = min(1.0, max(0.0, inside / max(duration, 1e-9)))
@@ -223,8 +224,7 @@ class DriveTracker:
         self._sent: VelocitySent | None = None
         self._stop_time: float | None = None
         self._odometry: OdometryReceived | None = None
-        self._commanded_odometer: StepOdometer | None = None
-        self._driven_odometer: StepOdometer | None = None
+        self._commanded_odometer = self._driven_odometer = StepOdometer(None)
         self._standstill = StandstillDetector()
         #: the last event; None if the program still runs or was killed
         self.session_ended: SessionEnded | None = None
@@ -296,17 +296,18 @@ class DriveTracker:
         self._planned, self._started, self._ended = event, None, None
         self._stop_time = None
         self._plan = plan(event.motion, event.limits, PLAN_RATE)
-        self._commanded_odometer = self._driven_odometer = None
+        self._reset_odometers()
         self._motion_count += 1
 
     def _on_start(self, event: MotionStarted) -> None:
         if not event.has_plan:
             self._planned = self._plan = self._ended = None
         self._started, self._stop_time, self._own = event.time, None, None
-        self._commanded_odometer = self._driven_odometer = None
-        if self._plan is not None and self._plan.steps:
-            self._commanded_odometer = StepOdometer(self._plan)
-            self._driven_odometer = StepOdometer(self._plan)
+        self._reset_odometers()
+
+    def _reset_odometers(self) -> None:
+        self._commanded_odometer = StepOdometer(self._plan)
+        self._driven_odometer = StepOdometer(self._plan)
 
     def _on_velocity(self, event: VelocitySent) -> None:
         before, self._sent = self._sent, event
@@ -314,9 +315,7 @@ class DriveTracker:
             return
         if event.is_of_run:
             self._own = event
-        if before is None:
-            return
-        if self._commanded_odometer is not None:
+        if before is not None:
             held, velocity = event.time - before.time, before.expected or before.velocity
             self._commanded_odometer.update(held, self._plan_time(event.time), Displacement(
                 velocity.linear_x * held, velocity.angular_z * held))
@@ -331,9 +330,7 @@ class DriveTracker:
     def _on_odometry(self, event: OdometryReceived) -> None:
         before, self._odometry = self._odometry, event
         self._standstill.on_odometry(event.time, event.velocity)
-        if before is None or self._driven_odometer is None or not self.is_under_way:
-            return
-        if before.time < event.time:
+        if before is not None and self.is_under_way and before.time < event.time:
             self._driven_odometer.update(
                 event.time - before.time, self._plan_time(event.time),
                 driven((before, event), before.time, event.time) or NO_DISPLACEMENT)
@@ -406,7 +403,7 @@ class DriveTracker:
         by_odometry = (
             self._odometry is not None and now - self._odometry.time <= DISPLAY_ODOMETRY_MAX_AGE)
         odometer = self._driven_odometer if by_odometry else self._commanded_odometer
-        done = NO_DISPLACEMENT if odometer is None else odometer.displacement(index)
+        done = odometer.displacement(index)
         return Remaining(
             _remaining_amount(total.distance, done.distance),
             _remaining_amount(total.angle, done.angle), by_odometry)

@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 import math
 import textwrap
 
@@ -72,7 +71,8 @@ def render_panel(console: Console, columns: int, status: DriveStatus, hint: str)
     done, rest = '\u2501\u2500' if console.encoding.startswith('utf') else '#-'
     rows = [
         _head(status, hint, rest, width), *_state(status, width),
-        _bar(status, done, rest, width), _commanded(status), _odometry(status)]
+        _bar(status, done, rest, width), _velocity('commanded', status.commanded),
+        _velocity('odometry', status.odometry, f'{format_fixed(status.odometry_age, 1)} s ago')]
     return [_render(console, row, width) for row in rows]
 
 
@@ -99,8 +99,9 @@ def _state(status: DriveStatus, width: int) -> list[Text]:
     text = _state_text(status)
     style = _STYLES.get(status.state, _OTHER_STYLE)
     if status.state is not DriveState.CUT_SHORT:
-        return [Text.assemble((word, style), f'  {text}'),
-                _topic(status) if status.state is DriveState.WAITING else _step(status)]
+        second = _step(status) if status.state is not DriveState.WAITING else _row(
+            'topic', one_line(status.topic, MAX_COLUMNS) or 'not known yet')
+        return [Text.assemble((word, style), f'  {text}'), second]
     # The reason may be long, and the row of the step is free.
     parts = textwrap.wrap(text, width - len(word) - 2) or ['']
     return [Text.assemble((word, style), f'  {parts[0]}'),
@@ -140,13 +141,9 @@ def _bar(status: DriveStatus, done_sign: str, rest_sign: str, width: int) -> Tex
         (done_sign * done, f'bold {BLUE}'), (rest_sign * (room - done), GREY), figures)
 
 
-def _topic(status: DriveStatus) -> Text:
-    return _row('topic', [one_line(status.topic, MAX_COLUMNS) or 'not known yet'])
-
-
 def _step(status: DriveStatus) -> Text:
     if status.step is None:
-        return _row('this step', ['none'])
+        return _row('this step', 'none')
     remaining = status.step.remaining
     figures = [f'{format_fixed(status.stretched(status.step.time_left), 1)} s']
     if remaining.distance is not None:
@@ -154,25 +151,15 @@ def _step(status: DriveStatus) -> Text:
     if remaining.angle is not None:
         figures.append(f'{format_fixed(math.degrees(remaining.angle), 1)} deg')
     source = ' by odometry' if remaining.by_odometry else ' by commands'
-    return _row('this step', [f'{", ".join(figures)} left{source if len(figures) > 1 else ""}'])
+    return _row('this step', f'{", ".join(figures)} left{source if len(figures) > 1 else ""}')
 
 
-def _commanded(status: DriveStatus) -> Text:
-    return _row('commanded', ['nothing yet'] if status.commanded is None else
-                _velocity(status.commanded))
+def _velocity(label: str, velocity: Velocity | None, *more: str) -> Text:
+    if velocity is None:
+        return _row(label, 'nothing yet')
+    return _row(label, f'{format_fixed(velocity.linear_x, 3):>6} m/s',
+                f'{format_fixed(velocity.angular_z, 3):>6} rad/s', *more)
 
 
-def _odometry(status: DriveStatus) -> Text:
-    if status.odometry is None:
-        return _row('odometry', ['nothing yet'])
-    return _row('odometry', [
-        *_velocity(status.odometry), f'{format_fixed(status.odometry_age, 1)} s ago'])
-
-
-def _velocity(velocity: Velocity) -> list[str]:
-    return [f'{format_fixed(velocity.linear_x, 3):>6} m/s',
-            f'{format_fixed(velocity.angular_z, 3):>6} rad/s']
-
-
-def _row(label: str, cells: Iterable[str]) -> Text:
+def _row(label: str, *cells: str) -> Text:
     return Text(f'{label:{LABEL_WIDTH}} {"   ".join(cells)}')
