@@ -35,7 +35,7 @@ from kachaka_simple_control.commands.settings import (
 from kachaka_simple_control.control.events import SpeedFactorChanged
 from kachaka_simple_control.control.output import make_nonblocking, STDERR, STDOUT
 from kachaka_simple_control.display import terminal
-from kachaka_simple_control.errors import ControlError, RunFaultError, UsageError
+from kachaka_simple_control.errors import RunFaultError, UsageError
 from kachaka_simple_control.files.library import find, lesson_motion
 from kachaka_simple_control.kachaka_simple_control import KachakaSimpleControl, play_lesson
 from kachaka_simple_control.report import output_file
@@ -53,7 +53,6 @@ from rclpy.parameter import Parameter
 if TYPE_CHECKING:
     from kachaka_simple_control.analysis.drive_log import DriveLog
     from kachaka_simple_control.files.motion_file import MotionFile
-    from kachaka_simple_control.kachaka.bridge_process import BridgeProcess
     from kachaka_simple_control.motion.limits import Limits
     from kachaka_simple_control.motion.steps import Motion
 
@@ -102,9 +101,7 @@ def drive(options: Options) -> DriveLog:
                 robot_control.event_bus.publish(
                     SpeedFactorChanged(time.monotonic(), dict(factors)))
             if options.starts_bridge:
-                bridge = stack.enter_context(
-                    _bridge(options, robot_control.node_parameters.robot_namespace))
-                robot_control.session.require_robot(bridge.require_participant)
+                _start_bridge(stack, options, robot_control)
             _run(robot_control, motion_file, options.wait, keys)
         except KeyboardInterrupt:
             robot_control.get_logger().info('Program was interrupted')
@@ -127,7 +124,8 @@ def _start_subscribers(
         subscribers: SubscriberProcesses, options: Options, is_lesson: bool,
         guardian_memory: tuple[int, int] | None) -> SubscriberProcess | None:
     """Start the display and the report program; return the report program, or None."""
-    if not options.quiet and terminal.should_display(is_lesson):
+    # A lesson without a terminal needs no display, because the node logs each of its movements.
+    if not options.quiet and (not is_lesson or terminal.is_terminal(STDERR)):
         subscribers.add(terminal.DisplayProcess())
     if options.report is not None:
         for missing in output_file.missing_libraries():
@@ -138,13 +136,16 @@ def _start_subscribers(
     return None
 
 
-def _bridge(
-        options: Options, namespace: str) -> contextlib.AbstractContextManager[BridgeProcess]:
-    """Return a context manager that starts the bridge of a robot in a child process."""
+def _start_bridge(
+        stack: contextlib.ExitStack, options: Options,
+        robot_control: KachakaSimpleControl) -> None:
+    """Start the bridge of a robot in a child process until the stack closes, and require it."""
     from kachaka_simple_control.kachaka.bridge_process import real_bridge, simulated_bridge
-    if options.address is None:
-        return simulated_bridge(namespace, options.simulation)
-    return real_bridge(options.address, namespace)
+    namespace = robot_control.node_parameters.robot_namespace
+    bridge = stack.enter_context(
+        simulated_bridge(namespace, options.simulation) if options.address is None
+        else real_bridge(options.address, namespace))
+    robot_control.session.require_robot(bridge.require_participant)
 
 
 def _motion_file(options: Options) -> MotionFile | None:
@@ -187,7 +188,7 @@ def _run(
         robot_control: KachakaSimpleControl, motion_file: MotionFile | None, wait: bool,
         keys: Keys) -> None:
     if motion_file is None:
-        with _keyboard(robot_control, keys):
+        with terminal.Keyboard(keys, robot_control.get_logger().warning):
             play_lesson(robot_control)
         return
     used = robot_control.node_parameters
@@ -196,7 +197,7 @@ def _run(
     if wait:
         _wait_for_requests(robot_control, motion_file.motion, limits, keys)
     else:
-        with _keyboard(robot_control, keys):
+        with terminal.Keyboard(keys, robot_control.get_logger().warning):
             robot_control.run(motion_file.motion, limits)
 
 
@@ -207,7 +208,8 @@ def _wait_for_requests(
     drive = partial(robot_control.run, motion, limits)
     name = commander.serve('~/run', partial(commander.request_start, drive))
     how = f'`ros2 service call {name} std_srvs/srv/Trigger` starts the motion'
-    with _keyboard(robot_control, {**keys, '\n': partial(commander.start, drive)}):
+    start = {'\n': partial(commander.start, drive)}
+    with terminal.Keyboard({**keys, **start}, robot_control.get_logger().warning):
         # Logged after the keyboard has started, because earlier keys are ignored.
         if terminal.is_keyboard():
             how = f'Enter starts the motion, Ctrl+C ends this program; {how}, too'
@@ -225,14 +227,3 @@ def _keys(robot_control: KachakaSimpleControl) -> Keys:
         # Like Ctrl+C.
         'q': lambda: os.kill(os.getpid(), signal.SIGINT),
     }
-
-
-def _keyboard(robot_control: KachakaSimpleControl, keys: Keys) -> terminal.Keyboard:
-    """Return a keyboard that logs an error of a key's function as a warning."""
-    def press(function: Callable[[], object]) -> None:
-        try:
-            function()
-        except ControlError as error:
-            robot_control.get_logger().warning(str(error))
-
-    return terminal.Keyboard({key: partial(press, function) for key, function in keys.items()})

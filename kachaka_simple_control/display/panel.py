@@ -46,7 +46,6 @@ _STYLES = {
     DriveState.STOPPING: f'bold {BLACK} on {ORANGE}',
     DriveState.CUT_SHORT: f'bold {BLACK} on {ORANGE}',
 }
-_OTHER_STYLE = 'bold reverse'
 _TEXTS = {
     DriveState.READY: 'the motion has not been started',
     DriveState.WAITING: 'for the robot to be ready',
@@ -97,7 +96,7 @@ def _head(status: DriveStatus, hint: str, line: str, width: int) -> Text:
 def _state(status: DriveStatus, width: int) -> list[Text]:
     word = f' {status.state.value.upper()} '
     text = _state_text(status)
-    style = _STYLES.get(status.state, _OTHER_STYLE)
+    style = _STYLES.get(status.state, 'bold reverse')
     if status.state is not DriveState.CUT_SHORT:
         second = _step(status) if status.state is not DriveState.WAITING else _row(
             'topic', one_line(status.topic, MAX_COLUMNS) or 'not known yet')

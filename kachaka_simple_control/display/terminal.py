@@ -37,6 +37,7 @@ import time
 
 from kachaka_simple_control.control import processes
 from kachaka_simple_control.control.output import has_room, STDERR
+from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.telemetry.subscriber_process import SubscriberProcess
 
 _SAVE, _RESTORE = '\x1b7', '\x1b8'
@@ -92,17 +93,6 @@ def is_terminal(descriptor: int) -> bool:
         return False
 
 
-def should_display(is_lesson: bool) -> bool:
-    """
-    Return whether to start a display.
-
-    A lesson without a terminal needs none, because the node logs each of its movements.
-
-    :param is_lesson: whether the drive is the lesson
-    """
-    return not is_lesson or is_terminal(STDERR)
-
-
 class DisplayProcess(SubscriberProcess):
     """
     The display process of a drive, as the driving program controls it.
@@ -145,10 +135,13 @@ class Keyboard:
     It does nothing if there are no functions or if standard input is not a terminal.
 
     :param functions: the function to call for each key; other keys are ignored
+    :param warn: called with the text of a ControlError that a function raises
     """
 
-    def __init__(self, functions: Mapping[str, Callable[[], None]]) -> None:
-        self._functions = functions
+    def __init__(
+            self, functions: Mapping[str, Callable[[], object]],
+            warn: Callable[[str], object]) -> None:
+        self._functions, self._warn = functions, warn
         self._end, self._is_reading = threading.Event(), threading.Event()
         self._setting_modes = threading.Lock()
         self._thread = threading.Thread(target=self._run, name='keyboard', daemon=True)
@@ -199,7 +192,10 @@ class Keyboard:
             return True
         for key in keys.decode(errors='replace'):
             if key in self._functions and key not in ignored:
-                self._functions[key]()
+                try:
+                    self._functions[key]()
+                except ControlError as error:
+                    self._warn(str(error))
         return bool(keys)
 
 

@@ -194,9 +194,8 @@ class EventBus:
         if call is None:
             return
         with call.lock:
-            busy = {reader: reader.busy + (now - call.since) * (reader is call.current)
-                    for reader in self._readers}
-            slowest = max(busy, key=lambda reader: busy[reader], default=None)
+            slowest = max(self._readers, default=None, key=lambda reader: (
+                reader.busy + (now - call.since) * (reader is call.current)))
             if slowest is None:
                 return
             rest = None
