@@ -32,19 +32,8 @@ import sys
 import tempfile
 from typing import TypeVar
 
-from kachaka_simple_control.analysis.calibration_fit import (
-    CalibrationError,
-    fit_calibration,
-    MOTION,
-)
+from kachaka_simple_control.analysis import calibration_fit, odometry_fit
 from kachaka_simple_control.analysis.drive_log import DriveLog
-from kachaka_simple_control.analysis.odometry_fit import (
-    fit_floor,
-    fit_umbmark,
-    reported_displacement,
-    reported_path,
-    Square,
-)
 from kachaka_simple_control.analysis.plan_view import PlanView
 from kachaka_simple_control.commands.calibrate_options import (
     CalibrateOptions,
@@ -97,11 +86,12 @@ def calibrate(options: CalibrateOptions) -> None:
             f'{escaped(settings.robot)} is calibrated already; name the robot without its '
             'calibration')
     plot = None if options.plot is None else check_plot_file(options.plot)
-    view = plan_view(MOTION, options)
+    view = plan_view(calibration_fit.MOTION, options)
     show([view])
     if options.dry_run:
         return
-    log, fit = drive_until_good(options, MOTION, view, lambda log: (log, fit_calibration(log)))
+    log, fit = drive_until_good(
+        options, view.name, view, lambda log: (log, calibration_fit.fit_calibration(log)))
     show_result([
         *((f'gain {name}', f'{gain.value:.4f}', f'{gain.error:.4f}')
           for name, gain in fit.gains.items()),
@@ -125,19 +115,19 @@ def measure_floor(options: CalibrateOptions) -> None:
     :raises ControlError: if a drive cannot start or is not completed; no file is written
     """
     settings = require_ready(options)
-    straight, turn = 'floor_straight', 'floor_turn'
-    views = [plan_view(name, options) for name in (straight, turn)]
+    line, turn = (plan_view(name, options) for name in ('floor_straight', 'floor_turn'))
     answers = None if options.dry_run else _Answers(options.measured, [[LENGTH], [ANGLE]])
-    show(views)
+    show([line, turn])
     if answers is None:
         return
-    length = reported_displacement(_drive(options, straight, views[0], straight, MARK))[0]
+    path = _drive(options, line.name, line, line.name, MARK)
+    length = odometry_fit.reported_displacement(path)[0]
     distance, = answers.ask(
         'How far does it stand from where it began?  Such as 0.985 m', [LENGTH])
-    turned = reported_displacement(
-        _drive(options, turn, views[1], turn, 'Mark which way it looks.  '))[1]
+    path = _drive(options, turn.name, turn, turn.name, 'Mark which way it looks.  ')
+    turned = odometry_fit.reported_displacement(path)[1]
     angle, = answers.ask('How far has it turned, in all?  Such as 358 deg', [ANGLE])
-    fit = fit_floor(length, distance, turned, angle)
+    fit = odometry_fit.fit_floor(length, distance, turned, angle)
     show_result([
         ('scale', f'{fit.scale.value:.4f}', f'{fit.scale.error:.4f}'),
         ('track ratio', f'{fit.track_ratio.value:.4f}', f'{fit.track_ratio.error:.4f}'),
@@ -178,11 +168,11 @@ def measure_squares(options: CalibrateOptions) -> None:
         for index in range(2 * count):
             motion, view = motions[index % 2], views[index % 2]
             path = _drive(options, motion, view, f'{view.name}_{index // 2 + 1}', MARK)
-            squares.append(Square(path, Pose(*answers.ask(
+            squares.append(odometry_fit.Square(path, Pose(*answers.ask(
                 f'Square {index + 1} of {2 * count}: where does it stand, as seen from where it '
                 'began?  Ahead, to the left, turned to the left, such as -0.12 m, 0.05 m, 3 deg',
                 kinds))))
-    fit = fit_umbmark(squares, track, known.scale)
+    fit = odometry_fit.fit_umbmark(squares, track, known.scale)
     wheels, track_ratio = fit.closed_form
     show_result([
         ('wheel ratio, right over left', f'{fit.wheel_ratio.value:.5f}',
@@ -251,7 +241,7 @@ def drive_until_good(
             if not (options.sim or options.yes):
                 confirm(view.floor_size, before)
             return fit(drive(replace(options, motions=(motion,), report=report)))
-        except CalibrationError as error:
+        except calibration_fit.CalibrationError as error:
             if (attempt == MAX_ATTEMPTS or signal_dispatcher.signum is not None
                     or (options.yes and not options.sim) or not sys.stdin.isatty()):
                 raise
@@ -270,7 +260,7 @@ def _drive(
     """
     if options.report is not None:
         options = replace(options, report=str(Path(options.report) / report))
-    return drive_until_good(options, motion, view, reported_path, before)
+    return drive_until_good(options, motion, view, odometry_fit.reported_path, before)
 
 
 def today() -> str:

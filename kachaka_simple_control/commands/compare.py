@@ -22,12 +22,7 @@ import sys
 
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.exit_codes import OneLineParser
-from kachaka_simple_control.report.comparison import (
-    comparison_table,
-    read_drive,
-    require_same,
-    save_comparison,
-)
+from kachaka_simple_control.report import comparison
 from kachaka_simple_control.report.output_file import check_plot_file
 from kachaka_simple_control.report.text_tables import terminal_columns, WIDEST
 from kachaka_simple_control.run_command import run_command
@@ -49,11 +44,12 @@ def compare(directories: Sequence[Path], plot: str | None) -> None:
     if twice := [one for one, place in zip(directories, places) if places.count(place) > 1]:
         raise UsageError(
             f'{escaped(str(twice[0]), 60)} is named twice: a drive is always like itself')
-    drives = [read_drive(directory) for directory in directories]
-    require_same(drives)
-    print(comparison_table(drives, min(terminal_columns() or WIDEST, WIDEST)), flush=True)
+    drives = [comparison.read_drive(directory) for directory in directories]
+    comparison.require_same(drives)
+    width = min(terminal_columns() or WIDEST, WIDEST)
+    print(comparison.comparison_table(drives, width), flush=True)
     if file is not None:
-        save_comparison(drives, file)
+        comparison.save_comparison(drives, file)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -18,6 +18,7 @@ import signal
 import sys
 
 from golden import answers, compare
+from kachaka_simple_control.analysis import calibration_fit
 from kachaka_simple_control.analysis.calibration_fit import (
     CalibrationError,
     CalibrationFit,
@@ -46,7 +47,7 @@ def run(tmp_path, monkeypatch, capsys):
     driven = []
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(calibrate, 'drive', driven.append)
-    monkeypatch.setattr(calibrate, 'fit_calibration', lambda log: FOUND)
+    monkeypatch.setattr(calibration_fit, 'fit_calibration', lambda log: FOUND)
 
     def run(*arguments):
         return *call(calibrate.main, arguments, capsys), driven
@@ -108,7 +109,7 @@ def test_a_spoilt_drive_is_driven_again_only_when_somebody_is_asked(
     def spoil(_):
         raise CalibrationError('the drive was paused or slowed down: begin again')
 
-    monkeypatch.setattr(calibrate, 'fit_calibration', spoil)
+    monkeypatch.setattr(calibration_fit, 'fit_calibration', spoil)
     monkeypatch.setattr(sys, 'stdin', Typed(9 * '\n'))
     code, output, errors, driven = run('--address', 'robot', *words)
     assert (code, len(driven)) == (1, count)
@@ -158,7 +159,7 @@ def test_a_drive_that_cannot_tell_writes_nothing(run, monkeypatch, tmp_path):
     def refuse(log):
         raise CalibrationError('the wheels slip')
 
-    monkeypatch.setattr(calibrate, 'fit_calibration', refuse)
+    monkeypatch.setattr(calibration_fit, 'fit_calibration', refuse)
     code, _, errors, driven = run('--sim')
     assert (code, errors) == (1, 'kachaka_calibrate: the wheels slip\n')
     assert len(driven) == 1

@@ -19,6 +19,7 @@ import re
 import signal
 import sys
 
+from kachaka_simple_control.analysis import odometry_fit
 from kachaka_simple_control.analysis.calibration_fit import CalibrationError
 from kachaka_simple_control.commands import calibrate
 from kachaka_simple_control.commands.calibrate import MAX_ATTEMPTS
@@ -62,7 +63,7 @@ def run(tmp_path, monkeypatch, capsys):
         return poses
 
     monkeypatch.setattr(calibrate, 'drive', drive)
-    monkeypatch.setattr(calibrate, 'reported_path', path)
+    monkeypatch.setattr(odometry_fit, 'reported_path', path)
 
     def run(*arguments, typed=None):
         monkeypatch.setattr(sys, 'stdin', io.StringIO() if typed is None else Typed(typed))
@@ -166,7 +167,7 @@ def test_somebody_confirms_measures_and_may_mistype(run, tmp_path):
 
 def test_a_drive_that_was_spoilt_is_driven_again(run, tmp_path, monkeypatch):
     """With a report of its own; what was measured before stays."""
-    path, calls = calibrate.reported_path, []
+    path, calls = odometry_fit.reported_path, []
 
     def spoil_the_second(motion):
         calls.append(motion)
@@ -174,7 +175,7 @@ def test_a_drive_that_was_spoilt_is_driven_again(run, tmp_path, monkeypatch):
             raise CalibrationError('the drive was paused or slowed down: begin again')
         return path(motion)
 
-    monkeypatch.setattr(calibrate, 'reported_path', spoil_the_second)
+    monkeypatch.setattr(odometry_fit, 'reported_path', spoil_the_second)
     typed = '\n0.98 m\n\n\n345.9 deg\n'
     code, output, _, driven = run(
         'floor', '--address', 'robot', '--report', 'all', typed=typed)
@@ -210,7 +211,7 @@ def test_without_a_question_only_a_simulated_robot_is_driven_again(
     def spoil(_):
         raise CalibrationError('spoilt')
 
-    monkeypatch.setattr(calibrate, 'reported_path', spoil)
+    monkeypatch.setattr(odometry_fit, 'reported_path', spoil)
     code, _, errors, driven = run('floor', *words, typed='')
     assert (code, errors, len(driven)) == (1, 'kachaka_calibrate: spoilt\n', count)
 
@@ -219,7 +220,7 @@ def test_a_drive_is_not_repeated_without_end(run, monkeypatch):
     def spoil(_):
         raise CalibrationError('spoilt')
 
-    monkeypatch.setattr(calibrate, 'reported_path', spoil)
+    monkeypatch.setattr(odometry_fit, 'reported_path', spoil)
     code, _, errors, driven = run('floor', '--address', 'robot', typed=9 * '\n')
     assert (code, errors, len(driven)) == (1, 'kachaka_calibrate: spoilt\n', MAX_ATTEMPTS)
 
