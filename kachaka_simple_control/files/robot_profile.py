@@ -22,7 +22,7 @@ import math
 import os
 from pathlib import PurePath
 import re
-from typing import Any, TypeVar
+from typing import Any
 
 from kachaka_simple_control.errors import InvalidMotionError, UsageError
 from kachaka_simple_control.files.document import (
@@ -38,17 +38,8 @@ from kachaka_simple_control.files.document import (
 from kachaka_simple_control.motion.calibration import Calibration, OdometryCalibration
 from kachaka_simple_control.motion.geometry import Box, Disc, Footprint, Velocity
 from kachaka_simple_control.motion.limits import LIMIT_QUANTITIES, Limits
-from kachaka_simple_control.motion.units import (
-    COMMAND_TIMEOUT,
-    LENGTH,
-    Quantity,
-    SIZE,
-    TIME,
-    VEER,
-)
+from kachaka_simple_control.motion.units import COMMAND_TIMEOUT, LENGTH, Quantity, SIZE, TIME, VEER
 from kachaka_simple_control.text import quoted
-
-_Part = TypeVar('_Part')
 
 
 @dataclass(frozen=True)
@@ -165,11 +156,6 @@ MIN_COMMAND_TIMEOUT = 0.1
 REQUIRED = ('velocity_topic', 'command_timeout', 'limits')
 #: The keys with a text value that is a field of the profile.
 TEXTS = ('name', 'namespace', 'velocity_topic', 'odometry_topic', 'message_type', 'frame')
-#: The parts of a file that are objects: key, quantities, class.
-PARTS: tuple[tuple[str, Mapping[str, Quantity], type], ...] = (
-    ('limits', LIMIT_QUANTITIES, Limits),
-    ('calibration', {'veer': VEER, 'delay': TIME}, Calibration),
-    ('odometry_calibration', {'track': SIZE}, OdometryCalibration))
 #: The default values for a robot file that extends no other robot.
 PLAIN = RobotProfile(
     name='', namespace='/', velocity_topic='', odometry_topic=None, manual_control_service=None,
@@ -198,11 +184,10 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
         return KACHAKA
     # Import here: these modules load slowly, and the lesson does not need them.
     from kachaka_simple_control.files.library import look_up
-    from kachaka_simple_control.files.yaml_document import read_document
     source = os.fspath(name_or_path)
     try:
         source, text = look_up(name_or_path, 'robots', robots())
-        return _read(read_document(text, read_schema(SCHEMA)), source)
+        return _read(text, source)
     except UnreadableFileError as error:
         raise RobotFileError(source, error.problems) from None
 
@@ -215,7 +200,7 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
     :param calibration: the calibration to add; it replaces an earlier one of the same kind
     :raises RobotFileError: if the profile or the new text cannot be read
     """
-    from kachaka_simple_control.files.yaml_document import read_document, read_text
+    from kachaka_simple_control.files.yaml_document import read_text
     key = 'calibration' if isinstance(calibration, Calibration) else 'odometry_calibration'
     if is_path(robot):
         try:
@@ -233,7 +218,7 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
             lines.append(f'  {name}: {text}{unit}')
     text = '\n'.join(lines) + '\n'
     try:
-        _read(read_document(text, read_schema(SCHEMA)), robot)
+        _read(text, robot)
     except UnreadableFileError:
         raise RobotFileError(robot, [Problem(
             f'{key} cannot be added below it: write each of its keys on a line of its own')],
@@ -256,7 +241,9 @@ def _without(key: str, lines: list[str]) -> list[str]:
     return lines[:start] + lines[end:]
 
 
-def _read(document: Document, source: str) -> RobotProfile:
+def _read(text: str, source: str) -> RobotProfile:
+    from kachaka_simple_control.files.yaml_document import read_document
+    document = read_document(text, read_schema(SCHEMA))
     data = document.root.data if isinstance(document.root.data, dict) else {}
     base = _base(document, data)
     numbers = document.read_quantities([], {'command_timeout': COMMAND_TIMEOUT})
@@ -268,8 +255,6 @@ def _read(document: Document, source: str) -> RobotProfile:
     values: dict[str, Any] = {
         key: _part(document, key, quantities, make) for key, quantities, make in PARTS
         if key in data}
-    if 'footprint' in data:
-        values['footprint'] = _footprint(document)
     if document.problems or base is None:
         raise UnreadableFileError(*document.problems)
     values.update({name: data[name] for name in TEXTS if name in data}, **numbers)
@@ -308,18 +293,18 @@ def _base(document: Document, data: dict[str, Any]) -> RobotProfile | None:
 
 def _part(
         document: Document, key: str, quantities: Mapping[str, Quantity],
-        make: Callable[..., _Part]) -> _Part | None:
+        make: Callable[..., object]) -> object | None:
     """
-    Return the object built from a mapping in the file; None if the mapping is invalid.
+    Return the object built from a mapping in the file; None if it is null or invalid.
 
     :param document: the file
     :param key: the key of the mapping
     :param quantities: the quantity of each value with a unit, by name
-    :param make: the class of the object; called with the values by name
+    :param make: called with the values by name
     """
     node = document.root.at([key])
     numbers = document.read_quantities([key], quantities)
-    if node.has_problem:
+    if node.has_problem or node.data is None:
         return None
     try:
         return make(**{**node.data, **numbers})
@@ -328,16 +313,17 @@ def _part(
         return None
 
 
-def _footprint(document: Document) -> Footprint | None:
-    node = document.root.children.get('footprint')
-    if node is None or node.data is None:
-        return None
-    numbers = document.read_quantities(
-        ['footprint'], {'length': SIZE, 'width': SIZE, 'ahead': LENGTH, 'radius': SIZE})
-    if not node.has_problem:
-        if set(numbers) == {'radius'}:
-            return Disc(**numbers)
-        if set(numbers) - {'ahead'} == {'length', 'width'}:
-            return Box(**numbers)
-        document.add_problem(['footprint'], 'it must be length and width, or radius alone')
-    return None
+def _footprint(**sizes: float) -> Footprint:
+    if set(sizes) == {'radius'}:
+        return Disc(**sizes)
+    if set(sizes) - {'ahead'} == {'length', 'width'}:
+        return Box(**sizes)
+    raise InvalidMotionError('it must be length and width, or radius alone')
+
+
+#: The parts of a file that are objects: key, quantities, and what makes the object.
+PARTS: tuple[tuple[str, Mapping[str, Quantity], Callable[..., object]], ...] = (
+    ('limits', LIMIT_QUANTITIES, Limits),
+    ('calibration', {'veer': VEER, 'delay': TIME}, Calibration),
+    ('odometry_calibration', {'track': SIZE}, OdometryCalibration),
+    ('footprint', {'length': SIZE, 'width': SIZE, 'ahead': LENGTH, 'radius': SIZE}, _footprint))
