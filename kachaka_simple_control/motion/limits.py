@@ -20,16 +20,8 @@ from dataclasses import asdict, dataclass
 import math
 
 from kachaka_simple_control.errors import LimitError
+from kachaka_simple_control.motion import units
 from kachaka_simple_control.motion.geometry import Velocity
-from kachaka_simple_control.motion.units import (
-    ANGULAR_ACCELERATION,
-    ANGULAR_JERK,
-    LINEAR_ACCELERATION,
-    LINEAR_JERK,
-    POSITIVE_ANGULAR_VELOCITY,
-    POSITIVE_LINEAR_VELOCITY,
-    require_positive,
-)
 
 #: The share of the limits that a plan for a closed loop uses; the rest is for corrections.
 CLOSED_LOOP_SHARE = 0.9
@@ -71,7 +63,7 @@ class Limits:
         :raises InvalidMotionError: if a limit is not a number above zero
         """
         for name, quantity in LIMIT_QUANTITIES.items():
-            require_positive(name, self.bound(name), quantity.unit)
+            units.require_positive(name, self.bound(name), quantity.unit)
 
     def bound(self, name: str) -> float:
         """Return the limit that holds, by the name of its field: never None."""
@@ -132,15 +124,15 @@ class Limits:
 
 #: The quantity of each limit.
 LIMIT_QUANTITIES = {
-    'max_linear_velocity': POSITIVE_LINEAR_VELOCITY,
-    'max_angular_velocity': POSITIVE_ANGULAR_VELOCITY,
-    'max_linear_acceleration': LINEAR_ACCELERATION,
-    'max_angular_acceleration': ANGULAR_ACCELERATION,
-    'max_linear_jerk': LINEAR_JERK,
-    'max_angular_jerk': ANGULAR_JERK,
-    'max_linear_deceleration': LINEAR_ACCELERATION,
-    'max_angular_deceleration': ANGULAR_ACCELERATION,
-    'max_backward_velocity': POSITIVE_LINEAR_VELOCITY,
+    'max_linear_velocity': units.POSITIVE_LINEAR_VELOCITY,
+    'max_angular_velocity': units.POSITIVE_ANGULAR_VELOCITY,
+    'max_linear_acceleration': units.LINEAR_ACCELERATION,
+    'max_angular_acceleration': units.ANGULAR_ACCELERATION,
+    'max_linear_jerk': units.LINEAR_JERK,
+    'max_angular_jerk': units.ANGULAR_JERK,
+    'max_linear_deceleration': units.LINEAR_ACCELERATION,
+    'max_angular_deceleration': units.ANGULAR_ACCELERATION,
+    'max_backward_velocity': units.POSITIVE_LINEAR_VELOCITY,
 }
 #: The limits that may be None, and the limit that holds instead.
 SAME_AS = {

@@ -20,6 +20,7 @@ import math
 from typing import ClassVar
 
 from kachaka_simple_control.errors import InvalidMotionError
+from kachaka_simple_control.motion import units
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.motion.step_base import (
@@ -31,17 +32,7 @@ from kachaka_simple_control.motion.step_base import (
     StepList,
 )
 from kachaka_simple_control.motion.trajectory import PathSegment, Trajectory
-from kachaka_simple_control.motion.units import (
-    ANGLE,
-    ANGULAR_VELOCITY,
-    format_number,
-    LENGTH,
-    LINEAR_VELOCITY,
-    POSITIVE_ANGULAR_VELOCITY,
-    POSITIVE_LINEAR_VELOCITY,
-    require_finite,
-    TIME,
-)
+from kachaka_simple_control.motion.units import format_number, require_finite
 
 __all__ = [
     'MAX_NESTING', 'MAX_TIMES', 'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Settle', 'Step',
@@ -72,13 +63,13 @@ class Move(Step):
     form = 'linear_x, angular_z and duration, in braces or further in'
     synonyms = ('move_robot', 'velocity', 'cmd_vel', 'twist')
     linear_x: float = field(metadata=in_file(
-        LINEAR_VELOCITY, 'Forward velocity, in m/s, cm/s or mm/s.  Negative is backwards.',
+        units.LINEAR_VELOCITY, 'Forward velocity, in m/s, cm/s or mm/s.  Negative is backwards.',
         '0.1 m/s'))
     angular_z: float = field(metadata=in_file(
-        ANGULAR_VELOCITY, 'Turning velocity, in rad/s or deg/s.  Positive is to the left.',
+        units.ANGULAR_VELOCITY, 'Turning velocity, in rad/s or deg/s.  Positive is to the left.',
         '0.5 rad/s'))
     duration: float = field(metadata=in_file(
-        TIME, 'How long, in s, ms or min; a bare number is in seconds.', '2 s'))
+        units.TIME, 'How long, in s, ms or min; a bare number is in seconds.', '2 s'))
 
     @property
     def velocity(self) -> Velocity:
@@ -116,10 +107,10 @@ class Forward(Step):
     # Not 'back': the advice to write 'forward' instead would reverse the direction.
     synonyms = ('drive', 'go', 'straight')
     distance: float = field(metadata=in_file(
-        LENGTH, 'How far, in m, cm or mm.  Negative is backwards.',
+        units.LENGTH, 'How far, in m, cm or mm.  Negative is backwards.',
         '0.5 m', '-20 cm'))
     speed: float | None = field(default=None, metadata=in_file(
-        POSITIVE_LINEAR_VELOCITY,
+        units.POSITIVE_LINEAR_VELOCITY,
         'Drive no faster than this, along the path.  Left out: as fast as the limits allow.',
         '0.1 m/s'))
 
@@ -148,10 +139,10 @@ class Turn(Step):
 
     synonyms = ('rotate', 'spin', 'rotation')
     angle: float = field(metadata=in_file(
-        ANGLE, 'How far to turn, in rad or deg.  Positive is to the left; '
+        units.ANGLE, 'How far to turn, in rad or deg.  Positive is to the left; '
         'more than 360 deg is more than one turn.', '90 deg', '-90 deg'))
     speed: float | None = field(default=None, metadata=in_file(
-        POSITIVE_ANGULAR_VELOCITY,
+        units.POSITIVE_ANGULAR_VELOCITY,
         'Turn no faster than this.  Left out: as fast as the limits allow.', '45 deg/s'))
 
     def path(self) -> tuple[PathSegment, ...]:
@@ -183,13 +174,13 @@ class Arc(Step):
     form = 'radius and angle, as in {radius: 0.3 m, angle: 90 deg}'
     synonyms = ('curve', 'circle')
     radius: float = field(metadata=in_file(
-        LENGTH, 'How far away the centre is.  Positive: on the left; negative: on the right; '
-        'never 0.', '0.3 m', '-0.3 m'))
+        units.LENGTH, 'How far away the centre is.  Positive: on the left; negative: on the '
+        'right; never 0.', '0.3 m', '-0.3 m'))
     angle: float = field(metadata=in_file(
-        ANGLE, 'How much of the circle.  Positive is forwards, negative the same way back.',
+        units.ANGLE, 'How much of the circle.  Positive is forwards, negative the same way back.',
         '180 deg'))
     speed: float | None = field(default=None, metadata=in_file(
-        POSITIVE_LINEAR_VELOCITY,
+        units.POSITIVE_LINEAR_VELOCITY,
         'Drive no faster than this, along the path.  Left out: as fast as the limits allow.',
         '0.15 m/s'))
 
@@ -231,7 +222,7 @@ class Wait(Step):
 
     synonyms: ClassVar[tuple[str, ...]] = ('pause', 'sleep', 'stop', 'stand', 'delay')
     duration: float = field(metadata=in_file(
-        TIME, 'How long, in s, ms or min; a bare number is in seconds.', '2 s'))
+        units.TIME, 'How long, in s, ms or min; a bare number is in seconds.', '2 s'))
 
     def path(self) -> tuple[PathSegment, ...]:
         """Return one path segment at rest, in seconds."""
