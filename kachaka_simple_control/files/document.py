@@ -88,22 +88,18 @@ class FileError(ControlError):
     A file could not be read; the message has one line for each problem.
 
     :ivar source: the name of the file
-    :ivar problems: the problems of the file, sorted by line
+    :ivar problems: the problems of the file, sorted by line, without duplicates
     """
 
     def __init__(self, source: str, problems: Iterable[Problem]) -> None:
         self.source = source
-        self.problems = sort_problems(problems)
+        distinct = dict.fromkeys(problems)
+        self.problems = tuple(sorted(distinct, key=lambda problem: problem.line or 0))
         super().__init__(format_problems(source, self.problems))
 
 
 class MotionFileError(FileError, InvalidMotionError):
     """A motion could not be read from a file."""
-
-
-def sort_problems(problems: Iterable[Problem]) -> tuple[Problem, ...]:
-    """Return the problems sorted by line, without duplicates."""
-    return tuple(sorted(dict.fromkeys(problems), key=lambda problem: problem.line or 0))
 
 
 def format_problems(source: str, problems: Sequence[Problem]) -> str:

@@ -87,8 +87,7 @@ class MotionFile:
         """
         return location(self.source, self._line(path))
 
-    def check(
-            self, limits: Limits, robot: str = 'the robot', closed_loop: bool = False) -> Limits:
+    def check(self, limits: Limits, robot: str = 'the robot', closed_loop: bool = False) -> Limits:
         """
         Check that a robot can drive the motion.
 
@@ -130,12 +129,11 @@ class MotionFile:
     def _tighten(self, limits: Limits) -> Limits:
         """Return the limits of a robot, reduced to the limits of the file."""
         own = {name: min(value, limits.bound(name)) for name, value in self.limits.items()}
-        tightened = replace(limits, **own)
-        if limits.max_backward_velocity is None or 'max_backward_velocity' in own:
-            return tightened
-        # A lower forward limit also limits the backward velocity.
-        return replace(tightened, max_backward_velocity=min(
-            limits.max_backward_velocity, own.get('max_linear_velocity', math.inf)))
+        if limits.max_backward_velocity is not None:
+            # A lower forward limit also limits the backward velocity.
+            own.setdefault('max_backward_velocity', min(
+                limits.max_backward_velocity, own.get('max_linear_velocity', math.inf)))
+        return replace(limits, **own)
 
     def _problem(self, error: InvalidMotionError) -> Problem:
         path = error.path or ''
@@ -160,10 +158,8 @@ def read_steps(document: Document, path: KeyPath) -> tuple[Step, ...]:
 
 
 def _read_step(document: Document, path: KeyPath) -> Step | None:
-    node = document.root.at(path)
-    word = next(iter(node.children), None) if isinstance(node.data, dict) else None
-    kind = KINDS.get(str(word))
-    return None if kind is None else _read_fields(document, [*path, str(word)], kind)
+    word = str(next(iter(document.root.at(path).children), ''))
+    return _read_fields(document, [*path, word], KINDS[word]) if word in KINDS else None
 
 
 def _read_fields(document: Document, path: KeyPath, kind: type[Step]) -> Step | None:
@@ -177,7 +173,9 @@ def _read_fields(document: Document, path: KeyPath, kind: type[Step]) -> Step | 
             # Read nested steps even if this step is invalid, to report all their errors.
             values[name] = read_steps(document, place)
         elif is_good and (is_short or name in node.children):
-            values[name] = _read_number(document, place, parts[name].kind)
+            form = parts[name].kind
+            values[name] = (document.read_quantity(place, form) if isinstance(form, Quantity)
+                            else int(document.root.at(place).data))
     if step.has_problem:
         return None
     try:
@@ -185,12 +183,6 @@ def _read_fields(document: Document, path: KeyPath, kind: type[Step]) -> Step | 
     except InvalidMotionError as error:
         document.add_error(path, error)
         return None
-
-
-def _read_number(document: Document, path: KeyPath, kind: FieldKind) -> float | None:
-    if isinstance(kind, Quantity):
-        return document.read_quantity(path, kind)
-    return int(document.root.at(path).data)
 
 
 def count(steps: Iterable[Step]) -> int:
@@ -250,8 +242,7 @@ def _read(document: Document, source: str) -> MotionFile:
 
 def _robot(name_or_path: str | None, source: str) -> str | None:
     """Return the robot given in a file; a profile's path is relative to the file's folder."""
-    if (name_or_path is None or not is_path(name_or_path)
-            or PurePath(name_or_path).is_absolute()):
+    if not name_or_path or not is_path(name_or_path) or PurePath(name_or_path).is_absolute():
         return name_or_path
     # Join as text: PurePath removes a leading ./, and without it the text is a name.
     return f'{PurePath(source).parent}/{PurePath(name_or_path)}'
@@ -378,5 +369,4 @@ def quantity_schema(quantity: Quantity) -> Schema:
     bounds = {SignRule.ANY: {}, SignRule.NOT_NEGATIVE: {'minimum': 0},
               SignRule.POSITIVE: {'exclusiveMinimum': 0}}[quantity.sign]
     types = ['string'] if quantity.needs_unit else ['number', 'string']
-    return {'quantity': quantity.keyword, 'type': types,
-            'pattern': quantity.pattern, **bounds}
+    return {'quantity': quantity.keyword, 'type': types, 'pattern': quantity.pattern, **bounds}

@@ -289,8 +289,7 @@ class _YamlReader:
         if kind in ('MappingStart', 'SequenceStart'):
             self._open.append(node)
             if len(self._open) > MAX_DEPTH:
-                raise self._given_up(
-                    f'lists and keys are nested more than {MAX_DEPTH} deep', line)
+                raise self._given_up(f'lists and keys are nested more than {MAX_DEPTH} deep', line)
             self._read_within(node)
             self._open.pop()
         return node

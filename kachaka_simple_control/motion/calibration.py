@@ -258,8 +258,7 @@ class OdometryCalibration:
             return left / own * (1.0 - MARGIN)
 
         reduced = replace(limits, **{
-            name: remaining(
-                name, inverse.across * (max(map(limits.bound, coupled)) / spin), own)
+            name: remaining(name, inverse.across * (max(map(limits.bound, coupled)) / spin), own)
             for name, coupled in ANGULAR_OF.items()})
         return replace(reduced, **{
             name: remaining(name, inverse.turn * max(map(reduced.bound, coupled)), spin)

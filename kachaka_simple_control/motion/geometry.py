@@ -199,8 +199,7 @@ class Disc:
     def corners(self) -> list[Point]:
         """Return points on the circle [m], counter-clockwise, from the front."""
         angles = (math.tau * corner / CORNERS for corner in range(CORNERS))
-        return [(self.radius * math.cos(angle), self.radius * math.sin(angle))
-                for angle in angles]
+        return [(self.radius * math.cos(angle), self.radius * math.sin(angle)) for angle in angles]
 
 
 Footprint = Box | Disc

@@ -27,7 +27,7 @@ from kachaka_simple_control.motion.limits import CLOSED_LOOP_SHARE, Limits
 from kachaka_simple_control.motion.step_base import MAX_DURATION, Step
 from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.motion.trajectory import Trajectory
-from kachaka_simple_control.motion.units import require_finite, require_positive
+from kachaka_simple_control.motion.units import FREQUENCY
 
 #: The largest number of steps of a motion, each repetition counted.
 MAX_STEPS = 1_000_000
@@ -166,8 +166,7 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
     :raises InvalidMotionError: if a step is beyond a limit, the motion is too long, or the rate
         is not a positive number; ``find_errors()`` returns all errors of a motion
     """
-    require_finite('rate', rate, 'Hz')
-    require_positive('rate', rate, 'Hz')
+    FREQUENCY.require('rate', rate)
     whole, errors = _apply_limits(motion, limits)
     if errors:
         raise errors[0]
@@ -255,8 +254,7 @@ def _planned(items: Sequence[_Item], rate: float) -> Plan:
     known: dict[_Item, _Sent] = {}
     for item in items:
         if item not in known:
-            known[item] = _sent(
-                [trajectory.velocities(rate) for trajectory in item.trajectories])
+            known[item] = _sent([trajectory.velocities(rate) for trajectory in item.trajectories])
         sent = known[item]
         start, first, length = time, len(segments), 0.0
         for trajectory, velocities in zip(item.trajectories, sent.velocities):

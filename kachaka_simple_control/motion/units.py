@@ -183,8 +183,7 @@ POSITIVE_ANGULAR_VELOCITY = Quantity('a turning speed', _per(_RADIAN, 's'), '45 
 LINEAR_ACCELERATION = Quantity('a linear acceleration', _per(_METRE, 's^2'), '0.5 m/s^2')
 ANGULAR_ACCELERATION = Quantity('an angular acceleration', _per(_RADIAN, 's^2'), '90 deg/s^2')
 LINEAR_JERK = Quantity('a linear jerk', _per(_METRE, 's^3'), '2 m/s^3')
-VEER = Quantity(
-    'a veer', _per(_RADIAN, 'm'), '2 deg/m', SignRule.ANY, needs_unit=True)
+VEER = Quantity('a veer', _per(_RADIAN, 'm'), '2 deg/m', SignRule.ANY, needs_unit=True)
 ANGULAR_JERK = Quantity('an angular jerk', _per(_RADIAN, 's^3'), '360 deg/s^3')
 
 #: The quantities by their keywords in the schemas.

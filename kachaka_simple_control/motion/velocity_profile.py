@@ -355,8 +355,7 @@ def replan_to_rest(
     return Replanned(tuple(phases), PathState(distance if is_end else begin))
 
 
-def _largest_velocity(
-        state: PathState, left: float, velocity: float, limits: PathLimits) -> float:
+def _largest_velocity(state: PathState, left: float, velocity: float, limits: PathLimits) -> float:
     """
     Return the largest velocity from which a stop on the remaining path is possible (16).
 
@@ -417,8 +416,7 @@ def _velocity_at_zero_acceleration(state: PathState, limits: PathLimits) -> floa
     return state.velocity + state.acceleration * abs(state.acceleration) / (2.0 * limits.jerk)
 
 
-def _change_velocity(
-        state: PathState, velocity: float, limits: PathLimits) -> Iterator[Phase]:
+def _change_velocity(state: PathState, velocity: float, limits: PathLimits) -> Iterator[Phase]:
     """
     Yield the phases of the fastest change to a velocity, with zero acceleration at the end (15).
 
