@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
+from statistics import fmean
 from typing import NamedTuple
 
 from kachaka_simple_control.analysis.drive_log import DriveLog, StepLog
@@ -120,10 +121,10 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
         if before is not None and after is not None and not step.step.is_rest:
             end = steps[index + 1].began + steps[index + 1].planned.duration
             drives.append(_drive(odometry, sent, step, before, after, end))
-    gains = {
-        direction: _gain(direction, [drive.gain for drive in drives
-                                     if drive.direction == direction])
-        for direction in dict.fromkeys(drive.direction for drive in drives)}
+    by_direction: dict[str, list[Estimate]] = {}
+    for drive in drives:
+        by_direction.setdefault(drive.direction, []).append(drive.gain)
+    gains = {direction: _gain(direction, found) for direction, found in by_direction.items()}
     known = [rest for rest in rests if rest is not None]
     delay = _mean([drive.delay for drive in drives])
     if delay.error > MAX_DELAY_ERROR:
@@ -168,18 +169,18 @@ def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
     first = poses[0].theta
     turned = [math.remainder(pose.theta - first, math.tau) for pose in poses]
     count, half = len(poses), len(poses) // 2
-    x, y = _average([pose.x for pose in poses]), _average([pose.y for pose in poses])
-    position = math.sqrt(_average(
-        [((pose.x - x) ** 2 + (pose.y - y) ** 2) / 2.0 for pose in poses]))
-    heading = math.sqrt(_average([(angle - _average(turned)) ** 2 for angle in turned]))
+    x, y, turn = fmean(pose.x for pose in poses), fmean(pose.y for pose in poses), fmean(turned)
+    position = math.sqrt(
+        fmean(((pose.x - x) ** 2 + (pose.y - y) ** 2) / 2.0 for pose in poses))
+    heading = math.sqrt(fmean((angle - turn) ** 2 for angle in turned))
     moved = math.hypot(*(
-        _average([getattr(pose, axis) for pose in poses[half:]])
-        - _average([getattr(pose, axis) for pose in poses[:half]]) for axis in 'xy'))
+        fmean(getattr(pose, axis) for pose in poses[half:])
+        - fmean(getattr(pose, axis) for pose in poses[:half]) for axis in 'xy'))
     if moved > 2.0 * CHANCE * position / math.sqrt(half) + 0.001:
         raise CalibrationError(
             f'the robot still moved, by {1e3 * moved:.1f} mm, when it should have stood still: '
             'does something push it, or does it follow too slowly?')
-    return Rest(Pose(x, y, first + _average(turned)), count, position, heading)
+    return Rest(Pose(x, y, first + turn), count, position, heading)
 
 
 def _drive(
@@ -296,14 +297,10 @@ def _gain(direction: str, gains: Sequence[Estimate]) -> Estimate:
 def _mean(estimates: Sequence[Estimate]) -> Estimate:
     """Return the mean of estimates; its error is from their errors or, if larger, their spread."""
     count = len(estimates)
-    value = _average([estimate.value for estimate in estimates])
+    value = fmean([estimate.value for estimate in estimates])
     chance = math.sqrt(sum(estimate.error ** 2 for estimate in estimates)) / count
     if count < 2:
         return Estimate(value, chance)
     spread = math.sqrt(sum((estimate.value - value) ** 2 for estimate in estimates)
                        / (count - 1) / count)
     return Estimate(value, max(chance, spread))
-
-
-def _average(values: Sequence[float]) -> float:
-    return math.fsum(values) / len(values)

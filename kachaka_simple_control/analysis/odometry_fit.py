@@ -23,6 +23,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 import math
+from statistics import fmean
 from typing import NamedTuple
 
 from kachaka_simple_control.analysis.calibration_fit import (
@@ -42,6 +43,11 @@ from kachaka_simple_control.motion.calibration import (
     OdometryCalibration,
 )
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, relative_to
+
+#: The wheel ratio and the track ratio, or their errors.
+Pair = tuple[float, float]
+#: Returns the residuals for two parameters.
+Residuals = Callable[[float, float], Sequence[float]]
 
 #: The standard errors of the measured 1 m and of the measured whole turn: two marks, each read
 #: to 1 mm, and an angle read to 1 deg.
@@ -91,9 +97,8 @@ def reported_displacement(path: Sequence[Pose]) -> tuple[float, float]:
         math.remainder(after.theta - before.theta, math.tau) for before, after in pairwise(path))
 
 
-def fit_floor(
-        reported_distance: float, measured_distance: float, reported_angle: float,
-        measured_angle: float) -> FloorFit:
+def fit_floor(reported_distance: float, measured_distance: float, reported_angle: float,
+              measured_angle: float) -> FloorFit:
     """
     Fit scale and track ratio to a straight line and a turn in place.
 
@@ -204,8 +209,7 @@ def closed_form(
     return sum(wheel) / 2.0, sum(width) / 2.0
 
 
-def fit_umbmark(
-        squares: Sequence[Square], track: float, scale: float = 1.0) -> UmbmarkFit:
+def fit_umbmark(squares: Sequence[Square], track: float, scale: float = 1.0) -> UmbmarkFit:
     """
     Fit wheel ratio and track ratio to squares, by least squares over end positions and headings.
 
@@ -225,12 +229,14 @@ def fit_umbmark(
 
     def residuals(wheel_ratio: float, track_ratio: float) -> list[float]:
         calibration = OdometryCalibration(scale, wheel_ratio, track_ratio, track)
-        return [value for square in squares for value in _residual(calibration, square)]
+        errors = [_error(calibration, square) for square in squares]
+        return [value for error in errors for value in (
+            error.x / POSITION_ERROR, error.y / POSITION_ERROR, error.theta / HEADING_ERROR)]
 
     start = closed_form(squares, track, scale)
     try:
         found, (wheel_error, track_error) = _least_squares(residuals, (
-            _within(start[0], MIN_WHEEL_RATIO, MAX_WHEEL_RATIO), _within(start[1], 0.8, 1.25)))
+            min(max(start[0], MIN_WHEEL_RATIO), MAX_WHEEL_RATIO), min(max(start[1], 0.8), 1.25)))
     except InvalidMotionError as error:
         raise CalibrationError(f'the best fit is beyond what wheels may be: {error}') from None
     left = residuals(*found)
@@ -239,8 +245,7 @@ def fit_umbmark(
         raise CalibrationError(
             f'what was measured lies {misfit:.0f} times further beside the best fit than '
             'measuring explains: is a sign wrong, was the robot moved, or do wheels slip?')
-    wheel_error, track_error = (
-        error * max(1.0, misfit) for error in (wheel_error, track_error))
+    wheel_error, track_error = (error * max(1.0, misfit) for error in (wheel_error, track_error))
     if wheel_error / track > MAX_BEND_ERROR or track_error > MAX_TRACK_RATIO_ERROR:
         raise CalibrationError(
             f'the wheel ratio is {found[0]:.4f}, give or take {wheel_error:.4f}, and the track '
@@ -252,8 +257,7 @@ def fit_umbmark(
         worst_systematic_error(squares, calibration), start)
 
 
-def worst_systematic_error(
-        squares: Sequence[Square], calibration: OdometryCalibration) -> float:
+def worst_systematic_error(squares: Sequence[Square], calibration: OdometryCalibration) -> float:
     """
     Return E_max,syst of UMBmark: the larger of both directions' mean position errors [m].
 
@@ -288,9 +292,7 @@ def _by_direction(squares: Sequence[Square]) -> tuple[list[Square], list[Square]
 
 def _length(path: Sequence[Pose]) -> float:
     """Return the length of a path [m]; lateral noise does not count."""
-    return math.fsum(
-        abs(moved.x) for before, after in pairwise(path)
-        for moved in [relative_to(before, after)])
+    return math.fsum(abs(relative_to(before, after).x) for before, after in pairwise(path))
 
 
 def _error(calibration: OdometryCalibration, square: Square) -> Pose:
@@ -305,22 +307,10 @@ def _error(calibration: OdometryCalibration, square: Square) -> Pose:
 
 def _mean_error(calibration: OdometryCalibration, squares: Sequence[Square]) -> Pose:
     errors = [_error(calibration, square) for square in squares]
-    return Pose(*(math.fsum(getattr(error, axis) for error in errors) / len(errors)
-                  for axis in ('x', 'y', 'theta')))
+    return Pose(*(fmean(getattr(error, axis) for error in errors) for axis in ('x', 'y', 'theta')))
 
 
-def _residual(calibration: OdometryCalibration, square: Square) -> tuple[float, float, float]:
-    error = _error(calibration, square)
-    return error.x / POSITION_ERROR, error.y / POSITION_ERROR, error.theta / HEADING_ERROR
-
-
-def _within(value: float, least: float, most: float) -> float:
-    return min(max(value, least), most)
-
-
-def _least_squares(
-        residuals: Callable[[float, float], Sequence[float]], start: tuple[float, float],
-) -> tuple[tuple[float, float], tuple[float, float]]:
+def _least_squares(residuals: Residuals, start: Pair) -> tuple[Pair, Pair]:
     """
     Return the two parameters with the least sum of squares, and their standard errors.
 
@@ -352,10 +342,8 @@ def _least_squares(
     raise CalibrationError('no wheels and no track explain what was measured')
 
 
-def _descend(
-        residuals: Callable[[float, float], Sequence[float]], found: tuple[float, float],
-        change: tuple[float, float], least: float,
-) -> tuple[tuple[float, float], Sequence[float]] | None:
+def _descend(residuals: Residuals, found: Pair, change: Pair,
+             least: float) -> tuple[Pair, Sequence[float]] | None:
     """Return the parameters after a step that reduces the sum, and the residuals, or None."""
     factor = 1.0
     while factor * max(map(abs, change)) > 1e-9:
