@@ -67,15 +67,29 @@ class Outcome:
 
 def outcome(log: DriveLog) -> Outcome:
     """Return the outcome of a drive."""
-    end = log.session_ended
+    end, reason, progress = log.session_ended, _reason(log), _progress(log)
+    fault = _reason(log, faults_only=True) or (None if end is None else end.error)
     if end is None:
-        return Outcome(OutcomeKind.KILLED, 'Killed', f'{NO_END}. {_progress(log)}')
-    if end.signal is not None:
+        kind, headline, text = OutcomeKind.KILLED, 'Killed', f'{NO_END}.'
+    elif end.signal is not None:
         name = signal_name(end.signal)
-        return Outcome(
-            OutcomeKind.STOPPED, f'Stopped by {name}',
-            f'{name} ended the program. {_earlier_reason(log, name)}{_progress(log)}')
-    return _outcome_of_motions(log, end.error)
+        kind, headline, text = (
+            OutcomeKind.STOPPED, f'Stopped by {name}', f'{name} ended the program.')
+        if reason is not None and reason != f'stopped by {name}':
+            # With --wait a program continues after an aborted motion.
+            text += f' A motion had been given up: {_sentence(reason)}'
+    elif not any(motion.has_begun for motion in log.motions):
+        return Outcome(OutcomeKind.NEVER_BEGAN, 'Never began',
+                       _sentence(fault or reason or 'The program ended without driving'))
+    elif fault is not None:
+        kind, headline, text = OutcomeKind.FAULTED, 'Faulted', _sentence(fault)
+    elif reason is not None:
+        kind, headline, text = OutcomeKind.STOPPED, 'Stopped on request', _sentence(reason)
+    elif not all(motion.is_complete for motion in log.motions):
+        kind, headline, text = OutcomeKind.FAULTED, 'Not finished', 'The reason is not known.'
+    else:
+        return Outcome(OutcomeKind.DONE, 'Done', progress)
+    return Outcome(kind, headline, f'{text} {progress}')
 
 
 def signal_name(number: int) -> str:
@@ -86,35 +100,10 @@ def signal_name(number: int) -> str:
         return f'signal {number}'
 
 
-def _outcome_of_motions(log: DriveLog, error: str | None) -> Outcome:
-    fault = _reason(log, faults_only=True) or error
-    if not any(motion.has_begun for motion in log.motions):
-        return Outcome(
-            OutcomeKind.NEVER_BEGAN, 'Never began',
-            _sentence(fault or _reason(log) or 'The program ended without driving'))
-    if fault is not None:
-        return Outcome(OutcomeKind.FAULTED, 'Faulted', f'{_sentence(fault)} {_progress(log)}')
-    if (request := _reason(log)) is not None:
-        return Outcome(
-            OutcomeKind.STOPPED, 'Stopped on request', f'{_sentence(request)} {_progress(log)}')
-    if not all(motion.is_complete for motion in log.motions):
-        return Outcome(
-            OutcomeKind.FAULTED, 'Not finished', f'The reason is not known. {_progress(log)}')
-    return Outcome(OutcomeKind.DONE, 'Done', _progress(log))
-
-
 def _reason(log: DriveLog, faults_only: bool = False) -> str | None:
     """Return the reason for the first early end of a motion; None if there is none."""
     return next((motion.reason for motion in log.motions
                  if motion.reason is not None and (motion.is_fault or not faults_only)), None)
-
-
-def _earlier_reason(log: DriveLog, signal_: str) -> str:
-    # With --wait a program continues after an aborted motion.
-    reason = _reason(log)
-    if reason is None or reason == f'stopped by {signal_}':
-        return ''
-    return f'A motion had been given up: {_sentence(reason)} '
 
 
 def _sentence(text: str) -> str:
@@ -204,8 +193,7 @@ def speed_intervals(log: DriveLog) -> list[SpeedInterval]:
             for interval in _intervals(motion, log.speed_changes)]
 
 
-def _intervals(
-        motion: MotionLog, changes: Sequence[SpeedFactorChanged]) -> list[SpeedInterval]:
+def _intervals(motion: MotionLog, changes: Sequence[SpeedFactorChanged]) -> list[SpeedInterval]:
     end = motion.own_messages[-1].time
     before: Mapping[str, float] = {}
     starts: list[tuple[float, Mapping[str, float]]] = []
@@ -285,8 +273,7 @@ class Summary:
     @property
     def planned_duration(self) -> float:
         """Return the total planned time of all started motions [s]."""
-        return math.fsum(motion.plan.duration for motion in self.log.motions
-                         if motion.has_begun)
+        return math.fsum(motion.plan.duration for motion in self.log.motions if motion.has_begun)
 
     @property
     def driven_duration(self) -> float:
