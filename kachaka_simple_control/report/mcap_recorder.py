@@ -39,15 +39,7 @@ from kachaka_simple_control.control.events import (
 from kachaka_simple_control.motion.geometry import ORIGIN
 from kachaka_simple_control.motion.plan import plan
 from kachaka_simple_control.report.output_file import CrashSafeFile, NEEDS_MCAP
-from kachaka_simple_control.telemetry.cdr import (
-    float64,
-    NANO,
-    ODOM,
-    odometry,
-    PathSerializer,
-    twist,
-    twist_stamped,
-)
+from kachaka_simple_control.telemetry import cdr
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -170,7 +162,7 @@ def stamp(epoch: float, time: float) -> int:
     :param epoch: the zero of the steady clock [s since 1970]
     :param time: the time [s on the steady clock]
     """
-    return round(epoch * NANO) + round(time * NANO)
+    return round(epoch * cdr.NANO) + round(time * cdr.NANO)
 
 
 class _Message(NamedTuple):
@@ -197,7 +189,7 @@ class McapRecorder:
         #: the last planned motion, and the last pose from odometry
         self._motion: MotionPlanned | None = None
         self._pose = ORIGIN
-        self._paths = PathSerializer(ODOM)
+        self._paths = cdr.PathSerializer(cdr.ODOM)
         self._topics: dict[str, Topic] = {}
         self._pending: list[_Message] = []
         self._span: list[int] = []
@@ -295,22 +287,22 @@ class McapRecorder:
                 self._motion = event
             case SpeedFactorChanged():
                 self._has_factor = True
-                self._add('factor', self._stamp(event.time), float64(event.product))
+                self._add('factor', self._stamp(event.time), cdr.float64(event.product))
             case VelocitySent() | OdometryReceived() | MotionStarted() if not self._has_factor:
                 # The factor is 1 until the first change.
                 self._has_factor = True
-                self._add('factor', self._stamp(event.time), float64(1.0))
+                self._add('factor', self._stamp(event.time), cdr.float64(1.0))
         match event:
             case VelocitySent():
                 time = self._stamp(event.time)
-                self._add('velocity', time, twist(event.velocity)
+                self._add('velocity', time, cdr.twist(event.velocity)
                           if self._session.message_type == 'Twist' else
-                          twist_stamped(event.velocity, time, self._session.frame))
+                          cdr.twist_stamped(event.velocity, time, self._session.frame))
             case OdometryReceived():
                 self._pose = event.pose
                 if 'odometry' in self._topics:
                     time = self._stamp(event.time)
-                    self._add('odometry', time, odometry(event.pose, event.velocity, time))
+                    self._add('odometry', time, cdr.odometry(event.pose, event.velocity, time))
             case MotionStarted() if event.has_plan:
                 motion, time = self._motion, self._stamp(event.time)
                 assert motion is not None

@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import contextlib
 import gc
 import os
@@ -31,13 +31,7 @@ from typing import BinaryIO, cast
 
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.summary import Summary
-from kachaka_simple_control.control.events import (
-    Event,
-    EventHandler,
-    SessionEnded,
-    VelocityKind,
-    VelocitySent,
-)
+from kachaka_simple_control.control.events import Event, SessionEnded, VelocityKind, VelocitySent
 from kachaka_simple_control.control.guardian import GuardianMemory
 from kachaka_simple_control.control.output import make_nonblocking, STDERR
 from kachaka_simple_control.control.processes import lower_priority
@@ -111,17 +105,6 @@ def _plots(summary: Summary) -> tuple[DrivePlots, str | None]:
     return DrivePlots({}, b''), reason
 
 
-def ignore_signals() -> None:
-    """
-    Ignore SIGINT, SIGTERM and SIGHUP.
-
-    These signals are for the driving program.  When the driving program ends, the event pipe
-    closes, and this program ends too.
-    """
-    for signum in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(signum, signal.SIG_IGN)
-
-
 def read_events(stream: BinaryIO) -> Iterator[Event | None]:
     """
     Yield events as they arrive, and None after each FLUSH_PERIOD without an event.
@@ -153,7 +136,7 @@ def read_events(stream: BinaryIO) -> Iterator[Event | None]:
 class EventHandlers:
     """Calls handlers with events; a handler that fails is removed, and the others continue."""
 
-    def __init__(self, *handlers: EventHandler) -> None:
+    def __init__(self, *handlers: Callable[[Event], None]) -> None:
         self._handlers = [*handlers]
         #: the errors of the handlers that failed
         self.failures: list[Exception] = []
@@ -221,15 +204,6 @@ def print_line(text: str) -> None:
         print(f'report: {escaped(text, MAX_LINE_LENGTH)}', file=sys.stderr, flush=True)
 
 
-def _log_of(events: BinaryIO) -> DriveLog:
-    """Return the log of all pickled events in a file."""
-    log = DriveLog()
-    events.seek(0)
-    for event in decode(events):
-        log.on_event(event)
-    return log
-
-
 def main() -> int:
     """
     Record events from standard input until its end, and write the report.
@@ -239,7 +213,10 @@ def main() -> int:
     """
     make_nonblocking(STDERR)
     lower_priority()
-    ignore_signals()
+    # These signals are for the driving program.  When it ends, the event pipe closes, and this
+    # program ends too.
+    for signum in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(signum, signal.SIG_IGN)
     # Files are written relative to the checked folder, even if the folder is renamed.
     name, directory = sys.argv[1], Path()
     os.chdir(name)
@@ -258,7 +235,11 @@ def main() -> int:
         recording = recorder.finish()
         for text in filter(None, (recording, *map(repr, handlers.failures))):
             print_line(text)
-        failure = try_write_report(_log_of(cast('BinaryIO', events)), directory, recording)
+        events.seek(0)
+        log = DriveLog()
+        for event in decode(cast('BinaryIO', events)):
+            log.on_event(event)
+        failure = try_write_report(log, directory, recording)
     print_line(failure or str(Path(name) / PAGE))
     texts = [text for text in (recording, failure)
              if text is not None and not text.endswith((NEEDS_JINJA2, NEEDS_MCAP))]
