@@ -57,8 +57,7 @@ class PlanTimeline:
         self._began = began
         self._messages = messages
         #: whether a message of the motion was delayed by a pause or a speed factor
-        self.is_delayed = any(
-            message.is_of_run and message.is_delayed for message in messages)
+        self.is_delayed = any(message.is_of_run and message.is_delayed for message in messages)
         # A motion without delay needs no lists, to save memory.
         self._times: list[float] = []
         self._plan_times: list[float] = []
@@ -127,9 +126,8 @@ class PlanTimeline:
         return _interpolated(self._times, self._plan_times, time, bisect_right(self._times, time))
 
 
-def _interpolated(
-        arguments: Sequence[float], values: Sequence[float], argument: float, index: int,
-) -> float:
+def _interpolated(arguments: Sequence[float], values: Sequence[float], argument: float,
+                  index: int) -> float:
     """
     Return the linearly interpolated value at an argument; outside the range the slope is one.
 

@@ -154,9 +154,8 @@ def _timed_until(motion: MotionLog) -> float:
     return min(motion.plan.duration, end - LOST * motion.plan.period)
 
 
-def _sent_at(
-        due: Sequence[float], messages: Sequence[VelocitySent], began: float,
-) -> list[float | None]:
+def _sent_at(due: Sequence[float], messages: Sequence[VelocitySent],
+             began: float) -> list[float | None]:
     """
     Return the time of each tick's message.
 

@@ -140,8 +140,7 @@ class AlignedDrive:
         #: the starts of all motions, in order
         self.motion_starts = self._motion_starts(log.motions)
         #: odometry from t = 0 on
-        self.odometry = self._aligned([
-            sample for sample in log.odometry if is_plausible(sample)])
+        self.odometry = self._aligned([*filter(is_plausible, log.odometry)])
 
     @property
     def planned_end(self) -> Pose:

@@ -62,6 +62,11 @@ class ArcSegment:
     angle: float
 
     @property
+    def end(self) -> Pose:
+        """Return the pose at the end."""
+        return advance(self.start, self.distance, self.angle)
+
+    @property
     def middle(self) -> Pose:
         """Return the pose at the middle, with the direction of travel as its heading."""
         pose = advance(self.start, self.distance / 2.0, self.angle / 2.0)
@@ -121,7 +126,7 @@ def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[ArcSegment]]:
         segments = []
         for segment in planned.step.path():
             segments.append(ArcSegment(pose, segment.length, segment.angle))
-            pose = advance(pose, segment.length, segment.angle)
+            pose = segments[-1].end
         steps.append(segments)
         pose = compose(start, planned.pose)  # the same, except for rounding
     return steps

@@ -107,10 +107,8 @@ def pose_at(odometry: Sequence[OdometryReceived], time: float) -> Pose:
         return after.pose
     part = (time - before.time) / (after.time - before.time)
     one, two = before.pose, after.pose
-    return Pose(
-        one.x + part * (two.x - one.x),
-        one.y + part * (two.y - one.y),
-        one.theta + part * _wrapped(two.theta - one.theta))
+    return Pose(one.x + part * (two.x - one.x), one.y + part * (two.y - one.y),
+                one.theta + part * _wrapped(two.theta - one.theta))
 
 
 def _forward(one: Pose, two: Pose) -> float:

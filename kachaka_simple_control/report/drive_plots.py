@@ -25,11 +25,7 @@ from typing import Any, TYPE_CHECKING
 
 from kachaka_simple_control.analysis.calibration_fit import CalibrationFit
 from kachaka_simple_control.analysis.drive_log import DriveLog
-from kachaka_simple_control.analysis.odometry_alignment import (
-    AlignedDrive,
-    DeadReckoning,
-    OdometrySample,
-)
+from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive, DeadReckoning
 from kachaka_simple_control.analysis.summary import SpeedInterval, Summary
 from kachaka_simple_control.motion.limits import Limits
 from kachaka_simple_control.report.map_plot import draw_drive_path, draw_legend, TOP, WIDTH
@@ -195,15 +191,16 @@ def draw_drive_errors(figure: Figure, aligned: AlignedDrive) -> None:
     """
     rows = _rows(figure, BOTTOM)
     duration = time_span(aligned)
-    parts: tuple[tuple[str, str, Callable[[OdometrySample], float], str], ...] = (
-        ('distance [mm]', 'distance', lambda sample: 1e3 * sample.distance, Colour.BLUE),
-        ('heading [°]', 'heading', lambda sample: math.degrees(sample.angle), Colour.ORANGE))
-    for axes, (label, name, value_of, colour) in zip(rows, parts):
-        points = [(sample.time, value_of(sample)) for sample in aligned.odometry]
-        values = [0.0, *(value for _, value in points)]
+    parts = (
+        ('distance', 'mm', Colour.BLUE, [1e3 * sample.distance for sample in aligned.odometry]),
+        ('heading', '°', Colour.ORANGE, [math.degrees(one.angle) for one in aligned.odometry]))
+    for axes, (name, unit, colour, errors) in zip(rows, parts):
+        points = [(sample.time, error) for sample, error in zip(aligned.odometry, errors)]
+        values = [0.0, *errors]
         span = max(max(values) - min(values), 1e-3)
         lowest = min(values) - 0.08 * span * (min(values) < 0.0)
-        _set_time(axes, aligned, Scale(lowest, max(values) + 0.08 * span, duration), label)
+        scale = Scale(lowest, max(values) + 0.08 * span, duration)
+        _set_time(axes, aligned, scale, f'{name} [{unit}]')
         _draw_line(axes, aligned, points, {'color': colour, 'linewidth': 1.4, 'gid': name})
     rows[1].set_xlabel(f'time since t = 0 [{time_unit(duration)[0]}]')
 
@@ -228,9 +225,8 @@ def _velocity_lines(
     return lines
 
 
-def _rows(
-        figure: Figure, bottom: float, width: float = WIDTH, row: float = ROW,
-        gap: float = GAP) -> tuple[Axes, Axes]:
+def _rows(figure: Figure, bottom: float, width: float = WIDTH, row: float = ROW,
+          gap: float = GAP) -> tuple[Axes, Axes]:
     """
     Set the size of a figure, and add two axes over the same time, one above the other.
 
@@ -262,9 +258,8 @@ def time_span(aligned: AlignedDrive) -> float:
     return max(aligned.duration, aligned.odometry[-1].time if aligned.odometry else 0.0) or 1.0
 
 
-def _draw_line(
-        axes: Axes, aligned: AlignedDrive, points: Sequence[StepPoint],
-        look: dict[str, Any]) -> None:
+def _draw_line(axes: Axes, aligned: AlignedDrive, points: Sequence[StepPoint],
+               look: dict[str, Any]) -> None:
     duration, name = time_span(aligned), look['gid']
     unit = time_unit(duration)[1]
     if not is_dense(aligned):
@@ -293,8 +288,7 @@ def draw_periods(figure: Figure, interval_errors: Sequence[float]) -> None:
     :param interval_errors: each interval minus the planned interval [s]
     """
     figure.set_size_inches(WIDTH, PERIOD_HEIGHT)
-    axes = add_axes(
-        figure, LEFT, BOTTOM, WIDTH - LEFT - RIGHT, PERIOD_HEIGHT - TOP - BOTTOM)
+    axes = add_axes(figure, LEFT, BOTTOM, WIDTH - LEFT - RIGHT, PERIOD_HEIGHT - TOP - BOTTOM)
     reach, counts = histogram([1e3 * error for error in interval_errors])
     bar = 2.0 * reach / len(counts)
     lefts = [-reach + number * bar for number in range(len(counts))]

@@ -27,12 +27,7 @@ from kachaka_simple_control.analysis.step_results import StepResult
 from kachaka_simple_control.analysis.summary import OutcomeKind, Summary
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.units import format_number
-from kachaka_simple_control.report.drive_plots import (
-    BANDS,
-    common_limits,
-    is_dense,
-    time_span,
-)
+from kachaka_simple_control.report.drive_plots import BANDS, common_limits, is_dense, time_span
 from kachaka_simple_control.report.json_export import start_datetime
 from kachaka_simple_control.report.output_file import NEEDS_JINJA2
 from kachaka_simple_control.report.text_tables import fold, Gap, repeat_labels
@@ -82,11 +77,9 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
         if error.name != 'jinja2':
             raise
         raise UsageError(NEEDS_JINJA2) from None
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-        keep_trailing_newline=True)
-    environment.filters.update(
-        number=_number, degrees=_degrees, short=format_number)
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+                              lstrip_blocks=True, keep_trailing_newline=True)
+    environment.filters.update(number=_number, degrees=_degrees, short=format_number)
     template = environment.from_string(_resource('templates/report.html.j2'))
     steps, all_steps = _step_tables(summary)
     outcome, lost = summary.outcome, summary.timing.lost
@@ -101,20 +94,18 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
         sleep_loop=summary.sleep_loop, outcome=outcome, kind=kind, sign=sign, headline=headline,
         plots=plots, no_plots=no_plots, recording=recording, began=_began(summary),
         ended=_ended(summary), poses=list(_poses(summary)), silence=_silence(summary),
-        band=_band(summary), is_dense=is_dense(summary.aligned), steps=steps,
-        all_steps=all_steps, shown=SHOWN,
-        motions=_ends(summary.log.motions), shows_motions=_shows_motions(summary),
-        has_motions=len({step.motion for step in summary.steps}) > 1,
-        robot=_robot(summary), description=_description(summary),
+        band=round(time_span(summary.aligned) / BANDS, 1), is_dense=is_dense(summary.aligned),
+        steps=steps, all_steps=all_steps, shown=SHOWN, motions=_ends(summary.log.motions),
+        shows_motions=_shows_motions(summary), description=_description(summary),
+        has_motions=len({step.motion for step in summary.steps}) > 1, robot=_robot(summary),
         extra=1e3 * LOOP_OVERHEAD, pluralize=pluralize, unknown=UNKNOWN,
         speed=_ends(summary.speed)))
 
 
 def _keep_units(page: str) -> str:
     """Put no-break spaces between numbers and units, except in markup and preformatted text."""
-    return ''.join(
-        part if index % 2 else _UNIT.sub('\\1\N{NO-BREAK SPACE}\\2', part)
-        for index, part in enumerate(_FIXED.split(page)))
+    return ''.join(part if index % 2 else _UNIT.sub('\\1\N{NO-BREAK SPACE}\\2', part)
+                   for index, part in enumerate(_FIXED.split(page)))
 
 
 def _resource(name: str) -> str:
@@ -171,11 +162,6 @@ def _silence(summary: Summary) -> tuple[float, float] | None:
         return None
     last = aligned.sent[-1].time - aligned.start_time
     return (seen.time, last) if seen.time < last - 0.5 else None
-
-
-def _band(summary: Summary) -> float:
-    """Return the duration of one part of a band in the plots [s]."""
-    return round(time_span(summary.aligned) / BANDS, 1)
 
 
 def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:

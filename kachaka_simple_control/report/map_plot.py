@@ -83,9 +83,8 @@ THIN: dict[str, Any] = {'linewidth': 0.6, 'linestyle': '-'}
 PlannedPath = list[list[ArcSegment]]
 
 
-def add_map(
-        figure: Figure, points: Iterable[Point], bottom: float = MAP_BOTTOM,
-) -> tuple[Axes, float]:
+def add_map(figure: Figure, points: Iterable[Point],
+            bottom: float = MAP_BOTTOM) -> tuple[Axes, float]:
     """
     Set the size of a figure, and add a map around points.
 
@@ -143,10 +142,9 @@ def draw_legend(figure: Figure, left: float, ncol: int, *artists: Any) -> None:
     :param ncol: the number of its columns
     :param artists: its handles and labels; by default the handles and labels of all axes
     """
-    figure.legend(
-        *artists, loc='lower left', ncol=ncol, frameon=False, borderpad=0.2, borderaxespad=0.0,
-        bbox_to_anchor=(left / WIDTH, LEGEND / figure.get_figheight()), handlelength=2.6,
-        columnspacing=1.8)
+    corner = (left / WIDTH, LEGEND / figure.get_figheight())
+    figure.legend(*artists, loc='lower left', bbox_to_anchor=corner, ncol=ncol, frameon=False,
+                  borderpad=0.2, borderaxespad=0.0, handlelength=2.6, columnspacing=1.8)
 
 
 # Marks on a path.
@@ -237,8 +235,7 @@ def draw_step_numbers(
             label.remove()
 
 
-def draw_directions(
-        axes: Axes, segments: Iterable[ArcSegment], grain: float, colour: str) -> None:
+def draw_directions(axes: Axes, segments: Iterable[ArcSegment], grain: float, colour: str) -> None:
     """
     Draw arrow heads in the direction of travel at the middles of segments.
 
@@ -339,8 +336,8 @@ def _draw_robots(axes: Axes, footprint: Footprint | None, end: Pose, reach: floa
     for pose, look, name in ((ORIGIN, AT_START, 'at the start'), (end, AT_END, 'at the end')):
         colour = look['edgecolor']
         if footprint is not None:
-            axes.add_collection(PolyCollection(
-                [outline(footprint, pose)], **look, label=f'robot {name}'))
+            axes.add_collection(
+                PolyCollection([outline(footprint, pose)], **look, label=f'robot {name}'))
         x, y = transform_point((reach, 0.0), pose)
         axes.plot([pose.x, x], [pose.y, y], color=colour, linewidth=1.4, zorder=2.5)
         axes.plot(pose.x, pose.y, linestyle='', marker='o', markersize=4.0, color=colour,

@@ -24,13 +24,7 @@ from typing import Any, TYPE_CHECKING
 from kachaka_simple_control.analysis.paths import ArcSegment, distinct, polyline, step_segments
 from kachaka_simple_control.analysis.plan_view import Area, PlanView
 from kachaka_simple_control.errors import UsageError
-from kachaka_simple_control.motion.geometry import (
-    advance,
-    ORIGIN,
-    outline,
-    Pose,
-    transform_point,
-)
+from kachaka_simple_control.motion.geometry import ORIGIN, outline, Pose, transform_point
 from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.report.map_plot import (
     draw_arrows,
@@ -130,9 +124,8 @@ def _draw_robots(axes: Axes, view: PlanView, grain: float, reach: float) -> None
             PolyCollection([outline(footprint, pose) for pose in poses], **ROBOT, gid='robots'))
         for pose, colour, width in (
                 (ORIGIN, Colour.GREEN, 2.2), (view.plan.pose, Colour.ORANGE, 1.1)):
-            axes.add_collection(PolyCollection(
-                [outline(footprint, pose)], facecolor='none', edgecolor=colour, linewidth=width,
-                zorder=2.0))
+            axes.add_collection(PolyCollection([outline(footprint, pose)], facecolor='none',
+                                               edgecolor=colour, linewidth=width, zorder=2.0))
     axes.add_collection(LineCollection(
         [[(pose.x, pose.y), transform_point((reach, 0.0), pose)] for pose in poses],
         colors=Colour.GREY, linewidths=1.2, zorder=2.5, gid='headings'))
@@ -143,14 +136,12 @@ def _draw_turns(axes: Axes, turns: Sequence[ArcSegment], radius: float) -> None:
 
     if not turns:
         return
-    axes.add_collection(LineCollection(
-        [turn.sweep(radius) for turn in turns], colors=Colour.ORANGE, linewidths=1.2, zorder=2.6,
-        gid='turns'))
-    ends = [advance(turn.start, 0.0, turn.angle) for turn in turns]
+    axes.add_collection(LineCollection([turn.sweep(radius) for turn in turns], linewidths=1.2,
+                                       colors=Colour.ORANGE, zorder=2.6, gid='turns'))
     draw_arrows(axes, [
-        Pose(*transform_point((radius, 0.0), end),
-             end.theta + math.copysign(math.pi / 2.0, turn.angle))
-        for turn, end in zip(turns, ends)], Colour.ORANGE)
+        Pose(*transform_point((radius, 0.0), turn.end),
+             turn.end.theta + math.copysign(math.pi / 2.0, turn.angle))
+        for turn in turns], Colour.ORANGE)
 
 
 def _draw_legend(figure: Figure) -> None:
@@ -164,10 +155,10 @@ def _draw_legend(figure: Figure) -> None:
         'path': Line2D([], [], color=Colour.BLUE, linewidth=1.6), 'floor needed': Patch(**FLOOR)}
     if figure.findobj(lambda artist: artist.get_gid() == 'turns'):
         marks['turn in place'] = Line2D([], [], color=Colour.ORANGE, linewidth=1.2)
-    figure.legend(
-        [*marks.values()], [*marks], loc='lower left', ncol=len(marks), frameon=False,
-        bbox_to_anchor=(PATH_LEFT / WIDTH, 0.1 / figure.get_figheight()), borderpad=0.0,
-        borderaxespad=0.0, handlelength=1.6, columnspacing=1.6)
+    corner = (PATH_LEFT / WIDTH, 0.1 / figure.get_figheight())
+    figure.legend([*marks.values()], [*marks], loc='lower left', bbox_to_anchor=corner,
+                  ncol=len(marks), frameon=False, borderpad=0.0, borderaxespad=0.0,
+                  handlelength=1.6, columnspacing=1.6)
 
 
 #: The resolution of a PNG file [pixels per inch].
@@ -208,8 +199,7 @@ def draw_plans(views: Sequence[PlanView]) -> Figure:
     :raises UsageError: if matplotlib is missing, or there are too many plans
     """
     if not 1 <= len(views) <= MAX_MOTIONS:
-        raise UsageError(
-            f'a plot shows 1 to {MAX_MOTIONS} motions, not {len(views)}; name fewer')
+        raise UsageError(f'a plot shows 1 to {MAX_MOTIONS} motions, not {len(views)}; name fewer')
     return draw_figure(lambda figure: _draw(figure, views), RESOLUTION)
 
 
@@ -228,9 +218,8 @@ def _draw(figure: Figure, views: Sequence[PlanView]) -> None:
         base = KEY + row * ROW
         _draw_title(figure, view, base + ROW)
         draw_path(add_axes(figure, PATH_LEFT, base + BOTTOM, PATH_WIDTH, HEIGHT), view, area)
-        above, below = (
-            add_axes(figure, VELOCITY_LEFT, base + bottom, VELOCITY_WIDTH, part)
-            for bottom in (BOTTOM + part + BETWEEN, BOTTOM))
+        above, below = (add_axes(figure, VELOCITY_LEFT, base + bottom, VELOCITY_WIDTH, part)
+                        for bottom in (BOTTOM + part + BETWEEN, BOTTOM))
         draw_velocity(above, view, LINEAR, scales[0])
         draw_velocity(below, view, ANGULAR, scales[1])
         above.tick_params(labelbottom=False)

@@ -116,9 +116,8 @@ SETTINGS: Any = {
 LABEL = 0.56
 
 
-def add_axes(
-        figure: Figure, left: float, bottom: float, width: float, height: float,
-        aligns_label: bool = True) -> Axes:
+def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float,
+             aligns_label: bool = True) -> Axes:
     """
     Add axes with a grid to a figure, without a frame at the top and at the right.
 
@@ -204,16 +203,12 @@ def draw_figure(draw: Callable[[Figure], None], resolution: float | None = None)
 
 
 #: Metadata that are left out of each file format, so that two runs give the same bytes.
-METADATA: dict[str, dict[str, None]] = {
-    '.png': {'Software': None},
-    '.svg': {'Date': None, 'Creator': None},
-    '.pdf': {'CreationDate': None, 'Creator': None, 'Producer': None},
-}
+METADATA = {'.png': ('Software',), '.svg': ('Date', 'Creator'),
+            '.pdf': ('CreationDate', 'Creator', 'Producer')}
 
 
-def file_of(
-        figure: Figure, suffix: str, resolution: float | None = None,
-        svg_fonttype: str = 'path') -> bytes:
+def file_of(figure: Figure, suffix: str, resolution: float | None = None,
+            svg_fonttype: str = 'path') -> bytes:
     """
     Return the content of a file with a figure.
 
@@ -223,8 +218,8 @@ def file_of(
     """
     data = io.BytesIO()
     with default_style(svg_fonttype):
-        figure.savefig(
-            data, format=suffix[1:], dpi=resolution or 'figure', metadata=METADATA[suffix])
+        figure.savefig(data, format=suffix[1:], dpi=resolution or 'figure',
+                       metadata=dict.fromkeys(METADATA[suffix]))
     return data.getvalue()
 
 
@@ -237,8 +232,7 @@ MAX_LIMIT_RATIO = 5.0
 LABEL_SHARE = 0.25
 #: The style of the labels of limits, with a background that hides lines.
 WORDS: dict[str, Any] = {
-    'color': '#444444', 'zorder': 4.0, 'ha': 'right',
-    'textcoords': 'offset points',
+    'color': '#444444', 'zorder': 4.0, 'ha': 'right', 'textcoords': 'offset points',
     'bbox': {'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.5}}
 #: A line with more points than this is translucent, so that the limits stay visible.
 DENSE = 2000

@@ -65,9 +65,8 @@ def terminal_columns() -> int | None:
         return None
 
 
-def columns(
-        head: Sequence[Column], rows: Sequence[Row], widest: int = WIDEST,
-        totals: int = 0) -> list[str]:
+def columns(head: Sequence[Column], rows: Sequence[Row], widest: int = WIDEST,
+            totals: int = 0) -> list[str]:
     """
     Lay out a table, without its empty columns.
 
@@ -129,8 +128,8 @@ class Gap(NamedTuple):
 
     def describe(self, start: str, end: str) -> str:
         """Return the number of steps in the gap, and its start and end time [s], as text."""
-        return (f'{self.size}, from {start} s to {end} s'
-                f'{", as above" if self.again else ""}')
+        again = ', as above' if self.again else ''
+        return f'{self.size}, from {start} s to {end} s{again}'
 
 
 def fold(keys: Sequence[Hashable], most: int) -> list[int | Gap]:
