@@ -23,7 +23,7 @@ import time
 import grpc
 from kachaka_api.generated import kachaka_api_pb2 as pb2
 from kachaka_api.generated.kachaka_api_pb2_grpc import KachakaApiStub
-from kachaka_simple_control.kachaka.simulator.grpc_server import ServerThread, serving
+from kachaka_simple_control.kachaka.simulator.grpc_server import GrpcServer, serving
 from kachaka_simple_control.kachaka.simulator.grpc_state import Clock
 from kachaka_simple_control.kachaka.simulator.robot import SimulatedKachaka
 
@@ -73,7 +73,7 @@ class FastClock(Clock):
 class Bench:
     """A robot, its server, and a bare client."""
 
-    def __init__(self, server: ServerThread, clock: Clock, channel: grpc.Channel) -> None:
+    def __init__(self, server: GrpcServer, clock: Clock, channel: grpc.Channel) -> None:
         """Keep server and clock, and make a stub."""
         self.server = server
         self.clock = clock

@@ -35,9 +35,12 @@ LOOPBACK = '127.0.0.1'
 OPTIONS = (('grpc.so_reuseport', 0),)
 
 
+T = TypeVar('T')
+
+
 class GrpcServer:
     """
-    The gRPC server of a simulated robot; create and use it in one event loop.
+    The gRPC server of a simulated robot; create, start and stop it in one event loop.
 
     :param robot: the robot; only the server may call it from now on
     :param clock: the clock of the robot
@@ -45,6 +48,8 @@ class GrpcServer:
 
     def __init__(self, robot: SimulatedKachaka, clock: Clock) -> None:
         self.state = SimulatorState(robot, clock)
+        #: the address at which the server listens, as HOST:PORT
+        self.address = ''
         self._server = grpc.aio.server(options=OPTIONS)
         add_KachakaApiServicer_to_server(SimulatedKachakaServicer(self.state), self._server)
         self._state_task: asyncio.Task[None] | None = None
@@ -65,8 +70,10 @@ class GrpcServer:
         except RuntimeError as error:
             raise OSError(str(error)) from error
         await self._server.start()
-        self._state_task = asyncio.create_task(self.state.run())
-        return f'{name}:{port}'
+        self._loop = asyncio.get_running_loop()
+        self._state_task = self._loop.create_task(self.state.run())
+        self.address = f'{name}:{port}'
+        return self.address
 
     async def stop(self) -> None:
         """Stop the server and cancel all pending calls."""
@@ -75,6 +82,23 @@ class GrpcServer:
             self._state_task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await self._state_task
+
+    def call(self, function: Callable[[SimulatedKachaka, float], T]) -> T:
+        """
+        Run a function in the server's event loop, between two gRPC calls; for other threads.
+
+        :param function: called with the robot and the steady time [s]
+        :returns: the return value of the function
+        """
+        async def work() -> T:
+            answer = function(self.state.robot, self.state.now())
+            self.state.notify()
+            return answer
+        return asyncio.run_coroutine_threadsafe(work(), self._loop).result()
+
+    def wake(self) -> None:
+        """Make the server read its clock again, after a change of the clock."""
+        self.call(lambda *_: None)
 
 
 def _require_bindable(host: str, port: int) -> None:
@@ -86,48 +110,12 @@ def _require_bindable(host: str, port: int) -> None:
         trial.bind(address)
 
 
-T = TypeVar('T')
-
-
-class ServerThread:
-    """
-    A running gRPC server, for use from other threads.
-
-    :param address: the address at which the server listens, as HOST:PORT
-    :param server: the server
-    :param loop: the event loop of the server
-    """
-
-    def __init__(self, address: str, server: GrpcServer, loop: asyncio.AbstractEventLoop) -> None:
-        self.address = address
-        self._server = server
-        self._loop = loop
-
-    def call(self, function: Callable[[SimulatedKachaka, float], T]) -> T:
-        """
-        Run a function in the server's event loop, between two gRPC calls.
-
-        :param function: called with the robot and the steady time [s]
-        :returns: the return value of the function
-        """
-        async def work() -> T:
-            state = self._server.state
-            answer = function(state.robot, state.now())
-            state.notify()
-            return answer
-        return asyncio.run_coroutine_threadsafe(work(), self._loop).result()
-
-    def wake(self) -> None:
-        """Make the server read its clock again, after a change of the clock."""
-        self.call(lambda *_: None)
-
-
 @contextlib.contextmanager
 def serving(
         robot: SimulatedKachaka, port: int = 0, host: str = LOOPBACK,
-        clock: Clock | None = None) -> Iterator[ServerThread]:
+        clock: Clock | None = None) -> Iterator[GrpcServer]:
     """
-    Serve a simulated robot over gRPC during a ``with`` block.
+    Serve a simulated robot over gRPC, in a thread, during a ``with`` block.
 
     :param robot: the robot; it must use the time base of the clock
     :param port: the port; 0 for any free port
@@ -140,14 +128,15 @@ def serving(
     thread = threading.Thread(target=loop.run_forever, name='grpc-server')
     thread.start()
 
-    async def start() -> tuple[GrpcServer, str]:
+    async def start() -> GrpcServer:
         server = GrpcServer(robot, clock or Clock())
-        return server, await server.start(host, port)
+        await server.start(host, port)
+        return server
 
     try:
-        server, address = asyncio.run_coroutine_threadsafe(start(), loop).result()
+        server = asyncio.run_coroutine_threadsafe(start(), loop).result()
         try:
-            yield ServerThread(address, server, loop)
+            yield server
         finally:
             asyncio.run_coroutine_threadsafe(server.stop(), loop).result()
     finally:
