@@ -90,13 +90,13 @@ def _run(args: list[str], shutdown: ShutdownEvent) -> None:
         options, parameters = _parse(strip_ros_arguments(args))
         namespace = '/' + options.namespace.strip('/')
         require_namespace(namespace, '--namespace', MAX_NAMESPACE_LENGTH)
-        make_node = (_grpc_bridge(options, namespace, fault) if options.address
-                     else _simulated_bridge(options, parameters, namespace, fault))
+        make_node = _bridge(options, parameters, fault)
         if is_localhost_requested():
             use_localhost_only()
         use_udp_transport()
         start_ros(args)
-        node = make_node()
+        node = make_node(
+            namespace=namespace, frame_prefix=options.frame_prefix, on_conflict=fault.on_conflict)
     except ImportError as error:
         raise ExitError(FAULTED, f'ROS 2 is missing here ({error})') from None
     except RobotTakenError as error:
@@ -123,40 +123,24 @@ def _advice(options: argparse.Namespace) -> str:
     return f'to drive that one, leave out {mine}; or stop it'
 
 
-def _simulated_bridge(
-        options: argparse.Namespace, parameters: SimulationParameters, namespace: str,
-        fault: _Fault) -> Callable[[], BridgeNode]:
-    """Return a function that creates the bridge node of a simulated robot."""
-    from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
-    robot = SimulatedKachaka(time.monotonic(), parameters, bool(options.docked), options.seed or 0)
-    return partial(SimulatedBridge, robot, namespace, options.frame_prefix, fault.on_conflict)
-
-
-def _grpc_bridge(
-        options: argparse.Namespace, namespace: str, fault: _Fault) -> Callable[[], BridgeNode]:
-    """Connect to the real robot, and return a function that creates its bridge node."""
+def _bridge(
+        options: argparse.Namespace, parameters: SimulationParameters,
+        fault: _Fault) -> Callable[..., BridgeNode]:
+    """Return a function that creates the bridge node; connect to a real robot first."""
+    if options.sim:
+        from kachaka_simple_control.kachaka.bridge_node import SimulatedBridge
+        return partial(SimulatedBridge, SimulatedKachaka(
+            time.monotonic(), parameters, bool(options.docked), options.seed or 0))
     try:
         from kachaka_simple_control.kachaka.grpc_client.client import connect
     except (ImportError, RuntimeError) as error:  # RuntimeError: the SDK needs a newer gRPC
         raise ExitError(FAULTED, SDK_MISSING.format(error=error)) from None
     from kachaka_simple_control.kachaka.grpc_client.bridge import GrpcBridge
-    robot = connect(options.address)
     give_up = fault.give_up if options.give_up else lambda _: None
-    return partial(
-        GrpcBridge, robot, namespace, options.frame_prefix, give_up, fault.on_conflict)
+    return partial(GrpcBridge, connect(options.address), give_up=give_up)
 
 
 def _parse(args: list[str]) -> tuple[argparse.Namespace, SimulationParameters]:
-    parser = _parser()
-    options = parser.parse_args(args)
-    if not options.sim and options.address is None:
-        parser.error('which robot? --sim shows a simulated one, --address HOST a real one')
-    if options.sim and options.address is not None:
-        parser.error('one robot at a time: --sim or --address')
-    return options, simulation_parameters(parser, options)
-
-
-def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog=PROGRAM, allow_abbrev=False,
         description="Show a robot to ROS 2 under the names of Kachaka's official bridge.",
@@ -171,7 +155,12 @@ def _parser() -> OneLineParser:
         help='end with code 1 when a real robot refuses to move, or is lost while it moves')
     add_simulation_options(parser, 'the simulated robot')
     add_parent_option(parser)
-    return parser
+    options = parser.parse_args(args)
+    if not options.sim and options.address is None:
+        parser.error('which robot? --sim shows a simulated one, --address HOST a real one')
+    if options.sim and options.address is not None:
+        parser.error('one robot at a time: --sim or --address')
+    return options, simulation_parameters(parser, options)
 
 
 def _serve(node: BridgeNode, shutdown: ShutdownEvent, with_parent: bool) -> None:
