@@ -63,8 +63,7 @@ def simulated_bridge(
 
 
 @contextlib.contextmanager
-def real_bridge(
-        address: str, namespace: str = KACHAKA.namespace) -> Iterator[BridgeProcess]:
+def real_bridge(address: str, namespace: str = KACHAKA.namespace) -> Iterator[BridgeProcess]:
     """
     Run a bridge to a real robot during a ``with`` block, and always end it after the block.
 
@@ -110,8 +109,7 @@ class BridgeProcess:
     :param name: the name of the child in messages
     """
 
-    def __init__(
-            self, options: Sequence[str], name: str = 'the simulated robot') -> None:
+    def __init__(self, options: Sequence[str], name: str = 'the simulated robot') -> None:
         self._name = name
         self._last_line = 'it printed nothing'
         #: the DDS participant of the child; None until the child has printed it

@@ -70,8 +70,7 @@ def velocity_command(velocity: Velocity, limits: Limits, now: float) -> Velocity
             'finite numbers')
     return VelocityCommand(
         max(-1.0, min(velocity.linear_x / limits.max_linear_velocity, 1.0)),
-        max(-1.0, min(velocity.angular_z / limits.max_angular_velocity, 1.0)),
-        now)
+        max(-1.0, min(velocity.angular_z / limits.max_angular_velocity, 1.0)), now)
 
 
 class StreamTimeout:

@@ -27,17 +27,15 @@ from kachaka_simple_control.files.robot_profile import KACHAKA_TRACK
 from kachaka_simple_control.motion.calibration import OdometryCalibration
 from kachaka_simple_control.motion.geometry import advance, ORIGIN, Pose, Velocity, ZERO
 
-#: The rules for the figures of a simulated robot: the text for errors, and the check.
-FINITE, ABOVE_0 = 'a finite number', 'above 0'
-FINITE_ABOVE_0, FINITE_FROM_0 = 'a finite number above 0', 'a finite number, 0 or more'
-RULES: dict[str, Callable[[float], bool]] = {
-    FINITE: math.isfinite,
-    ABOVE_0: lambda value: value > 0.0,
-    FINITE_ABOVE_0: lambda value: 0.0 < value < math.inf,
-    FINITE_FROM_0: lambda value: 0.0 <= value < math.inf}
+#: A rule for a figure of a simulated robot: the text for errors, and the check.
+Rule = tuple[str, Callable[[float], bool]]
+FINITE: Rule = 'a finite number', math.isfinite
+ABOVE_0: Rule = 'above 0', lambda value: value > 0.0
+FINITE_ABOVE_0: Rule = 'a finite number above 0', lambda value: 0.0 < value < math.inf
+FINITE_FROM_0: Rule = 'a finite number, 0 or more', lambda value: 0.0 <= value < math.inf
 
 
-def _figure(default: float, unit: str, text: str, rule: str = FINITE_FROM_0) -> Any:
+def _figure(default: float, unit: str, text: str, rule: Rule = FINITE_FROM_0) -> Any:
     """
     Return a field of ``SimulationParameters``, which is also an option of the commands.
 
@@ -111,8 +109,8 @@ class SimulationParameters:
     def __post_init__(self) -> None:
         """Check each value."""
         for figure in fields(self):
-            value, rule = getattr(self, figure.name), figure.metadata['rule']
-            if not RULES[rule](value):
+            value, (rule, is_valid) = getattr(self, figure.name), figure.metadata['rule']
+            if not is_valid(value):
                 raise ValueError(f'{figure.name} is {value}; it must be {rule}')
         try:
             self.floor  # noqa: B018

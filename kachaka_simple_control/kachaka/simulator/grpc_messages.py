@@ -135,13 +135,13 @@ def task_from_request(
     :param identity: the unique name for the task
     """
     name = request.command.WhichOneof('command')
-    if name is None:
+    if name not in ACTIONS:
         return ERROR_UNKNOWN_NAME
     command = getattr(request.command, name)
     if not all(math.isfinite(value) for _, value in command.ListFields()
                if isinstance(value, float)):
         return ERROR_NOT_A_VELOCITY
-    actions = ACTIONS[name](command, state) if name in ACTIONS else ERROR_UNKNOWN_NAME
+    actions = ACTIONS[name](command, state)
     if isinstance(actions, int):
         return actions
     if request.HasField('lock_on_end'):
