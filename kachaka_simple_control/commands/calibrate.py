@@ -203,11 +203,9 @@ def require_ready(options: CalibrateOptions) -> Settings:
     # A tape measurement may replace the profile of the robot itself, if --output names it.
     may_replace = options.part and options.output is not None and Path(robot).exists()
     if file.exists() and not (may_replace and file.samefile(robot)):
-        raise UsageError(
-            f'{escaped(str(file))} is there already; name another file by --output')
+        raise UsageError(f'{escaped(file)} is there already; name another file by --output')
     if not os.access(file.parent, os.W_OK):
-        raise UsageError(f'{escaped(str(file))} cannot be written; name another file by '
-                         '--output')
+        raise UsageError(f'{escaped(file)} cannot be written; name another file by --output')
     return settings
 
 
@@ -294,7 +292,7 @@ def write_robot(
     try:
         write_atomically(file, calibrated_text(robot, calibration).encode())
     except OSError as error:
-        raise UsageError(f'{escaped(str(file))}: {error.strerror}') from None
+        raise UsageError(f'{escaped(file)}: {error.strerror}') from None
     print(f'{file}: written; drive with --robot {file if file.is_absolute() else f"./{file}"}')
 
 

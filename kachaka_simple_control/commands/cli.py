@@ -222,9 +222,8 @@ def add_drive_options(parser: OneLineParser) -> None:
         help='how often a velocity is sent (default: what the motion says, or 10)')
     add('--report', metavar='DIR',
         help='write a report and a recording of the drive to this new directory')
-    add_simulation_options(
-        parser.add_argument_group('errors of the simulated robot, with --sim'),
-        'the simulated robot')
+    group = parser.add_argument_group('errors of the simulated robot, with --sim')
+    add_simulation_options(group, 'the simulated robot')
     add('--ros-args', action='store_true', default=argparse.SUPPRESS,
         help='everything after it is for ROS: remaps, parameters (-p robot_timeout:=30), ...')
 

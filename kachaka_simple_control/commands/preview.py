@@ -37,9 +37,8 @@ def preview(options: Options) -> None:
     :raises InvalidMotionError: if a motion is invalid or not found
     :raises UsageError: if an option is invalid, or the output cannot be written
     """
-    require_parameters_only(
-        '--plan' if options.plan else '--plot' if options.plot else '--list',
-        options.ros_arguments)
+    option = '--plan' if options.plan else '--plot' if options.plot else '--list'
+    require_parameters_only(option, options.ros_arguments)
     if options.plot is not None:
         check_plot_file(options.plot)
     if options.list:
@@ -90,5 +89,4 @@ def plan_view(name: str, options: Options) -> PlanView:
     order = DriveOrder.of(
         motion_file.motion, profile.planning_limits, settings.rate,
         settings.limits_of(motion_file), settings.closed_loop)
-    return PlanView(
-        order.motion.name, profile.name, order.plan(), order.limits, profile.footprint)
+    return PlanView(order.motion.name, profile.name, order.plan(), order.limits, profile.footprint)

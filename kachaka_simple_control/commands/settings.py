@@ -58,8 +58,7 @@ class Settings:
 
         :raises MotionFileError: if the robot cannot drive the motion, with one line per problem
         """
-        return motion_file.check(
-            self.profile.planning_limits, self.profile.name, self.closed_loop)
+        return motion_file.check(self.profile.planning_limits, self.profile.name, self.closed_loop)
 
 
 def choose_settings(options: Options, motion_file: MotionFile | None) -> Settings:

@@ -20,18 +20,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from kachaka_simple_control.analysis.step_results import driven
-from kachaka_simple_control.control.events import (
-    Event,
-    MotionEnded,
-    MotionPlanned,
-    MotionStarted,
-    OdometryReceived,
-    SessionEnded,
-    SessionStarted,
-    SpeedFactorChanged,
-    StopBegan,
-    VelocitySent,
-)
+from kachaka_simple_control.control import events
 from kachaka_simple_control.control.speed_factor import is_hold, product
 from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Displacement, Velocity
@@ -212,44 +201,44 @@ class DriveTracker:
     """Tracks the status of one driving program from its events, in their order."""
 
     def __init__(self) -> None:
-        self._session: SessionStarted | None = None
-        self._planned: MotionPlanned | None = None
+        self._session: events.SessionStarted | None = None
+        self._planned: events.MotionPlanned | None = None
         self._plan: Plan | None = None
         self._started: float | None = None
         #: the newest message of the current run
-        self._own: VelocitySent | None = None
+        self._own: events.VelocitySent | None = None
         self._factors: Mapping[str, float] = {}
-        self._ended: MotionEnded | None = None
+        self._ended: events.MotionEnded | None = None
         self._motion_count = 0
-        self._sent: VelocitySent | None = None
+        self._sent: events.VelocitySent | None = None
         self._stop_time: float | None = None
-        self._odometry: OdometryReceived | None = None
+        self._odometry: events.OdometryReceived | None = None
         self._commanded_odometer = self._driven_odometer = StepOdometer(None)
         self._standstill = StandstillDetector()
         #: the last event; None if the program still runs or was killed
-        self.session_ended: SessionEnded | None = None
+        self.session_ended: events.SessionEnded | None = None
 
-    def on_event(self, event: Event) -> None:
+    def on_event(self, event: events.Event) -> None:
         """Update the status from an event."""
         match event:
-            case VelocitySent():
+            case events.VelocitySent():
                 self._on_velocity(event)
-            case OdometryReceived():
+            case events.OdometryReceived():
                 self._on_odometry(event)
-            case MotionPlanned():
+            case events.MotionPlanned():
                 self._on_plan(event)
-            case MotionStarted():
+            case events.MotionStarted():
                 self._on_start(event)
-            case StopBegan():
+            case events.StopBegan():
                 # If a motion ends early, MotionEnded follows after the whole stop, 0.4 s later.
                 self._stop_time = event.time
-            case SpeedFactorChanged():
+            case events.SpeedFactorChanged():
                 self._factors = event.factors
-            case MotionEnded():
+            case events.MotionEnded():
                 self._ended = event
-            case SessionStarted():
+            case events.SessionStarted():
                 self._session = event
-            case SessionEnded():
+            case events.SessionEnded():
                 self.session_ended = event
 
     def status_at(self, now: float) -> DriveStatus:
@@ -292,14 +281,14 @@ class DriveTracker:
         """Whether a guardian stops the robot if the program is killed."""
         return self._session is not None and bool(self._session.settings.get('guardian'))
 
-    def _on_plan(self, event: MotionPlanned) -> None:
+    def _on_plan(self, event: events.MotionPlanned) -> None:
         self._planned, self._started, self._ended = event, None, None
         self._stop_time = None
         self._plan = plan(event.motion, event.limits, PLAN_RATE)
         self._reset_odometers()
         self._motion_count += 1
 
-    def _on_start(self, event: MotionStarted) -> None:
+    def _on_start(self, event: events.MotionStarted) -> None:
         if not event.has_plan:
             self._planned = self._plan = self._ended = None
         self._started, self._stop_time, self._own = event.time, None, None
@@ -309,7 +298,7 @@ class DriveTracker:
         self._commanded_odometer = StepOdometer(self._plan)
         self._driven_odometer = StepOdometer(self._plan)
 
-    def _on_velocity(self, event: VelocitySent) -> None:
+    def _on_velocity(self, event: events.VelocitySent) -> None:
         before, self._sent = self._sent, event
         if not self.is_under_way:
             return
@@ -327,7 +316,7 @@ class DriveTracker:
             return 0.0
         return own.plan_time + now - own.time
 
-    def _on_odometry(self, event: OdometryReceived) -> None:
+    def _on_odometry(self, event: events.OdometryReceived) -> None:
         before, self._odometry = self._odometry, event
         self._standstill.on_odometry(event.time, event.velocity)
         if before is not None and self.is_under_way and before.time < event.time:
@@ -391,8 +380,7 @@ class DriveTracker:
             self._motion_count if is_call else index + 1,
             self._movement_count() if is_call else len(self._plan.steps),
             MOVEMENT if is_call else STEP,
-            step.step.describe(), step.duration,
-            max(0.0, step.end - max(elapsed, step.start)),
+            step.step.describe(), step.duration, max(0.0, step.end - max(elapsed, step.start)),
             self._remaining(index, step.step.displacement, now))
 
     def _movement_count(self) -> int | None:

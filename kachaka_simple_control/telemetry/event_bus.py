@@ -155,8 +155,7 @@ class EventBus:
         self._hurry.set()
 
     def _start(self, unfinished: _Call | None = None) -> None:
-        thread = threading.Thread(
-            target=self._run, args=(unfinished,), name='events', daemon=True)
+        thread = threading.Thread(target=self._run, args=(unfinished,), name='events', daemon=True)
         try:
             thread.start()
         except RuntimeError:  # from Python 3.12 on, no thread can start when the program ends
