@@ -19,12 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from kachaka_simple_control.commands.cli import (
-    add_drive_options,
-    Options,
-    parse_values,
-    take_simulation,
-)
+from kachaka_simple_control.commands import cli
 from kachaka_simple_control.exit_codes import HELP, OneLineParser
 from kachaka_simple_control.text import quoted
 
@@ -44,7 +39,7 @@ how unequal the wheels are and how wide the track is (after J. Borenstein and L.
 
 
 @dataclass(frozen=True)
-class CalibrateOptions(Options):
+class CalibrateOptions(cli.Options):
     """
     The options of ``kachaka_calibrate``: those of a drive and its own.
 
@@ -83,7 +78,7 @@ def parse(arguments: Sequence[str]) -> CalibrateOptions:
     :raises SystemExit: with code 2 and one line if an argument is invalid; with 0 after ``--help``
     """
     parser = _parser()
-    values = parse_values(parser, arguments)
+    values = cli.parse_values(parser, arguments)
     part = values['part']
     if part not in ('', FLOOR, UMBMARK):
         parser.error(
@@ -97,7 +92,7 @@ def parse(arguments: Sequence[str]) -> CalibrateOptions:
         parser.error(f'--plot is not about {NAME} {part}')
     if (squares := values['squares']) is not None and not 1 <= squares <= 20:
         parser.error(f'--squares is {squares}; it must be from 1 to 20')
-    take_simulation(parser, values)
+    cli.take_simulation(parser, values)
     return CalibrateOptions(**values)
 
 
@@ -125,5 +120,5 @@ def _parser() -> OneLineParser:
     tape('--track', metavar='LENGTH',
          help='the distance of the wheels that odometry uses (default: what its file says; of a '
               "kachaka '0.2 m')")
-    add_drive_options(parser)
+    cli.add_drive_options(parser)
     return parser

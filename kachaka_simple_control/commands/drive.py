@@ -43,10 +43,7 @@ from kachaka_simple_control.report.text_tables import drive_table, terminal_colu
 from kachaka_simple_control.ros.dds_transport import is_localhost_requested, use_localhost_only
 from kachaka_simple_control.ros.parameters import session_started
 from kachaka_simple_control.ros.startup import start_ros
-from kachaka_simple_control.telemetry.subscriber_process import (
-    SubscriberProcess,
-    SubscriberProcesses,
-)
+from kachaka_simple_control.telemetry import subscriber_process
 import rclpy
 from rclpy.parameter import Parameter
 
@@ -81,7 +78,8 @@ def drive(options: Options) -> DriveLog:
         start_ros(options.ros_arguments)
         robot_control = KachakaSimpleControl(
             in_file(motion_file), parameter_overrides=_parameters(options))
-        subscribers = stack.enter_context(SubscriberProcesses(robot_control.event_bus))
+        subscribers = stack.enter_context(
+            subscriber_process.SubscriberProcesses(robot_control.event_bus))
         try:
             reporter = _start_subscribers(
                 subscribers, options, motion_file is None, robot_control.session.guardian_memory)
@@ -121,8 +119,8 @@ def drive(options: Options) -> DriveLog:
 
 
 def _start_subscribers(
-        subscribers: SubscriberProcesses, options: Options, is_lesson: bool,
-        guardian_memory: tuple[int, int] | None) -> SubscriberProcess | None:
+        subscribers: subscriber_process.SubscriberProcesses, options: Options, is_lesson: bool,
+        guardian_memory: tuple[int, int] | None) -> subscriber_process.SubscriberProcess | None:
     """Start the display and the report program; return the report program, or None."""
     # A lesson without a terminal needs no display, because the node logs each of its movements.
     if not options.quiet and (not is_lesson or terminal.is_terminal(STDERR)):

@@ -60,9 +60,6 @@ MAX_NAME_WIDTH = 36
 #: The smallest terminal for a panel [columns], [rows].
 MIN_COLUMNS, MIN_ROWS = 60, 12
 
-#: A function that writes a text in one call.
-Write = Callable[[str], None]
-
 
 class StepLogger:
     """Returns a log line for each step that begins, and one for a long wait for the robot."""
@@ -111,14 +108,14 @@ class LineRenderer:
     """
     Shows the status of a drive as plain lines.
 
-    :param write: a function that writes a text
+    :param write: a function that writes a text in one call
     :param has_hint: whether the first line says how to stop, for a user at the terminal
     """
 
     #: the period at which ``show`` must be called [s]
     period = 0.1
 
-    def __init__(self, write: Write, has_hint: bool = True) -> None:
+    def __init__(self, write: Callable[[str], None], has_hint: bool = True) -> None:
         self._write = write
         self._has_hint = has_hint
         self._logger = StepLogger()
@@ -167,7 +164,7 @@ class PanelRenderer(LineRenderer):
     period = 0.2
 
     def __init__(
-            self, write: Write, size: Callable[[], os.terminal_size],
+            self, write: Callable[[str], None], size: Callable[[], os.terminal_size],
             render: Callable[[int, DriveStatus, str], list[str]]) -> None:
         super().__init__(write)
         self._size, self._render = size, render
