@@ -322,7 +322,6 @@ def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
     return width * (BARS + 0.5 - side), counts[side:bars - side]
 
 
-
 def save_calibration_plot(log: DriveLog, fit: CalibrationFit, path: Path) -> None:
     """
     Plot a calibration: with a good fit, the odometry line lies on the fitted line.

@@ -29,6 +29,7 @@ from kachaka_simple_control.report.plot_style import file_of, METADATA
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
 def write_atomically(path: Path, data: bytes) -> None:
     """
     Write a file atomically: a reader sees the old content or the new content, never a part.
