@@ -19,7 +19,7 @@ The calibration of odometry converts between velocities on the floor and velocit
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
 
@@ -28,6 +28,7 @@ from kachaka_simple_control.motion.geometry import compose, Pose, relative_to, s
 from kachaka_simple_control.motion.limits import ANGULAR_OF, Limits, LINEAR_OF
 from kachaka_simple_control.motion.units import format_number, require_between
 
+GAINS = ('forward_gain', 'backward_gain', 'left_gain', 'right_gain')
 #: The range of a gain: a value outside it means a wrong unit or a broken robot.
 MIN_GAIN, MAX_GAIN = 0.5, 2.0
 #: The largest veer [rad/m].
@@ -71,10 +72,8 @@ class Calibration:
 
         :raises InvalidMotionError: if a gain, the veer or the delay is out of range
         """
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if item.name.endswith('gain'):
-                require_between(item.name, value, MIN_GAIN, MAX_GAIN)
+        for name in GAINS:
+            require_between(name, getattr(self, name), MIN_GAIN, MAX_GAIN)
         if self.delay is not None:
             require_between('delay', self.delay, 0.0, MAX_DELAY, 's')
         require_between('veer', self.veer, -MAX_VEER, MAX_VEER, 'rad/m')
@@ -115,8 +114,7 @@ class Calibration:
     def describe(self) -> str:
         """Return the calibration as text, for reports."""
         gains = ', '.join(
-            f"{item.name.removesuffix('_gain')} {format_number(getattr(self, item.name))}"
-            for item in fields(self) if item.name.endswith('gain'))
+            f"{name.removesuffix('_gain')} {format_number(getattr(self, name))}" for name in GAINS)
         veer = f'veer {format_number(math.degrees(self.veer))} deg/m'
         delay = '' if self.delay is None else f'delay {format_number(self.delay)} s'
         return ', '.join([gains, veer, *filter(None, (delay, self.date, self.floor))])

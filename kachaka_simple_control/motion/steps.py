@@ -36,8 +36,7 @@ from kachaka_simple_control.motion.units import format_number, require_finite
 
 __all__ = [
     'MAX_NESTING', 'MAX_TIMES', 'Arc', 'Forward', 'Motion', 'Move', 'Repeat', 'Settle', 'Step',
-    'Turn', 'Wait',
-]
+    'Turn', 'Wait']
 
 #: The largest nesting depth of repeats.
 MAX_NESTING = 20
@@ -107,8 +106,7 @@ class Forward(Step):
     # Not 'back': the advice to write 'forward' instead would reverse the direction.
     synonyms = ('drive', 'go', 'straight')
     distance: float = field(metadata=in_file(
-        units.LENGTH, 'How far, in m, cm or mm.  Negative is backwards.',
-        '0.5 m', '-20 cm'))
+        units.LENGTH, 'How far, in m, cm or mm.  Negative is backwards.', '0.5 m', '-20 cm'))
     speed: float | None = field(default=None, metadata=in_file(
         units.POSITIVE_LINEAR_VELOCITY,
         'Drive no faster than this, along the path.  Left out: as fast as the limits allow.',
