@@ -20,6 +20,7 @@ A JSON Schema says which values a file may have; this module words the error mes
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 import json
@@ -96,6 +97,15 @@ class FileError(ControlError):
         distinct = dict.fromkeys(problems)
         self.problems = tuple(sorted(distinct, key=lambda problem: problem.line or 0))
         super().__init__(format_problems(source, self.problems))
+
+    @classmethod
+    @contextmanager
+    def naming(cls, source: str) -> Iterator[None]:
+        """Convert an ``UnreadableFileError`` to an error of this class that names the file."""
+        try:
+            yield
+        except UnreadableFileError as error:
+            raise cls(source, error.problems) from None
 
 
 class MotionFileError(FileError, InvalidMotionError):
@@ -366,28 +376,23 @@ def _too_many(error: Any) -> _Messages:
                  'by two more')
 
 
-def _bound(words: str) -> Callable[[Any], _Messages]:
-    def message(error: Any) -> _Messages:
-        quantity = QUANTITIES.get(error.schema.get('quantity'))
-        unit = f' {quantity.unit}' if quantity else ''
-        yield None, (f'{error.instance}{unit}; it must be '
-                     f'{words.format(error.validator_value)}{unit}')
-    return message
+def _beyond(error: Any) -> _Messages:
+    quantity = QUANTITIES.get(error.schema.get('quantity'))
+    unit = f' {quantity.unit}' if quantity else ''
+    bound = f'{_BOUNDS[error.validator]} {error.validator_value}{unit}'
+    yield None, f'{error.instance}{unit}; it must be {bound}'
 
 
+_BOUNDS = {'exclusiveMinimum': 'above', 'maximum': 'at most', 'minimum': 'at least'}
 #: The functions that make messages, by the schema keyword that is violated.
 _MESSAGES: dict[str, Callable[[Any], _Messages]] = {
     'additionalProperties': _unknown,
     'enum': _enum,
-    'exclusiveMinimum': _bound('above {}'),
     'maxProperties': _too_many,
-    'maximum': _bound('at most {}'),
     'minProperties': _too_few,
-    'minimum': _bound('at least {}'),
-    'pattern': _wrong,
     'required': _missing,
-    'type': _wrong,
-}
+    **dict.fromkeys(('pattern', 'type'), _wrong),
+    **dict.fromkeys(_BOUNDS, _beyond)}
 
 
 def _expected(schema: Mapping[str, Any]) -> str:

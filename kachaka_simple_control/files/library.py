@@ -51,10 +51,8 @@ def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
     """
     if name_or_path == LESSON:
         return MotionFile(lesson_motion(), str(LESSON_FILE))
-    try:
+    with MotionFileError.naming(os.fspath(name_or_path)):
         source, text = look_up(name_or_path, 'motions', library())
-    except UnreadableFileError as error:
-        raise MotionFileError(os.fspath(name_or_path), error.problems) from None
     return loads(text, source)
 
 

@@ -199,10 +199,8 @@ def load(path: str | os.PathLike[str]) -> MotionFile:
     :raises MotionFileError: if the file cannot be read, with a line for each problem
     """
     source = os.fspath(path)
-    try:
+    with MotionFileError.naming(source):
         text = read_text(source)
-    except UnreadableFileError as error:
-        raise MotionFileError(source, error.problems) from None
     return loads(text, source)
 
 
@@ -214,11 +212,8 @@ def loads(text: str, name: str = 'motion') -> MotionFile:
     :param name: the file name for error messages; also the default for the motion's name
     :raises MotionFileError: if the text is not a motion, with a line for each problem
     """
-    try:
-        document = read_document(text, motion_schema())
-        file = _read(document, name)
-    except UnreadableFileError as error:
-        raise MotionFileError(name, error.problems) from None
+    with MotionFileError.naming(name):
+        file = _read(read_document(text, motion_schema()), name)
     return replace(file, text=text)
 
 
@@ -233,11 +228,9 @@ def _read(document: Document, source: str) -> MotionFile:
     if document.problems:
         raise UnreadableFileError(*document.problems)
     return MotionFile(
-        motion=Motion(
-            data.get('name', PurePath(source).stem), steps, data.get('description', '')),
-        source=source, robot=_robot(data.get('robot'), source),
-        limits=MappingProxyType(limits), rate=rate, closed_loop=data.get('closed_loop'),
-        root=document.root)
+        motion=Motion(data.get('name', PurePath(source).stem), steps, data.get('description', '')),
+        source=source, robot=_robot(data.get('robot'), source), limits=MappingProxyType(limits),
+        rate=rate, closed_loop=data.get('closed_loop'), root=document.root)
 
 
 def _robot(name_or_path: str | None, source: str) -> str | None:
@@ -347,9 +340,8 @@ def _step_schema(kind: type[Step]) -> Schema:
 
 
 def _field_schema(part: FileField) -> Schema:
-    return {
-        'description': part.description, **_kind_schema(part.kind),
-        'examples': list(part.examples)}
+    return {'description': part.description, **_kind_schema(part.kind),
+            'examples': list(part.examples)}
 
 
 def _kind_schema(kind: object) -> Schema:

@@ -159,8 +159,7 @@ TEXTS = ('name', 'namespace', 'velocity_topic', 'odometry_topic', 'message_type'
 #: The default values for a robot file that extends no other robot.
 PLAIN = RobotProfile(
     name='', namespace='/', velocity_topic='', odometry_topic=None, manual_control_service=None,
-    manual_control_timeout=math.inf, command_timeout=math.inf,
-    limits=Limits(math.inf, math.inf))
+    manual_control_timeout=math.inf, command_timeout=math.inf, limits=Limits(math.inf, math.inf))
 
 
 class RobotFileError(FileError, UsageError):
@@ -184,12 +183,10 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
         return KACHAKA
     # Import here: these modules load slowly, and the lesson does not need them.
     from kachaka_simple_control.files.library import look_up
-    source = os.fspath(name_or_path)
-    try:
+    with RobotFileError.naming(os.fspath(name_or_path)):
         source, text = look_up(name_or_path, 'robots', robots())
+    with RobotFileError.naming(source):
         return _read(text, source)
-    except UnreadableFileError as error:
-        raise RobotFileError(source, error.problems) from None
 
 
 def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) -> str:
@@ -203,10 +200,8 @@ def calibrated_text(robot: str, calibration: Calibration | OdometryCalibration) 
     from kachaka_simple_control.files.yaml_document import read_text
     key = 'calibration' if isinstance(calibration, Calibration) else 'odometry_calibration'
     if is_path(robot):
-        try:
+        with RobotFileError.naming(robot):
             lines = _without(key, read_text(robot).splitlines())
-        except UnreadableFileError as error:
-            raise RobotFileError(robot, error.problems) from None
     else:
         lines = [f'extends: {robot}']
     lines.append(f'{key}:')

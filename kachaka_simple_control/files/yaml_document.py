@@ -44,6 +44,15 @@ _UNPRINTABLE = re.compile(
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
+#: The problem of a file that cannot be read, by its error; the first that fits.
+_REASONS: dict[type[Exception], str] = {
+    FileNotFoundError: 'there is no such file',
+    IsADirectoryError: 'this is a folder; name a file in it',
+    PermissionError: 'you are not allowed to read this file',
+    ValueError: 'no file can have this name',
+    OSError: 'it cannot be read: {0.strerror}'}
+
+
 def read_text(path: str | os.PathLike[str]) -> str:
     """
     Return the text of a file.
@@ -53,16 +62,9 @@ def read_text(path: str | os.PathLike[str]) -> str:
     """
     try:
         data = _read(path)
-    except FileNotFoundError:
-        raise UnreadableFileError(Problem('there is no such file')) from None
-    except IsADirectoryError:
-        raise UnreadableFileError(Problem('this is a folder; name a file in it')) from None
-    except PermissionError:
-        raise UnreadableFileError(Problem('you are not allowed to read this file')) from None
-    except ValueError:
-        raise UnreadableFileError(Problem('no file can have this name')) from None
-    except OSError as error:
-        raise UnreadableFileError(Problem(f'it cannot be read: {error.strerror}')) from None
+    except (OSError, ValueError) as error:
+        text = next(text for kind, text in _REASONS.items() if isinstance(error, kind))
+        raise UnreadableFileError(Problem(text.format(error))) from None
     return decode(data)
 
 
@@ -377,5 +379,4 @@ def _kind(event: Any) -> str:
 
 
 def _line(event: Any) -> int:
-    line: int = event.start_mark.line + 1
-    return line
+    return int(event.start_mark.line) + 1
