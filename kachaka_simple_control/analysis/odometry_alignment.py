@@ -148,13 +148,18 @@ class AlignedDrive:
         return _end_of(self.motion_starts)
 
     @property
-    def duration(self) -> float:
-        """Return the time of the last message or of the last planned end [s after t = 0]."""
+    def time_span(self) -> float:
+        """
+        Return the length of a time axis that shows the whole drive [s], above 0.
+
+        It ends with the last message, the last planned end or the last odometry.
+        """
         planned = [
             time for start in self.motion_starts if start.time is not None or not self.sent
             for time in self.planned_times(start, [start.motion.plan.duration])]
         last = self.sent[-1].time - self.start_time if self.sent else 0.0
-        return max([last, *planned])
+        seen = self.odometry[-1].time if self.odometry else 0.0
+        return max([last, seen, *planned]) or 1.0
 
     def planned_times(self, start: MotionStart, plan_times: Iterable[float]) -> list[float]:
         """

@@ -165,7 +165,7 @@ def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
     :param pauses: the times at which the robot was paused
     """
     rows = _rows(figure, BOTTOM + KEY)
-    duration = time_span(aligned)
+    duration = aligned.time_span
     for axes, component in zip(rows, (LINEAR, ANGULAR)):
         lines = _velocity_lines(aligned, component)
         values = [value for points in lines.values() for _, value in points]
@@ -190,7 +190,7 @@ def draw_drive_errors(figure: Figure, aligned: AlignedDrive) -> None:
     :param aligned: the drive, with odometry
     """
     rows = _rows(figure, BOTTOM)
-    duration = time_span(aligned)
+    duration = aligned.time_span
     parts = (
         ('distance', 'mm', Colour.BLUE, [1e3 * sample.distance for sample in aligned.odometry]),
         ('heading', '°', Colour.ORANGE, [math.degrees(one.angle) for one in aligned.odometry]))
@@ -253,14 +253,9 @@ def is_dense(aligned: AlignedDrive) -> bool:
     return max(len(aligned.sent), len(aligned.odometry)) > MAX_LINE_POINTS
 
 
-def time_span(aligned: AlignedDrive) -> float:
-    """Return the length of the time axis [s]."""
-    return max(aligned.duration, aligned.odometry[-1].time if aligned.odometry else 0.0) or 1.0
-
-
 def _draw_line(axes: Axes, aligned: AlignedDrive, points: Sequence[StepPoint],
                look: dict[str, Any]) -> None:
-    duration, name = time_span(aligned), look['gid']
+    duration, name = aligned.time_span, look['gid']
     unit = time_unit(duration)[1]
     if not is_dense(aligned):
         # A sent velocity is held until the next message; odometry is interpolated between samples.

@@ -27,7 +27,7 @@ from kachaka_simple_control.analysis.step_results import StepResult
 from kachaka_simple_control.analysis.summary import OutcomeKind, Summary
 from kachaka_simple_control.errors import UsageError
 from kachaka_simple_control.motion.units import format_number
-from kachaka_simple_control.report.drive_plots import BANDS, common_limits, is_dense, time_span
+from kachaka_simple_control.report.drive_plots import BANDS, common_limits, is_dense
 from kachaka_simple_control.report.json_export import start_datetime
 from kachaka_simple_control.report.output_file import NEEDS_JINJA2
 from kachaka_simple_control.report.text_tables import fold, Gap, repeat_labels
@@ -84,7 +84,7 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
     steps, all_steps = _step_tables(summary)
     outcome, lost = summary.outcome, summary.timing.lost
     kind, sign = outcome.kind.value.replace(' ', '-'), SIGNS[outcome.kind]
-    headline = outcome.headline
+    headline, began = outcome.headline, start_datetime(summary)
     if outcome.kind is OutcomeKind.DONE and lost:
         kind, sign = 'lost', LOST_SIGN
         headline = f'{headline}, with {pluralize(lost, "message")} lost'
@@ -92,14 +92,14 @@ def render_page(summary: Summary, plots: Mapping[str, str], no_plots: str | None
         style=_resource('report.css'), summary=summary, log=summary.log,
         session=summary.log.session_started, aligned=summary.aligned, timing=summary.timing,
         sleep_loop=summary.sleep_loop, outcome=outcome, kind=kind, sign=sign, headline=headline,
-        plots=plots, no_plots=no_plots, recording=recording, began=_began(summary),
-        ended=_ended(summary), poses=list(_poses(summary)), silence=_silence(summary),
-        band=round(time_span(summary.aligned) / BANDS, 1), is_dense=is_dense(summary.aligned),
-        steps=steps, all_steps=all_steps, shown=SHOWN, motions=_ends(summary.log.motions),
-        shows_motions=_shows_motions(summary), description=_description(summary),
+        plots=plots, no_plots=no_plots, recording=recording, ended=_ended(summary),
+        began=began and began.astimezone().isoformat(' ', 'seconds'), silence=_silence(summary),
+        poses=list(_poses(summary)), steps=steps, all_steps=all_steps, shown=SHOWN,
+        band=round(summary.aligned.time_span / BANDS, 1), is_dense=is_dense(summary.aligned),
+        motions=_ends(summary.log.motions), shows_motions=_shows_motions(summary),
         has_motions=len({step.motion for step in summary.steps}) > 1, robot=_robot(summary),
-        extra=1e3 * LOOP_OVERHEAD, pluralize=pluralize, unknown=UNKNOWN,
-        speed=_ends(summary.speed)))
+        description=_description(summary), extra=1e3 * LOOP_OVERHEAD, pluralize=pluralize,
+        unknown=UNKNOWN, speed=_ends(summary.speed)))
 
 
 def _keep_units(page: str) -> str:
@@ -120,20 +120,14 @@ def _degrees(angle: float, digits: int = 2) -> str:
     return _number(math.degrees(angle), digits)
 
 
-def _began(summary: Summary) -> str | None:
-    began = start_datetime(summary)
-    return None if began is None else began.astimezone().isoformat(' ', 'seconds')
-
-
 def _ended(summary: Summary) -> tuple[str, str]:
     """Return the error of the end pose as text, and the goal that it is measured from."""
-    error, goal = summary.error_from_plan, 'the planned end'
-    if error is None:
-        error, goal = summary.error_from_sent, 'where it was sent'
-    if error is None:
-        return 'unknown', 'no odometry arrived'
-    return (f'{_number(1e3 * error.distance, 1)} mm, {_degrees(error.angle)}°',
-            f'from {goal}, by odometry')
+    for error, goal in ((summary.error_from_plan, 'the planned end'),
+                        (summary.error_from_sent, 'where it was sent')):
+        if error is not None:
+            return (f'{_number(1e3 * error.distance, 1)} mm, {_degrees(error.angle)}°',
+                    f'from {goal}, by odometry')
+    return 'unknown', 'no odometry arrived'
 
 
 def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
@@ -218,6 +212,7 @@ def _robot(summary: Summary) -> dict[str, Any]:
     session = summary.log.session_started
     if session is None:
         return {}
+    timeout = session.command_timeout
     limits = {name: format_number(value) for name, value in asdict(session.limits).items()
               if value is not None and math.isfinite(value)}
     if summary.log.motions:
@@ -229,7 +224,5 @@ def _robot(summary: Summary) -> dict[str, Any]:
         'robot': session.robot, 'velocities go to': session.velocity_topic,
         'sent as': session.message_type,
         'odometry comes from': session.odometry_topic or 'nowhere',
-        'command timeout [s]': (
-            format_number(session.command_timeout) if math.isfinite(session.command_timeout)
-            else 'none'),
+        'command timeout [s]': format_number(timeout) if math.isfinite(timeout) else 'none',
         **limits}

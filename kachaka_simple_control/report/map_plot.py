@@ -23,14 +23,7 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 from kachaka_simple_control.analysis.odometry_alignment import AlignedDrive
 from kachaka_simple_control.analysis.paths import ArcSegment, distinct, simplify, step_segments
 from kachaka_simple_control.analysis.plan_view import Area, outlines
-from kachaka_simple_control.motion.geometry import (
-    Footprint,
-    ORIGIN,
-    outline,
-    Point,
-    Pose,
-    transform_point,
-)
+from kachaka_simple_control.motion.geometry import Footprint, ORIGIN, Point, Pose, transform_point
 from kachaka_simple_control.report.plot_style import (
     add_axes,
     Colour,
@@ -207,24 +200,24 @@ def step_places(
 
 
 def draw_step_numbers(
-        axes: Axes, steps: Iterable[tuple[int, Sequence[ArcSegment]]], grain: float) -> None:
+        axes: Axes, steps: Iterable[tuple[int, Sequence[ArcSegment]]], size: float) -> None:
     """
     Draw step numbers beside the path; a number without free room is left out.
 
     :param axes: the axes; their range must be set before
     :param steps: the number of each step and the segments of its path, most important first
-    :param grain: the approximate distance below which steps share a place [m]
+    :param size: the size of the map [m]
     """
-    places = step_places(steps, grain)
+    places = step_places(steps, size * PLACE_SIZE)
     canvas: Any = axes.figure.canvas  # a raster canvas, which can measure text
     pixels, renderer = axes.figure.dpi / 72.0, canvas.get_renderer()
     taken: list[Any] = []
     for place in places[::max(1, math.ceil(len(places) / MAX_LABELS))]:
         label = axes.annotate(place.label, (place.x, place.y), (0.0, 0.0), **LABEL)
-        size = label.get_window_extent(renderer)
+        text = label.get_window_extent(renderer)
         for turned in (0.0, math.pi, -math.pi / 2.0, math.pi / 2.0):
             right, up = math.cos(place.side + turned), math.sin(place.side + turned)
-            reach = AWAY + (abs(right) * size.width + abs(up) * size.height) / 2.0 / pixels
+            reach = AWAY + (abs(right) * text.width + abs(up) * text.height) / 2.0 / pixels
             label.set_position((reach * right, reach * up))
             box = label.get_window_extent(renderer).padded(APART * pixels)
             is_inside = axes.bbox.contains(*box.min) and axes.bbox.contains(*box.max)
@@ -280,7 +273,7 @@ def draw_drive_path(figure: Figure, aligned: AlignedDrive, footprint: Footprint 
         draw_line(axes, kept, **{**LOOKS[name], **thin}, label=name, gid=name)
     _draw_robots(axes, footprint, end, size * HEADING_LENGTH)
     draw_directions(axes, chain(*chain(*planned)), size * PLACE_SIZE, LOOKS['sent']['color'])
-    draw_step_numbers(axes, enumerate(_begun(aligned, planned), 1), size * PLACE_SIZE)
+    draw_step_numbers(axes, enumerate(_begun(aligned, planned), 1), size)
     draw_legend(figure, MAP_LEFT, 2)
 
 
@@ -337,7 +330,7 @@ def _draw_robots(axes: Axes, footprint: Footprint | None, end: Pose, reach: floa
         colour = look['edgecolor']
         if footprint is not None:
             axes.add_collection(
-                PolyCollection([outline(footprint, pose)], **look, label=f'robot {name}'))
+                PolyCollection([outlines(footprint, [pose])], **look, label=f'robot {name}'))
         x, y = transform_point((reach, 0.0), pose)
         axes.plot([pose.x, x], [pose.y, y], color=colour, linewidth=1.4, zorder=2.5)
         axes.plot(pose.x, pose.y, linestyle='', marker='o', markersize=4.0, color=colour,

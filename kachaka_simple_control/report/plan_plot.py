@@ -34,7 +34,6 @@ from kachaka_simple_control.report.map_plot import (
     HEADING_LENGTH,
     MAP_GRAIN,
     MAX_MARKS,
-    PLACE_SIZE,
     set_map_limits,
 )
 from kachaka_simple_control.report.output_file import check_plot_file, save_figure
@@ -95,7 +94,7 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     axes.add_patch(Rectangle((left, bottom), width, height, **FLOOR, zorder=1.5, gid='floor'))
     _draw_turns(axes, _turns(segments), reach * TURN)
     draw_directions(axes, segments, grain, Colour.BLUE)
-    draw_step_numbers(axes, enumerate(steps, 1), PLACE_SIZE * area.height)
+    draw_step_numbers(axes, enumerate(steps, 1), area.height)
     end = view.plan.pose
     axes.plot(0.0, 0.0, **START, gid='start')
     axes.plot(end.x, end.y, **END, gid='end')
@@ -105,11 +104,10 @@ def _turns(segments: Sequence[ArcSegment]) -> list[ArcSegment]:
     """Return the turns in place without duplicates; empty if there are too many to draw."""
     kinds: dict[tuple[float, ...], ArcSegment] = {}
     for segment in segments:
-        start = segment.start
-        kind = (round(start.x, 3), round(start.y, 3), round(start.theta % math.tau, 2),
-                round(segment.angle, 2))
         if segment.angle and not segment.distance:
-            kinds.setdefault(kind, segment)
+            start, angle = segment.start, round(segment.angle, 2)
+            kinds.setdefault((round(start.x, 3), round(start.y, 3),
+                              round(start.theta % math.tau, 2), angle), segment)
     return list(kinds.values()) if len(kinds) <= MAX_TURNS else []
 
 
