@@ -59,12 +59,10 @@ class PlanTimeline:
         #: whether a message of the motion was delayed by a pause or a speed factor
         self.is_delayed = any(message.is_of_run and message.is_delayed for message in messages)
         # A motion without delay needs no lists, to save memory.
-        self._times: list[float] = []
-        self._plan_times: list[float] = []
-        if self.is_delayed:
-            self._times = [message.time for message in messages]
-            # Plan times come from a bisection and are rounded, so they may decrease slightly.
-            self._plan_times = list(accumulate(map(self._message_plan_time, messages), max))
+        delayed = messages if self.is_delayed else ()
+        self._times = [message.time for message in delayed]
+        # Plan times come from a bisection and are rounded, so they may decrease slightly.
+        self._plan_times = list(accumulate(map(self._message_plan_time, delayed), max))
 
     def _message_plan_time(self, message: VelocitySent) -> float:
         if message.plan_time is not None:
@@ -307,8 +305,10 @@ class DriveLog:
             case MotionPlanned():
                 self._motion = MotionLog(event)
                 self.motions.append(self._motion)
-            case MotionStarted():
-                self._on_start(event)
+            case MotionStarted() if not event.has_plan:
+                self._motion = None
+            case MotionStarted() if self._motion is not None:
+                self._motion.began = event.time
             case MotionEnded() if self._motion is not None:
                 self._motion.ended, self._motion.reason = event.time, event.reason
                 self._motion.is_fault = event.is_fault
@@ -326,9 +326,3 @@ class DriveLog:
             self.other_messages.append(event)
         else:
             self._motion.add(event)
-
-    def _on_start(self, event: MotionStarted) -> None:
-        if not event.has_plan:
-            self._motion = None
-        elif self._motion is not None:
-            self._motion.began = event.time

@@ -114,11 +114,10 @@ def timing(motions: Sequence[MotionLog]) -> Timing:
         if motion.is_complete and messages:
             messages.pop()  # the zero at the end is not a tick
         as_planned = list(takewhile(lambda message: not message.is_delayed, messages))
+        until = _timed_until(motion)
         if len(as_planned) < len(messages):
             unjudged += len(messages) - len(as_planned)
             until = as_planned[-1].time - motion.began + ROUNDING if as_planned else 0.0
-        else:
-            until = _timed_until(motion)
         times = due_times(motion.plan, until)
         sent_at = _sent_at(times, as_planned, motion.began)
         errors = [None if time is None else time - at for at, time in zip(times, sent_at)]

@@ -216,9 +216,8 @@ class PoseHistory:
 
     def add(self, pose: Pose) -> bool:
         """Add a pose if it is far enough from the last one; return whether it was added."""
-        if not math.isfinite(pose.x + pose.y + pose.theta):
-            return False
-        if self._last is not None and not self._is_apart(self._last, pose):
+        if not math.isfinite(pose.x + pose.y + pose.theta) or (
+                self._last is not None and not self._is_apart(self._last, pose)):
             return False
         if len(self.kept) >= self._most:
             del self.kept[1::2]
