@@ -69,7 +69,11 @@ def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
     :raises OSError: if the directory cannot be written to
     :raises UsageError: if Jinja2 is missing; the other files are then written
     """
-    with _no_garbage_collection():
+    # An hour of driving makes half a million objects, all in use.  Collecting garbage among them
+    # would take a fifth of the time.
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
         summary = Summary(log)
         write_atomically(directory / FIGURES, run_json(summary, recording).encode())
         plots, reason = _plots(summary)
@@ -79,16 +83,6 @@ def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
             (directory / PLOT).unlink(missing_ok=True)
         page = render_page(summary, plots.svg, reason, recording)
         write_atomically(directory / PAGE, page.encode(errors='replace'))
-
-
-@contextlib.contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    # An hour of driving makes half a million objects, all in use.  Collecting garbage among them
-    # would take a fifth of the time.
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
     finally:
         if was_enabled:
             gc.enable()
