@@ -25,19 +25,16 @@ from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.bridge_node import BridgeNode
 from kachaka_simple_control.kachaka.grpc_client.client import ConnectedRobot
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import velocity_command
-from kachaka_simple_control.kachaka.grpc_client.polling import (
+from kachaka_simple_control.kachaka.grpc_client.robot_driver import (
     Fetch,
     HEALTH_EXIT_TIMEOUT,
     HealthPoller,
     LogThread,
     ODOMETRY_DEADLINE,
     OdometryPoller,
+    RobotDriver,
 )
-from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
-from kachaka_simple_control.kachaka.robot_status import (
-    connection_status,
-    robot_status,
-)
+from kachaka_simple_control.kachaka.robot_status import connection_status, robot_status
 from kachaka_simple_control.kachaka.simulator.drive_model import ODOMETRY_FRAME, ROBOT_FRAME
 from kachaka_simple_control.motion.geometry import Velocity
 from kachaka_simple_control.ros import conversions
@@ -101,8 +98,7 @@ class GrpcBridge(BridgeNode):
             on_conflict: Callable[[str], None] = lambda _: None) -> None:
         self._log_thread = LogThread(self._log)
         super().__init__(namespace, on_conflict)
-        self._address = robot.address
-        self._identity = robot.identity
+        self._robot = robot
         self._frame_prefix = frame_prefix
         client = robot.client
         self._driver = RobotDriver(
@@ -120,13 +116,12 @@ class GrpcBridge(BridgeNode):
     def executors(self) -> list[ExecutorLoop]:
         """Return the executors of the node, each to run in its own thread."""
         return [
-            SubscriptionExecutor(self, self._subscription, self.on_velocity),
-            *super().executors()]
+            SubscriptionExecutor(self, self._subscription, self.on_velocity), *super().executors()]
 
     @property
     def summary(self) -> str:
         """Return the robot, its address and the bridge's names as text, in one line."""
-        return f'{self._identity} at {self._address}: {super().summary}'
+        return f'{self._robot.identity} at {self._robot.address}: {super().summary}'
 
     def drive(self, velocity: Velocity, now: float) -> None:
         """Send a velocity without waiting for the robot; refuse a velocity that is not finite."""
@@ -140,9 +135,7 @@ class GrpcBridge(BridgeNode):
     def set_manual_control(self, enabled: bool) -> str:
         """Switch manual control on or off; return the reason for a refusal, or empty text."""
         result = self._driver.set_manual_control(enabled)
-        if result.is_success:
-            return ''
-        return self._driver.describe(result) or 'no reason given'
+        return '' if result.is_success else self._driver.describe(result) or 'no reason given'
 
     def close(self) -> None:
         """Stop the robot, release manual control and end all threads, in limited time."""
@@ -170,11 +163,11 @@ class GrpcBridge(BridgeNode):
         driver, robot = self._driver, self.get_namespace().strip('/')
         self._diagnostics.publish(conversions.diagnostics(
             {f'{robot}: link': connection_status(
-                driver.connection, str(self._address), driver.round_trip, driver.dropped,
+                driver.connection, str(self._robot.address), driver.round_trip, driver.dropped,
                 time.monotonic()),
              f'{robot}: robot': robot_status(
                  driver.connection, self._health.codes, driver.texts)},
-            self.get_clock().now().to_msg(), self._identity))
+            self.get_clock().now().to_msg(), self._robot.identity))
 
     def _log(self, level: Level, text: str) -> None:
         # One call for each level: rclpy refuses different levels from the same line of code.

@@ -23,8 +23,11 @@ import time
 from kachaka_simple_control.control.timing import CONNECTION_TIMEOUT
 from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.grpc_client.command_arbiter import VelocityCommand
-from kachaka_simple_control.kachaka.grpc_client.polling import LogThread, OdometryPoller
-from kachaka_simple_control.kachaka.grpc_client.robot_driver import RobotDriver
+from kachaka_simple_control.kachaka.grpc_client.robot_driver import (
+    LogThread,
+    OdometryPoller,
+    RobotDriver,
+)
 from kachaka_simple_control.kachaka.robot_status import (
     connection_status,
     ConnectionEvent,
