@@ -176,10 +176,9 @@ class SimulatedBridge(BridgeNode):
         :param velocity: the velocity; it may be infinite or NaN
         :param now: the time at which it was received [s, steady clock]
         """
-        limits = KACHAKA.limits
         code = self._robot.set_robot_velocity(
-            velocity.linear_x / limits.max_linear_velocity,
-            velocity.angular_z / limits.max_angular_velocity, now)
+            velocity.linear_x / KACHAKA.limits.max_linear_velocity,
+            velocity.angular_z / KACHAKA.limits.max_angular_velocity, now)
         if code == ERROR_NO_MANUAL_CONTROL:
             self.set_manual_control(True)
         elif code != SUCCESS:

@@ -57,8 +57,7 @@ def simulated_bridge(
     :raises ControlError: if the process ends before the block; it replaces an error raised in the
         block
     """
-    with _running(BridgeProcess(
-            ['--sim', '--namespace', namespace, *options], 'the simulated robot')) as process:
+    with _running(BridgeProcess(['--sim', '--namespace', namespace, *options])) as process:
         yield process
 
 

@@ -84,7 +84,17 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 def _run(args: Sequence[str], shutdown: ShutdownEvent) -> None:
-    parser = _parser()
+    parser = OneLineParser(
+        prog=PROGRAM, allow_abbrev=False,
+        description='Simulate a Kachaka that speaks gRPC as the real one does.  Needs no ROS.',
+        epilog='Signal USR1 presses its power button: a pause, or its end.')
+    add = parser.add_argument
+    add('--grpc-port', type=_port, default=PORT, metavar='PORT',
+        help='where to listen; 0: any port that is free (default: %(default)s)')
+    add('--host', default='127.0.0.1',
+        help='the address to listen at; 0.0.0.0: all of this machine (default: %(default)s)')
+    add_simulation_options(parser, 'the robot')
+    add_parent_option(parser)
     options = parser.parse_args(args)
     parameters = simulation_parameters(parser, options)
     try:
@@ -108,21 +118,6 @@ def _port(text: str) -> int:
         raise argparse.ArgumentTypeError(
             f'{quoted(text, 60)} is no port; it must be a whole number from 0 to 65535')
     return int(text)
-
-
-def _parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog=PROGRAM, allow_abbrev=False,
-        description='Simulate a Kachaka that speaks gRPC as the real one does.  Needs no ROS.',
-        epilog='Signal USR1 presses its power button: a pause, or its end.')
-    add = parser.add_argument
-    add('--grpc-port', type=_port, default=PORT, metavar='PORT',
-        help='where to listen; 0: any port that is free (default: %(default)s)')
-    add('--host', default='127.0.0.1',
-        help='the address to listen at; 0.0.0.0: all of this machine (default: %(default)s)')
-    add_simulation_options(parser, 'the robot')
-    add_parent_option(parser)
-    return parser
 
 
 if __name__ == '__main__':

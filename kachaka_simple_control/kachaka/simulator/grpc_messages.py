@@ -156,32 +156,29 @@ def _return_home(command: Any, state: SimulatorState) -> tuple[Action, ...]:
     return state.robot.actions_to_dock(state.now())
 
 
-def _move_to_location(
-        command: pb2.MoveToLocationCommand, state: SimulatorState) -> tuple[Action, ...] | int:
+def _move_to_location(command: Any, state: SimulatorState) -> tuple[Action, ...] | int:
     if command.target_location_id != HOME:
         return ERROR_UNKNOWN_NAME
     return _return_home(command, state)
 
 
-def _move_to_pose(command: pb2.MoveToPoseCommand, state: SimulatorState) -> tuple[Action, ...]:
+def _move_to_pose(command: Any, state: SimulatorState) -> tuple[Action, ...]:
     goal = Pose(command.x, command.y, command.yaw)
     return plan_to_pose(state.map_to_odom.to_odometry(goal))
 
 
-def _lock(command: pb2.LockCommand, state: SimulatorState) -> tuple[Action, ...] | int:
+def _lock(command: Any, state: SimulatorState) -> tuple[Action, ...] | int:
     if command.duration_sec < 0.0:
         return ERROR_OUT_OF_RANGE
     return (StandStill(command.duration_sec, can_be_ended=True),)
 
 
-def _move_by_velocity(
-        command: pb2.MoveByVelocityWithMutedSensorsCommand,
-        state: SimulatorState) -> tuple[Action, ...]:
+def _move_by_velocity(command: Any, state: SimulatorState) -> tuple[Action, ...]:
     velocity = command.signed_velocity
     return (drive_straight(velocity * command.move_duration_sec, abs(velocity)),)
 
 
-def _return_shelf(command: pb2.ReturnShelfCommand, state: SimulatorState) -> int:
+def _return_shelf(command: Any, state: SimulatorState) -> int:
     return ERROR_UNKNOWN_NAME if command.target_shelf_id else ERROR_NO_FURNITURE
 
 

@@ -78,7 +78,7 @@ class SimulatedKachaka:
         self._now = start
         self._is_docked = docked
         self._is_paused = False
-        self._tasks = TaskQueue(KACHAKA.limits, parameters)
+        self._tasks = TaskQueue(parameters)
         # If not docked, the robot starts at the end of the undocking motion.
         self.dock = Pose(0.0 if docked else -parameters.undock_distance)
         self._until: dict[TimedState, float] = {}
@@ -124,8 +124,7 @@ class SimulatedKachaka:
             limits = KACHAKA.limits
             self._drive.set_target(
                 Velocity(max(-1.0, min(linear, 1.0)) * limits.max_linear_velocity,
-                         max(-1.0, min(angular, 1.0)) * limits.max_angular_velocity),
-                now)
+                         max(-1.0, min(angular, 1.0)) * limits.max_angular_velocity), now)
         return SUCCESS
 
     def start_task(self, task: Task, now: float, drop_others: bool = True) -> int:

@@ -20,10 +20,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
+from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.robot_status import ERROR_STUCK, SUCCESS
 from kachaka_simple_control.kachaka.simulator.drive_model import SimulationParameters
 from kachaka_simple_control.motion.geometry import advance, Pose, Velocity, ZERO
-from kachaka_simple_control.motion.limits import Limits
 
 # The manufacturer publishes none of these values; all are chosen.
 #: The period of the controller of an action [s].
@@ -136,12 +136,11 @@ class ActionController:
     :param action: the action
     :param start: the pose at the start of the action
     :param now: the start time of the action [s]
-    :param limits: the largest velocities of the robot
     :param parameters: the parameters of the drive
     """
 
     def __init__(
-            self, action: Action, start: Pose, now: float, limits: Limits,
+            self, action: Action, start: Pose, now: float,
             parameters: SimulationParameters) -> None:
         self._action = action
         self._start = start
@@ -155,8 +154,9 @@ class ActionController:
             TOLERANCE_WITH_LAG, MAX_END_SPEED)
         self._length = action.length(start)
         fastest, self._acceleration = (
-            (limits.max_angular_velocity, parameters.angular_acceleration) if action.is_turn
-            else (limits.max_linear_velocity, parameters.linear_acceleration))
+            (KACHAKA.limits.max_angular_velocity, parameters.angular_acceleration)
+            if action.is_turn
+            else (KACHAKA.limits.max_linear_velocity, parameters.linear_acceleration))
         self._speed = min(abs(action.speed) or math.inf, fastest)
         self.end += TIME_LIMIT_FACTOR * abs(self._length) / self._speed + TIME_LIMIT_MARGIN
 
@@ -181,9 +181,8 @@ class ActionController:
         if now >= self.end:
             return abs(remaining) <= FAILED_TOLERANCE
         speed = self._speed_for(remaining)
-        return (
-            Velocity(angular_z=speed) if action.is_turn else Velocity(linear_x=speed),
-            now + CONTROL_PERIOD)
+        target = Velocity(angular_z=speed) if action.is_turn else Velocity(linear_x=speed)
+        return target, now + CONTROL_PERIOD
 
     def _remaining(self, pose: Pose, is_turn: bool) -> float:
         if is_turn:
@@ -249,12 +248,10 @@ class TaskQueue:
     """
     The queue of tasks of one robot; the robot executes one task after another.
 
-    :param limits: the largest velocities of the robot
     :param parameters: the parameters of the drive
     """
 
-    def __init__(self, limits: Limits, parameters: SimulationParameters) -> None:
-        self._limits = limits
+    def __init__(self, parameters: SimulationParameters) -> None:
         self._parameters = parameters
         self._waiting: deque[Task] = deque()
         self._actions: deque[Action] = deque()
@@ -302,8 +299,7 @@ class TaskQueue:
         """
         while self._actions:
             if self._controller is None:
-                self._controller = ActionController(
-                    self._actions[0], pose, now, self._limits, self._parameters)
+                self._controller = ActionController(self._actions[0], pose, now, self._parameters)
             answer = self._controller.step(pose, velocity, now)
             if not isinstance(answer, bool):
                 return answer

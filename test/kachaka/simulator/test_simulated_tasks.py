@@ -19,7 +19,6 @@ import math
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kachaka_simple_control.files.robot_profile import KACHAKA
 from kachaka_simple_control.kachaka.robot_status import (
     ERROR_CANCELLED,
     ERROR_NO_MANUAL_CONTROL,
@@ -108,7 +107,7 @@ def test_a_robot_that_drives_past_its_goal_has_not_arrived():
     """Unless it can stop at once."""
     for parameters, is_there in (
             (SimulationParameters(lag=0.1), False), (SimulationParameters(), True)):
-        controller = ActionController(drive_straight(1.0), ORIGIN, 0.0, KACHAKA.limits, parameters)
+        controller = ActionController(drive_straight(1.0), ORIGIN, 0.0, parameters)
         assert (controller.step(Pose(1.0), Velocity(0.2), 1.0) is True) == is_there
         assert controller.step(Pose(1.0), ZERO, 1.0) is True
 
