@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import contextlib
+from queue import SimpleQueue
 import threading
 
 Close = Callable[[], None]
@@ -49,7 +50,7 @@ class Closers:
         """Remove a function: the thing was closed in another way."""
         closer = self._closers.pop(close, None)
         if closer is not None:
-            closer.end()
+            closer.is_wanted.put(False)
 
     def close_all(self, group: object | None = None) -> None:
         """
@@ -63,34 +64,24 @@ class Closers:
             self._closers.pop(closer.close, None)
         last = chosen.pop() if chosen else None
         for closer in chosen:
-            closer.begin()
+            closer.is_wanted.put(True)
         if last is not None:
-            last.end()
+            last.is_wanted.put(False)
             last.close()
         for closer in chosen:
             closer.join()
 
 
 class _Closer(threading.Thread):
-    """A thread that waits until it may close something."""
+    """A thread that waits until it may close something, or may end without it."""
 
     def __init__(self, close: Close, group: object) -> None:
         super().__init__(name='closer', daemon=True)
         self.close, self.group = close, group
-        self._is_wanted = True
-        self._begin = threading.Event()
-
-    def begin(self) -> None:
-        """Let the thread close the thing."""
-        self._begin.set()
-
-    def end(self) -> None:
-        """Let the thread end without closing anything."""
-        self._is_wanted = False
-        self._begin.set()
+        #: gets whether to close the thing
+        self.is_wanted: SimpleQueue[bool] = SimpleQueue()
 
     def run(self) -> None:
         """Wait, then close the thing if that is still wanted."""
-        self._begin.wait()
-        if self._is_wanted:
+        if self.is_wanted.get():
             self.close()

@@ -33,7 +33,8 @@ from kachaka_simple_control.errors import ControlError
 from kachaka_simple_control.exit_codes import code_of, SIGNALLED
 from kachaka_simple_control.text import escaped, escaped_lines, MAX_LINE_LENGTH
 
-PACKAGE = __name__.partition('.')[0]
+#: The modules whose frames an error does not name.
+OWN = (__name__.partition('.')[0], 'contextlib')
 #: If this environment variable is not empty, an uncaught error of this package prints its
 #: traceback.
 TRACEBACK_VARIABLE = 'KACHAKA_SIMPLE_CONTROL_TRACEBACK'
@@ -172,18 +173,14 @@ class SignalDispatcher:
                     self._dispatch(signum)
 
     def _dispatch(self, signum: int) -> None:
-        self._note(signum)
+        self.signum = self.signum or signum
         handlers = [*self._handlers]
         run_in_threads([partial(handler.on_signal, signum) for handler in handlers])
         for handler in handlers:
             handler.wake()
 
-    def _note(self, signum: int) -> None:
-        if self.signum is None:
-            self.signum = signum
-
     def _handle(self, signum: int, frame: FrameType | None) -> None:
-        self._note(signum)
+        self.signum = self.signum or signum
         if self._is_deferring:
             self._deferred = signum, frame
             return
@@ -280,9 +277,10 @@ def _except_in_thread(arguments: threading.ExceptHookArgs) -> None:
 def _place(traceback: TracebackType | None) -> str:
     """Return the file and line of the innermost call outside this package; empty without one."""
     # Compare module names: code that dataclasses generate for a class of this package has no file.
+    # An error that passes a context manager of this package passes contextlib as well.
     frames = [summary for summary, (frame, _) in zip(
                   extract_tb(traceback), walk_tb(traceback), strict=True)
-              if frame.f_globals.get('__name__', '').partition('.')[0] != PACKAGE]
+              if frame.f_globals.get('__name__', '').partition('.')[0] not in OWN]
     if not frames:
         return ''
     return f'{escaped(frames[-1].filename, MAX_LINE_LENGTH)}:{frames[-1].lineno}: '

@@ -24,7 +24,7 @@ import sys
 import threading
 import time
 from types import FrameType
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.context import Context
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
@@ -166,16 +166,6 @@ YIELD_TIME = 5e-5
 WAIT_FOREVER = -1
 
 
-class ExecutorLoop(Protocol):
-    """The interface of an executor that runs callbacks in the thread that calls ``run()``."""
-
-    def run(self) -> None:
-        """Run callbacks until ``stop()`` is called."""
-
-    def stop(self) -> None:
-        """Make ``run()`` return, also if it has not started; call once, from any thread."""
-
-
 class NodeExecutor:
     """An executor for all callbacks of a node, except those of a ``SubscriptionExecutor``."""
 
@@ -262,3 +252,7 @@ class SubscriptionExecutor:
         # A publisher faster than this loop must not prevent the end of the loop.
         while not self._stopped.is_set() and (taken := take(kind, self._raw)) is not None:
             self._on_message(taken[0])
+
+
+#: An executor that runs callbacks in the thread that calls ``run()``, until ``stop()``.
+ExecutorLoop = NodeExecutor | SubscriptionExecutor

@@ -21,6 +21,7 @@ import signal
 import threading
 import time
 
+from kachaka_simple_control import errors
 from kachaka_simple_control.control.drive_loop import DriveLoop, old_objects_frozen
 from kachaka_simple_control.control.drive_requests import DriveRequest, DriveRequests
 from kachaka_simple_control.control.events import (
@@ -38,14 +39,6 @@ from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.control.stop import StopController
 from kachaka_simple_control.control.tick_scheduler import TickScheduler
 from kachaka_simple_control.control.velocity_gate import GateState, VelocityGate
-from kachaka_simple_control.errors import (
-    control_error,
-    ControlError,
-    MotionRefusedError,
-    MotionStoppedError,
-    PauseTimeoutError,
-    RunFaultError,
-)
 from kachaka_simple_control.files.robot_profile import RobotProfile
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 from kachaka_simple_control.motion.limits import Limits
@@ -146,7 +139,7 @@ class Session:
         self._logged_stop_of: object = self
         self._closing, self._logging = threading.Lock(), threading.Lock()
         #: why no motion may start again; None while motions may start
-        self._stopped_by: ControlError | None = None
+        self._stopped_by: errors.ControlError | None = None
         self._stopped = threading.Event()
         self._is_closed = False
         #: whether the failure of the last stop was already reported
@@ -175,7 +168,7 @@ class Session:
                 f'{self._stopped_by}: only a new node moves the robot again') from None
         self._require_not_stopped()
         if not elsewhere and self._executor.is_executor_thread():
-            raise MotionRefusedError(
+            raise errors.MotionRefusedError(
                 'a motion cannot run in a callback of its own node: it would wait for callbacks '
                 'that wait for it. Start it in a thread, or from the main program')
         return self._requests.accept()
@@ -242,16 +235,16 @@ class Session:
         """Stop the robot after an error in a drive, and return the error to raise."""
         self._connection.is_taken = False
         # A failure of this stop is not logged, because the error of the drive is raised.
-        self._stopper.stop(control_error(error))
-        if isinstance(error, PauseTimeoutError):
+        self._stopper.stop(errors.control_error(error))
+        if isinstance(error, errors.PauseTimeoutError):
             self._connection.release()
         if self._guardian.stopped_because is not None:
-            error = RunFaultError(
+            error = errors.RunFaultError(
                 f'the guardian stopped the robot: {self._guardian.stopped_because}')
         text = _text(error)
         self.robot_drive.finish(text)
         self._publish(MotionEnded(time.monotonic(), text, is_fault=not isinstance(
-            error, (MotionRefusedError, KeyboardInterrupt))))
+            error, (errors.MotionRefusedError, KeyboardInterrupt))))
         return error
 
     def stop(self, caller: str) -> str:
@@ -266,7 +259,7 @@ class Session:
         :raises RunFaultError: if the stop could not be sent, or odometry shows that the robot
             still moves
         """
-        reason = MotionStoppedError(f'the movement was ended by {caller}')
+        reason = errors.MotionStoppedError(f'the movement was ended by {caller}')
         was_stopped = self._stopper.is_stopped
         self._requests.on_stop(reason)
         failure = self._stopper.stop(reason) or self._unconfirmed()
@@ -276,7 +269,7 @@ class Session:
                 self._has_reported = True
             else:
                 self._log_once(failure)
-            raise RunFaultError(failure)
+            raise errors.RunFaultError(failure)
         if self.gate.state is GateState.NOT_OPENED:
             return 'nothing was sent: this node has not taken a robot'
         run = self.gate.run
@@ -286,7 +279,7 @@ class Session:
         return ('nothing was sent: the robot had been stopped before' if was_stopped
                 else 'the robot was stopped')
 
-    def stop_permanently(self, reason: ControlError) -> None:
+    def stop_permanently(self, reason: errors.ControlError) -> None:
         """
         Stop the robot, and refuse every later motion.
 
@@ -339,7 +332,7 @@ class Session:
         """Stop the robot, release it and end the executor; after this nothing is sent."""
         with self._closing:
             if not self._is_closed:
-                self.stop_permanently(MotionRefusedError('the node is closed'))
+                self.stop_permanently(errors.MotionRefusedError('the node is closed'))
                 self.gate.close()
                 # The guardian's publisher must be gone as well before the robot is released.
                 self._guardian.shutdown()
@@ -417,7 +410,7 @@ class Session:
         needed = self.odometry.is_moving(now) or self._monitor.has_lost_robot(now)
         return needed and not self._foreign.has_recent(now)
 
-    def _stop(self, reason: ControlError) -> None:
+    def _stop(self, reason: errors.ControlError) -> None:
         """Stop the robot, and log an error if the stop fails or is unconfirmed."""
         if (failure := self._stopper.stop(reason) or self._unconfirmed()) is not None:
             self._log_once(failure)
@@ -443,7 +436,7 @@ class Session:
             raise self._stopped_by
         if self._guardian.stopped_because is not None:
             # The latch of the guardian blocks all motion of this program.
-            raise RunFaultError(
+            raise errors.RunFaultError(
                 'nothing moves until this program is started again, for the guardian stopped the '
                 f'robot: {self._guardian.stopped_because}')
 
@@ -452,15 +445,15 @@ class Session:
             # The publisher of the other program was found while this program waited.
             self._end_run(self._foreign.taken(sender))
             return
-        self._end_run(RunFaultError(
+        self._end_run(errors.RunFaultError(
             f'{sender} sends velocities on {self._publisher.topic_name}, so the motion was given '
             'up; stop that program, or set the parameter allow_other_publishers to true'))
 
     def _on_conflict(self, holder: str) -> None:
-        self._end_run(RunFaultError(
+        self._end_run(errors.RunFaultError(
             f'another program drives the robot as well: {holder}; both stop'))
 
-    def _end_run(self, reason: ControlError) -> None:
+    def _end_run(self, reason: errors.ControlError) -> None:
         """End the run at once with one zero; the thread that drives then sends the full stop."""
         # Without a drive this program moves nothing, and it must not disturb another program.
         if not self._requests.is_busy:
@@ -473,7 +466,7 @@ class Session:
 
     def _on_callback_error(self, error: BaseException) -> None:
         self.stop_permanently(
-            RunFaultError(f'a callback failed: {type(error).__name__}: {escaped(error)}'))
+            errors.RunFaultError(f'a callback failed: {type(error).__name__}: {escaped(error)}'))
 
 
 def _text(error: BaseException) -> str:
