@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 import os
+import statistics
 import threading
 import time
 
@@ -361,7 +362,8 @@ def test_a_reader_that_sleeps_or_computes_delays_neither_a_velocity_nor_a_stop()
         late = [at - t0 - 0.1 * tick for tick, (at, _) in enumerate(fleet.sent[0][:-1])]
         stopping.join()
         assert fleet.sent[0][-1][1] == ZERO
-        # One of eight may be late because another process has the core.
-        assert sorted(late)[-2] < 0.01
+        # Beside busy processes some of eight are late; a reader in the way delays them all.
+        assert statistics.median(late) < 0.01
+        assert sorted(late)[-2] < 0.05
         assert fleet.sent[0][-1][0] - t0 - 0.75 < 0.05
         bus.close()
