@@ -103,11 +103,15 @@ class MotionFile:
         planned = tightened
         if closed_loop:
             whose, planned = "the closed loop's", tightened.scaled(CLOSED_LOOP_SHARE)
-        problems = [
-            *(self._problem(error.by(f"{robot}'s")) for error in self._excesses(limits)),
-            *(self._problem(error.by(whose)) for error in find_errors(self.motion, planned))]
-        if problems:
-            raise MotionFileError(self.source, problems)
+        errors: list[InvalidMotionError] = []
+        for name, value in self.limits.items():
+            bound, unit = limits.bound(name), LIMIT_QUANTITIES[name].unit
+            if value > bound:
+                excess = LimitError(value, unit, bound, whose=f"{robot}'s")
+                errors.append(excess.at(f'limits.{name}'))
+        errors += [error.by(whose) for error in find_errors(self.motion, planned)]
+        if errors:
+            raise MotionFileError(self.source, map(self._problem, errors))
         return tightened
 
     def error_at(self, path: str, message: str) -> MotionFileError:
@@ -118,13 +122,6 @@ class MotionFile:
         :param message: the description of the error
         """
         return MotionFileError(self.source, [self._problem(InvalidMotionError(message, path))])
-
-    def _excesses(self, limits: Limits) -> Iterator[LimitError]:
-        """Yield an error for each limit of the file that is above the robot's limit."""
-        for name, value in self.limits.items():
-            bound, unit = limits.bound(name), LIMIT_QUANTITIES[name].unit
-            if value > bound:
-                yield LimitError(value, unit, bound, whose='the').at(f'limits.{name}')
 
     def _tighten(self, limits: Limits) -> Limits:
         """Return the limits of a robot, reduced to the limits of the file."""

@@ -264,10 +264,8 @@ class OdometryCalibration:
 
     def describe(self) -> str:
         """Return the odometry calibration as text, for reports."""
-        figures = ', '.join(
-            f'{name} {value:.6g}' for name, value in (
-                ('scale', self.scale), ('wheel ratio', self.wheel_ratio),
-                ('track ratio', self.track_ratio)))
+        figures = (f'scale {self.scale:.6g}, wheel ratio {self.wheel_ratio:.6g}, '
+                   f'track ratio {self.track_ratio:.6g}')
         track = '' if self.track is None else f'track {format_number(self.track)} m'
         return ', '.join([figures, *filter(None, (track, self.date, self.floor))])
 
