@@ -35,13 +35,8 @@ from typing import TypeVar
 from kachaka_simple_control.analysis import calibration_fit, odometry_fit
 from kachaka_simple_control.analysis.drive_log import DriveLog
 from kachaka_simple_control.analysis.plan_view import PlanView
-from kachaka_simple_control.commands.calibrate_options import (
-    CalibrateOptions,
-    FLOOR,
-    NAME,
-    parse,
-    UMBMARK,
-)
+from kachaka_simple_control.commands import calibrate_options
+from kachaka_simple_control.commands.calibrate_options import CalibrateOptions
 from kachaka_simple_control.commands.drive_or_preview import confirm, drive
 from kachaka_simple_control.commands.preview import plan_view
 from kachaka_simple_control.commands.settings import choose_settings, Settings
@@ -399,9 +394,10 @@ def main(args: Sequence[str] | None = None) -> int:
     :param args: the arguments without the program's name; None for the process's arguments
     :returns: the exit code
     """
-    options = parse(sys.argv[1:] if args is None else args)
-    measure = {FLOOR: measure_floor, UMBMARK: measure_squares}.get(options.part, calibrate)
-    return run_command(partial(measure, options), NAME)
+    options = calibrate_options.parse(sys.argv[1:] if args is None else args)
+    measure = {calibrate_options.FLOOR: measure_floor,
+               calibrate_options.UMBMARK: measure_squares}.get(options.part, calibrate)
+    return run_command(partial(measure, options), calibrate_options.NAME)
 
 
 if __name__ == '__main__':
