@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 
 from grpc_client_support import SimulatedRobot
@@ -56,13 +57,14 @@ class GrpcRobot:
         """
         from kachaka_simple_control.kachaka.grpc_client.client import RobotClient
         from kachaka_simple_control.kachaka.program import Address
-        from kachaka_simple_control.ros import conversions
         client = RobotClient(Address.parse(self.address))
         result, response = client.odometry(0, RESPONSE_TIMEOUT)
         client.close()
         if response is None:
             raise RuntimeError(f'the robot does not say where it is: {result.text}')
-        return conversions.pose(response.odometry)
+        pose = response.odometry.pose.pose
+        theta = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
+        return Pose(pose.position.x, pose.position.y, math.remainder(theta, math.tau))
 
     def close(self, timeout: float = 0.0, signum: int = 0) -> None:
         """End both processes, the bridge first; do nothing if they have ended."""

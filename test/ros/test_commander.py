@@ -376,7 +376,7 @@ def test_after_the_guardian_s_stop_requests_are_refused_with_the_reason(listener
     node = make(guardian=True)
     with driving(node.move_robot, CRUISE, 0.0, 30.0) as ended:
         listener.wait_for(is_at_cruise)
-        node.session._guardian._close()  # as if this program were gone
+        node.session._guardian._process._close()  # as if this program were gone
         assert wait_until(lambda: ended)
     answer = listener.call('resume')
     assert not answer.success
