@@ -11,4 +11,8 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Motions and plans: pure values and functions, without ROS, files, clocks or logging."""
+"""
+Motions and plans: immutable values, and functions without side effects.
+
+The modules use no ROS, files, clocks or logging.
+"""

@@ -14,7 +14,8 @@
 """
 The calibration of a robot: the velocity that a command causes, and the command to send.
 
-The calibration of odometry converts between velocities on the floor and velocities by odometry.
+The calibration of odometry converts between true velocities on the floor and the velocities that
+odometry reports.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ from kachaka_simple_control.motion.limits import ANGULAR_OF, Limits, LINEAR_OF
 from kachaka_simple_control.motion.units import format_number, require_between
 
 GAINS = ('forward_gain', 'backward_gain', 'left_gain', 'right_gain')
-#: The range of a gain: a value outside it means a wrong unit or a broken robot.
+#: The allowed range of a gain.  A value outside it means a wrong unit or a broken robot.
 MIN_GAIN, MAX_GAIN = 0.5, 2.0
-#: The largest veer [rad/m].
+#: The largest allowed veer, the unwanted turn for each metre of path [rad/m].
 MAX_VEER = 1.0
-#: The longest delay [s]: with a longer one neither a plan nor a closed loop works.
+#: The longest allowed delay [s].  With a longer delay, neither a plan nor a closed loop works.
 MAX_DELAY = 3.0
 #: The relative error that rounding may add to a velocity planned at its limit.
 MARGIN = 1e-9
@@ -42,17 +43,18 @@ MARGIN = 1e-9
 @dataclass(frozen=True)
 class Calibration:
     """
-    How a robot's true velocities differ from the sent ones; formula (18) of docs/theory.md.
+    How the true velocities of a robot differ from the velocities that are sent to it.
 
-    With the gain g for the direction and the veer k: v = g_v v_sent, w = g_w w_sent + k v.
+    The true velocities are v = g_v v_sent and w = g_w w_sent + k v, where g_v and g_w are the
+    gains for the direction of motion and k is the veer; see formula (18) of docs/theory.md.
 
     :param forward_gain: true velocity divided by sent velocity, forwards
     :param backward_gain: true velocity divided by sent velocity, backwards
-    :param left_gain: true angular velocity divided by the sent one, to the left
-    :param right_gain: true angular velocity divided by the sent one, to the right
+    :param left_gain: true angular velocity divided by sent angular velocity, to the left
+    :param right_gain: true angular velocity divided by sent angular velocity, to the right
     :param veer: the unwanted turn to the left for each metre forwards [rad/m]
-    :param delay: how late the robot follows a command, dead time plus lag [s]; a closed loop
-        needs it
+    :param delay: how late the robot follows a command, dead time plus lag [s]; None if unknown.
+        A closed loop needs it
     :param date: the date of the measurement, as text to show
     :param floor: the floor of the measurement, as text to show
     """
@@ -68,7 +70,7 @@ class Calibration:
 
     def __post_init__(self) -> None:
         """
-        Check the values.
+        Raise an error for a value that is out of range.
 
         :raises InvalidMotionError: if a gain, the veer or the delay is out of range
         """
@@ -79,7 +81,7 @@ class Calibration:
         require_between('veer', self.veer, -MAX_VEER, MAX_VEER, 'rad/m')
 
     def command(self, velocity: Velocity) -> Velocity:
-        """Return the command to send for a wanted velocity; zero for zero."""
+        """Return the command for a wanted velocity; zero velocity gives a zero command."""
         linear, angular = velocity.linear_x, velocity.angular_z
         angular -= self.veer * linear
         return Velocity(linear / self._linear_gain(linear), angular / self._angular_gain(angular))
@@ -92,10 +94,13 @@ class Calibration:
 
     def reduce(self, limits: Limits) -> Limits:
         """
-        Return the limits for a plan, so that plan and commands keep the robot's limits.
+        Return lower limits for a plan.
+
+        With them, both the planned velocities and the corrected commands keep the robot's limits.
 
         :param limits: the limits of the robot
-        :raises InvalidMotionError: if the correction of the veer needs a whole angular limit
+        :raises InvalidMotionError: if the correction of the veer leaves nothing of an angular
+            limit
         """
         forward, backward = (min(1.0, gain) - MARGIN for gain in (
             self.forward_gain, self.backward_gain))
@@ -129,18 +134,19 @@ class Calibration:
 def _remaining(
         limits: Limits, name: str, share: float, lost: float, cause: str, value: str) -> float:
     """
-    Return what is left of a limit when a correction needs a part of it.
+    Return the part of a limit that a plan may use if a correction needs another part.
 
     :param limits: the limits
-    :param name: the limit
-    :param share: the share of the limit that can be used
-    :param lost: the part that the correction needs, of either sign; not finite if the other axis
-        is unlimited
-    :param cause: the name of the value that is corrected, for the error
-    :param value: the value that is corrected, for the error
-    :raises InvalidMotionError: if nothing is left
+    :param name: the name of the limit
+    :param share: the fraction of the limit that plan and correction may use together
+    :param lost: the part that the correction needs, positive or negative.  If it is infinite or
+        NaN, because the limit of the other axis is infinite, nothing is subtracted
+    :param cause: the name of the calibration value to correct, for the error message
+    :param value: the calibration value as text, for the error message
+    :raises InvalidMotionError: if the correction needs the whole limit
     """
-    # An unlimited axis steps, so the coupled axis steps too.  No limit can prevent this.
+    # Without a limit, the velocity of the other axis jumps, and so does the correction on this
+    # axis.  No limit can prevent this jump.
     lost = abs(lost) if math.isfinite(lost) else 0.0
     bound = limits.bound(name)
     if bound * share <= lost:
@@ -148,14 +154,14 @@ def _remaining(
     return bound * share - lost
 
 
-#: The range of the ratio of the diameters of two wheels of the same type.
+#: The allowed range of the ratio of the diameters of two wheels of the same type.
 MIN_WHEEL_RATIO, MAX_WHEEL_RATIO = 0.9, 1.1
-#: The range of a track, the distance between the two wheels [m].
+#: The allowed range of a track, the distance between the two wheels [m].
 MIN_TRACK, MAX_TRACK = 0.01, 10.0
 
 
 class _Matrix(NamedTuple):
-    """A 2 x 2 matrix: maps (v, w) to (linear v + across w, turn v + spin w)."""
+    """A matrix that maps a velocity (v, w) to (linear v + across w, turn v + spin w)."""
 
     linear: float
     across: float
@@ -171,14 +177,15 @@ class _Matrix(NamedTuple):
 @dataclass(frozen=True)
 class OdometryCalibration:
     """
-    How motion on the floor differs from reported odometry; formula (19) of docs/theory.md.
+    How motion on the floor differs from reported odometry; see formula (19) of docs/theory.md.
 
-    A robot with two driven wheels computes its odometry from two wheel radii and the track.
-    The parameters here are the errors of these three values, measured with a tape measure.
+    A robot with two driven wheels computes its odometry from the radii of both wheels and from
+    the track, the distance between them.  ``scale``, ``wheel_ratio`` and ``track_ratio`` are the
+    errors of these three values, measured with a tape measure.
 
     :param scale: true distance divided by reported distance on a straight line; it corrects the
         mean wheel radius
-    :param wheel_ratio: true diameter of the right wheel divided by the one of the left wheel
+    :param wheel_ratio: true diameter of the right wheel divided by that of the left wheel
     :param track_ratio: true track divided by the track that odometry uses
     :param track: the track that odometry uses [m]; needed unless ``wheel_ratio`` is 1
     :param date: the date of the measurement, as text to show
@@ -194,7 +201,7 @@ class OdometryCalibration:
 
     def __post_init__(self) -> None:
         """
-        Check the values.
+        Raise an error for a value that is out of range.
 
         :raises InvalidMotionError: if a value is out of range, or the track is missing
         """
@@ -212,8 +219,8 @@ class OdometryCalibration:
         """
         Return the velocity on the floor for a velocity reported by odometry.
 
-        The conversion is linear, so it also converts an increment: a distance [m] and an angle
-        [rad].
+        The conversion is linear.  So it also converts an increment of odometry, with a distance
+        [m] as the linear velocity and an angle [rad] as the angular velocity.
         """
         return self._floor_matrix().apply(velocity)
 
@@ -221,11 +228,13 @@ class OdometryCalibration:
         """
         Return the pose on the floor after an increment of odometry.
 
-        The lateral part of the increment is noise and is multiplied by the scale.
+        The robot cannot drive sideways.  So a lateral part of the increment is noise, and is only
+        multiplied by ``scale``.
 
         :param pose: the pose on the floor before the increment
         :param before: the odometry pose before the increment
-        :param after: the odometry pose after the increment, less than half a turn further
+        :param after: the odometry pose after the increment; its heading must differ from that of
+            ``before`` by less than half a turn
         """
         change = relative_to(before, after)
         angle = math.remainder(change.theta, math.tau)
@@ -238,15 +247,18 @@ class OdometryCalibration:
         return compose(pose, end)
 
     def to_odometry(self, velocity: Velocity) -> Velocity:
-        """Return the odometry velocity for a velocity on the floor: inverse of ``to_floor()``."""
+        """Return the odometry velocity for a velocity on the floor; inverse of ``to_floor()``."""
         return self._odometry_matrix().apply(velocity)
 
     def reduce(self, limits: Limits) -> Limits:
         """
-        Return reduced limits for the floor: floor and odometry velocities keep the given limits.
+        Return lower limits for velocities on the floor.
+
+        With them, the velocities on the floor and the velocities that odometry then reports both
+        keep the given limits.
 
         :param limits: the limits of the velocities that odometry reports
-        :raises InvalidMotionError: if the correction of unequal wheels needs a whole limit
+        :raises InvalidMotionError: if the correction of unequal wheels leaves nothing of a limit
         """
         inverse = self._odometry_matrix()
         own, spin = max(1.0, inverse.linear), max(1.0, inverse.spin)
@@ -271,7 +283,7 @@ class OdometryCalibration:
 
     @property
     def _offset(self) -> float:
-        """Return half the difference of the true wheel radii, divided by the nominal radius."""
+        """Return right minus left true wheel radius, divided by twice the nominal radius."""
         return self.scale * (self.wheel_ratio - 1.0) / (self.wheel_ratio + 1.0)
 
     def _floor_matrix(self) -> _Matrix:

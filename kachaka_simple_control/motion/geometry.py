@@ -40,11 +40,11 @@ class Velocity:
 @dataclass(frozen=True, slots=True)
 class Pose:
     """
-    A planar pose, as in the ``odom`` frame of REP-105.
+    A planar pose in a frame, for example in the ``odom`` frame of REP-105.
 
     :param x: position along x [m]
     :param y: position along y [m]
-    :param theta: heading [rad], counter-clockwise positive, not wrapped: two turns give 4 pi
+    :param theta: heading [rad], counter-clockwise positive, not wrapped: two turns are 4 pi
     """
 
     x: float = 0.0
@@ -84,8 +84,8 @@ def advance(pose: Pose, distance: float, angle: float) -> Pose:
     Return the pose after an arc of constant curvature.
 
     An arc of length s with heading change a has a chord of length s sin(a/2) / (a/2).  The chord
-    points along the heading at the middle of the arc, (14) in docs/theory.md.  The formula holds
-    for straight lines, arcs and turns in place.
+    points along the heading at the middle of the arc; see formula (14) of docs/theory.md.  The
+    formula is valid for straight lines, arcs and turns in place.
 
     :param pose: the pose to start from
     :param distance: signed length of the arc [m]
@@ -102,11 +102,11 @@ def advance(pose: Pose, distance: float, angle: float) -> Pose:
 
 def integrate(pose: Pose, velocity: Velocity, duration: float) -> Pose:
     """
-    Return the pose after a constant velocity, exact for a unicycle model.
+    Return the pose after driving at a constant velocity; exact for the unicycle model.
 
     :param pose: the pose to start from
     :param velocity: the velocity
-    :param duration: how long the velocity is held [s]
+    :param duration: the duration of the drive [s]
     """
     return advance(pose, velocity.linear_x * duration, velocity.angular_z * duration)
 
@@ -116,7 +116,7 @@ def compose(frame: Pose, pose: Pose) -> Pose:
     Return a pose in the parent frame: frame * pose, as transforms in SE(2).
 
     :param frame: the pose of a frame in its parent frame
-    :param pose: a pose in that frame
+    :param pose: a pose relative to ``frame``
     """
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
     return Pose(
@@ -130,7 +130,7 @@ def relative_to(frame: Pose, pose: Pose) -> Pose:
     Return a pose relative to a frame: inverse(frame) * pose, as transforms in SE(2).
 
     :param frame: the pose of a frame in its parent frame
-    :param pose: a pose in the same parent frame
+    :param pose: a pose in the parent frame of ``frame``
     """
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
     x, y = pose.x - frame.x, pose.y - frame.y
@@ -143,7 +143,8 @@ def distance_between(one: Pose, two: Pose) -> tuple[float, float]:
 
     :param one: the first pose
     :param two: the second pose
-    :returns: the distance; the second heading minus the first heading, from -pi to pi
+    :returns: the distance [m], and the second heading minus the first heading [rad], from -pi
+        to pi
     """
     return (math.hypot(two.x - one.x, two.y - one.y),
             math.remainder(two.theta - one.theta, math.tau))
@@ -162,8 +163,8 @@ class Box:
 
     :param length: from back to front [m]
     :param width: from side to side [m]
-    :param ahead: distance from the axle forwards to the middle of the robot [m]; the robot turns
-        about the axle
+    :param ahead: distance from the axle to the middle of the robot [m], positive if the middle is
+        in front of the axle; the robot turns about the middle of its axle
     """
 
     length: float
@@ -176,7 +177,7 @@ class Box:
         return self.ahead + self.length / 2.0
 
     def corners(self) -> list[Point]:
-        """Return the four corners [m], counter-clockwise, from the front right corner."""
+        """Return the corners relative to the axle [m], counter-clockwise from the front right."""
         front, back, side = self.front, self.ahead - self.length / 2.0, self.width / 2.0
         return [(front, -side), (front, side), (back, side), (back, -side)]
 
@@ -197,7 +198,7 @@ class Disc:
         return self.radius
 
     def corners(self) -> list[Point]:
-        """Return points on the circle [m], counter-clockwise, from the front."""
+        """Return points on the circle, relative to the axle [m], counter-clockwise from ahead."""
         angles = (math.tau * corner / CORNERS for corner in range(CORNERS))
         return [(self.radius * math.cos(angle), self.radius * math.sin(angle)) for angle in angles]
 
@@ -207,7 +208,7 @@ Footprint = Box | Disc
 
 def outline(footprint: Footprint, pose: Pose) -> list[Point]:
     """
-    Return the corners of a robot at a pose [m], counter-clockwise.
+    Return the corners of the outline of a robot at a pose [m], counter-clockwise.
 
     :param footprint: the outline of the robot
     :param pose: the pose of the axle
@@ -227,10 +228,11 @@ def front_point(footprint: Footprint, pose: Pose) -> Point:
 
 def transform_point(point: Point, pose: Pose) -> Point:
     """
-    Return a point given relative to a pose in the parent frame [m].
+    Convert a point from the axes of a pose to the parent frame of the pose.
 
-    :param point: the point relative to the pose: distance ahead and distance to the left [m]
+    :param point: the point in the axes of the pose: distance ahead and distance to the left [m]
     :param pose: the pose in the parent frame
+    :returns: x and y of the point in the parent frame [m]
     """
     transformed = compose(pose, Pose(*point))
     return transformed.x, transformed.y

@@ -23,7 +23,7 @@ from kachaka_simple_control.errors import LimitError
 from kachaka_simple_control.motion import units
 from kachaka_simple_control.motion.geometry import Velocity
 
-#: The share of the limits that a plan for a closed loop uses; the rest is for corrections.
+#: The fraction of each limit that a plan for a closed loop uses.  Corrections use the rest.
 CLOSED_LOOP_SHARE = 0.9
 
 
@@ -32,18 +32,19 @@ class Limits:
     """
     The largest velocities, accelerations and jerks of a robot; each is positive or infinite.
 
-    The limits hold in both directions, except ``max_backward_velocity``.  A deceleration changes
-    a velocity of either sign towards zero.
+    Each limit is valid in both directions of motion.  Only the linear velocity may have a
+    different limit backwards.  A deceleration changes a positive or a negative velocity towards
+    zero.
 
     :param max_linear_velocity: largest forward velocity [m/s]
     :param max_angular_velocity: largest turning velocity [rad/s]
-    :param max_linear_acceleration: largest change of the linear velocity [m/s^2]
-    :param max_angular_acceleration: largest change of the angular velocity [rad/s^2]
-    :param max_linear_jerk: largest change of the linear acceleration [m/s^3]
-    :param max_angular_jerk: largest change of the angular acceleration [rad/s^3]
-    :param max_linear_deceleration: [m/s^2]; None: the same as the linear acceleration
-    :param max_angular_deceleration: [rad/s^2]; None: the same as the angular acceleration
-    :param max_backward_velocity: [m/s], positive; None: the same as the forward velocity
+    :param max_linear_acceleration: largest rate of change of the linear velocity [m/s^2]
+    :param max_angular_acceleration: largest rate of change of the angular velocity [rad/s^2]
+    :param max_linear_jerk: largest rate of change of the linear acceleration [m/s^3]
+    :param max_angular_jerk: largest rate of change of the angular acceleration [rad/s^3]
+    :param max_linear_deceleration: [m/s^2]; None if equal to ``max_linear_acceleration``
+    :param max_angular_deceleration: [rad/s^2]; None if equal to ``max_angular_acceleration``
+    :param max_backward_velocity: [m/s], positive; None if equal to ``max_linear_velocity``
     """
 
     max_linear_velocity: float
@@ -66,7 +67,11 @@ class Limits:
             units.require_positive(name, self.bound(name), quantity.unit)
 
     def bound(self, name: str) -> float:
-        """Return the limit that holds, by the name of its field: never None."""
+        """
+        Return the value of a limit, also if its field is None.
+
+        :param name: the name of the field.  If it is None, the limit in ``SAME_AS`` is used
+        """
         value = getattr(self, name)
         bound: float = getattr(self, SAME_AS.get(name, name)) if value is None else value
         return bound
@@ -87,12 +92,12 @@ class Limits:
         return self.bound('max_angular_deceleration')
 
     def scaled(self, factor: float) -> Limits:
-        """Return these limits times a factor."""
+        """Return these limits, each multiplied by a factor."""
         return Limits(**{
             name: value * factor for name, value in asdict(self).items() if value is not None})
 
     def tightened(self, other: Limits) -> Limits:
-        """Return limits that are the lower of these limits and the other limits, one by one."""
+        """Return limits with the lower value for each limit, from these and the other limits."""
         return Limits(**{
             name: min(self.bound(name), other.bound(name)) for name in LIMIT_QUANTITIES})
 
@@ -101,7 +106,7 @@ class Limits:
         return any(self.bound(name) > other.bound(name) for name in VELOCITIES)
 
     def excesses(self, velocity: Velocity) -> Iterator[LimitError]:
-        """Yield an error for each component of a velocity: not finite, or beyond its limit."""
+        """Yield an error for each velocity component that is not finite or beyond its limit."""
         turning = self.max_angular_velocity
         for name, unit, lowest, highest in (
                 ('linear_x', 'm/s', -self.backward_velocity, self.max_linear_velocity),
@@ -115,14 +120,14 @@ class Limits:
         """
         Raise an error for a velocity beyond the limits.
 
-        :raises InvalidMotionError: if a component is not finite or beyond its limit
+        :raises InvalidMotionError: if a component is not finite or is beyond its limit
         """
         error = next(self.excesses(velocity), None)
         if error is not None:
             raise error
 
 
-#: The quantity of each limit.
+#: For each field of ``Limits``, the quantity that defines its unit and its allowed values.
 LIMIT_QUANTITIES = {
     'max_linear_velocity': units.POSITIVE_LINEAR_VELOCITY,
     'max_angular_velocity': units.POSITIVE_ANGULAR_VELOCITY,
@@ -134,20 +139,20 @@ LIMIT_QUANTITIES = {
     'max_angular_deceleration': units.ANGULAR_ACCELERATION,
     'max_backward_velocity': units.POSITIVE_LINEAR_VELOCITY,
 }
-#: The limits that may be None, and the limit that holds instead.
+#: The fields of ``Limits`` that may be None, and for each the field whose value is used instead.
 SAME_AS = {
     'max_linear_deceleration': 'max_linear_acceleration',
     'max_angular_deceleration': 'max_angular_acceleration',
     'max_backward_velocity': 'max_linear_velocity',
 }
 VELOCITIES = ('max_linear_velocity', 'max_backward_velocity', 'max_angular_velocity')
-#: The linear and the angular limits of each derivative.
+#: The linear and the angular limits of velocity, of acceleration, and of jerk.
 COUPLED = (
     (('max_linear_velocity', 'max_backward_velocity'), ('max_angular_velocity',)),
     (('max_linear_acceleration', 'max_linear_deceleration'),
      ('max_angular_acceleration', 'max_angular_deceleration')),
     (('max_linear_jerk',), ('max_angular_jerk',)))
-#: The linear limits, and the angular limits of the same derivative.
+#: For each linear limit, the angular limits of the same kind: velocity, acceleration or jerk.
 ANGULAR_OF = {name: angular for linear, angular in COUPLED for name in linear}
-#: The angular limits, and the linear limits of the same derivative.
+#: For each angular limit, the linear limits of the same kind: velocity, acceleration or jerk.
 LINEAR_OF = {name: linear for linear, angular in COUPLED for name in angular}

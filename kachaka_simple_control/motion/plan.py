@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Check a motion against limits, and plan it: timed velocities, complete before the drive."""
+"""Check a motion against limits, and compute all its velocities before the drive begins."""
 
 from __future__ import annotations
 
@@ -29,9 +29,10 @@ from kachaka_simple_control.motion.steps import Motion
 from kachaka_simple_control.motion.trajectory import Trajectory
 from kachaka_simple_control.motion.units import FREQUENCY
 
-#: The largest number of steps of a motion, each repetition counted.
+#: The largest number of steps of a motion; a repeated step counts once for each repetition.
 MAX_STEPS = 1_000_000
-#: The largest number of segments of a plan: a day at 50 Hz, in less than a gigabyte.
+#: The largest number of segments of a plan.  It is enough for a day at 50 Hz, and takes less than
+#: a gigabyte of memory.
 MAX_SEGMENTS = 5_000_000
 
 
@@ -40,8 +41,8 @@ class Segment:
     """
     A time interval with one velocity, sent repeatedly at the plan's rate.
 
-    :param start: the start time [s after t = 0]
-    :param end: the end time [s after t = 0]
+    :param start: the start time [s after the start of the plan]
+    :param end: the end time [s after the start of the plan]
     :param velocity: the velocity that is sent
     """
 
@@ -56,9 +57,9 @@ class PlannedStep:
     One step of a plan; a repeated step has one entry for each repetition.
 
     :param path: the place of the step in the motion, as in ``steps[3].repeat.steps[0]``
-    :param step: the step, not a block of steps
-    :param start: the start time [s after t = 0]
-    :param end: the end time [s after t = 0]
+    :param step: the step, which is never a repeat
+    :param start: the start time [s after the start of the plan]
+    :param end: the end time [s after the start of the plan]
     :param pose: the planned pose at the end of the step; the plan starts at the origin
     :param length: the length of the path, forwards plus backwards [m]
     :param max_linear_velocity: the largest linear velocity sent, in either direction [m/s]
@@ -87,7 +88,7 @@ class Plan:
     """
     The timed velocities of a motion; after the last segment the velocity is zero.
 
-    :param segments: the velocities to send, in order, without gaps, from 0 s
+    :param segments: the velocities to send, in order; they start at 0 s and have no gaps
     :param period: the time after which a velocity is sent again within its segment [s]
     :param steps: the planned steps, in order, with each repetition as its own entry
     """
@@ -138,8 +139,9 @@ class Plan:
         Return the index of the step that is driven at a time.
 
         :param elapsed: the time since t = 0 [s]
-        :returns: the index in ``steps``: the first step before t = 0, the last step after the
-            end; if several steps start at the same time, the last of them
+        :returns: the index in ``steps``.  Before t = 0 it is that of the first step, after the end
+            that of the last step.  If several steps start at the same time, it is that of the last
+            of them
         """
         return max(0, bisect_right(self.steps, elapsed, key=attrgetter('start')) - 1)
 
@@ -150,8 +152,8 @@ def find_errors(motion: Motion, limits: Limits) -> list[InvalidMotionError]:
 
     :param motion: the motion
     :param limits: the limits of the robot
-    :returns: the errors, in the order of the motion; empty if the motion can be planned at each
-        rate that gives at most ``MAX_SEGMENTS`` velocities
+    :returns: the errors, in the order of the motion.  If there are none, ``plan()`` refuses the
+        motion only at a rate that gives more than ``MAX_SEGMENTS`` velocities
     """
     return _apply_limits(motion, limits)[1]
 
@@ -182,7 +184,7 @@ def plan(motion: Motion, limits: Limits, rate: float) -> Plan:
 # Compared by identity: a repeated item is one object.
 @dataclass(frozen=True, eq=False)
 class _Item:
-    """A step at its place in a motion, with its trajectories; none if it was refused."""
+    """A step, its place in the motion, and its trajectories; a refused step may have none."""
 
     path: str
     step: Step
@@ -190,26 +192,30 @@ class _Item:
 
 
 class _Block(NamedTuple):
-    """Steps of a motion that are driven several times, with their limits applied."""
+    """Steps that are driven several times, with the trajectories of each step."""
 
     times: int
     parts: Sequence[_Item | _Block]
 
     def total(self, measure: Callable[[_Item], float]) -> float:
-        """Return the sum of a measure over all items; a repeated item counts each time."""
+        """Return the sum of a measure of all steps; a step counts once for each repetition."""
         return self.times * sum(
             measure(part) if isinstance(part, _Item) else part.total(measure)
             for part in self.parts)
 
     def expand(self) -> list[_Item]:
-        """Return the items in driving order; a repeated item occurs each time."""
+        """Return the steps in driving order; a step occurs once for each repetition."""
         return self.times * [
             item for part in self.parts
             for item in ([part] if isinstance(part, _Item) else part.expand())]
 
 
 def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidMotionError]]:
-    """Return a motion with limits applied, and all its errors; check a repeated step once."""
+    """
+    Return the steps of a motion with their trajectories, and all errors of the motion.
+
+    A repeated step is checked once, not once for each repetition.
+    """
     errors: list[InvalidMotionError] = []
 
     def part(step: Step, path: str) -> _Item | _Block:
@@ -238,7 +244,7 @@ def _apply_limits(motion: Motion, limits: Limits) -> tuple[_Block, list[InvalidM
 
 
 class _Sent(NamedTuple):
-    """The velocities of each trajectory of an item, and the largest in either direction."""
+    """The velocities of each trajectory of a step, and the largest in either direction."""
 
     velocities: list[list[Velocity]]
     max_linear: float
@@ -246,11 +252,11 @@ class _Sent(NamedTuple):
 
 
 def _planned(items: Sequence[_Item], rate: float) -> Plan:
-    """Return the plan of items in driving order."""
+    """Return the plan of steps that are in driving order."""
     segments: list[Segment] = []
     steps: list[PlannedStep] = []
     time, pose = 0.0, ORIGIN
-    #: computed once for each item, also if it is repeated
+    #: the velocities of each item, computed once even if the item is repeated
     known: dict[_Item, _Sent] = {}
     for item in items:
         if item not in known:
@@ -291,14 +297,14 @@ def _segments(velocities: list[Velocity], start: float, end: float) -> list[Segm
 @dataclass(frozen=True)
 class DriveOrder:
     """
-    A motion with the limits and the rate of its plan, made once for a drive or a preview.
+    A motion with all that its plan depends on, for a drive or a preview.
 
-    :param motion: the motion; in a closed loop, with a settle step at its end
+    :param motion: the motion; for a closed loop, with a settle step at its end
     :param limits: the limits to plan with
     :param rate: the rate at which velocities are sent [Hz]
     :param allowed: the limits that no velocity of the plan may exceed
     :param corrected: the limits of velocities corrected from odometry, higher than ``limits``;
-        None: the velocities are sent as planned
+        None if the velocities are sent as planned
     """
 
     motion: Motion
@@ -311,10 +317,10 @@ class DriveOrder:
     def of(cls, motion: Motion, robot: Limits, rate: float, limits: Limits | None = None,
            is_closed_loop: bool = False) -> DriveOrder:
         """
-        Return the order to drive a motion.
+        Return a drive order with the limits for an open or a closed loop.
 
         :param motion: the motion
-        :param robot: the limits of the robot, for a plan
+        :param robot: the limits of the robot for plans
         :param rate: the rate at which velocities are sent [Hz]
         :param limits: the limits of the motion; None for the limits of the robot
         :param is_closed_loop: whether velocities are corrected from odometry
@@ -336,7 +342,7 @@ class DriveOrder:
         except InvalidMotionError as error:
             raise error if self.corrected is None else error.by("the closed loop's") from None
         if self.limits.exceeds(self.allowed):
-            # Otherwise the gate refuses such a velocity during the motion.
+            # Otherwise such a velocity would be refused during the motion.
             for velocity in {segment.velocity for segment in planned.segments}:
                 self.allowed.check(velocity)
         return planned

@@ -36,9 +36,9 @@ from kachaka_simple_control.motion.velocity_profile import time_optimal_profile
 
 #: The longest duration of a motion [s]: a day.
 MAX_DURATION = 86_400.0
-#: A speed may exceed a limit by this share, because of rounding.
+#: A speed may exceed a limit by this fraction of the limit, because of rounding.
 ROUNDING = 1e-9
-#: A function called with the name of an invalid field and the error.
+#: The type of a function that takes the name of an invalid field and the error, to record them.
 Refuse = Callable[[str, InvalidMotionError], None]
 
 
@@ -54,7 +54,7 @@ class Count:
 
     def require(self, name: str, value: object) -> None:
         """
-        Raise an error for a value that is not a whole number from 0 to the largest.
+        Raise an error for a value that is not a whole number from 0 to ``largest``.
 
         :param name: the name of the field, for the message
         :param value: the value to check
@@ -100,19 +100,21 @@ KINDS: dict[str, type[Step]] = {}
 
 class Step(ABC):
     """
-    One thing to do: the base class of all kinds of steps.
+    One part of a motion: the base class of all kinds of steps.
 
     A kind of step is a frozen dataclass with a path and a description.  Planner, files, tables,
-    plots and reports need nothing else.  The first line of the docstring explains the kind in the
+    plots and reports need nothing else.  The first line of its docstring explains the kind in the
     JSON Schema.  Each field has ``in_file()`` as metadata.  An optional field is None by default.
     The last required field is the length or the duration of the step.  Unless ``trajectories()``
     is overridden, each segment of the path is driven from rest to rest.
 
-    :cvar keyword: the word for the step in files and error paths: the class name in lower case
-    :cvar form: the form in a file, for errors; '' if the value of the first field can be written
-        alone, as in ``wait: 2 s``
-    :cvar synonyms: other words for the step, for the advice in an error
-    :cvar settles: whether a closed loop corrects the heading during the step, at rest
+    :cvar keyword: the name of the step in files and error paths: the class name in lower case
+    :cvar form: how the step is written in a file, for error messages; '' if the value of the first
+        field can be written alone, as in ``wait: 2 s``
+    :cvar synonyms: words that users may write instead of the keyword; an error message then
+        suggests the keyword
+    :cvar settles: whether a closed loop corrects the heading during the step, which is planned at
+        rest
     :ivar speed: the largest velocity along the path, in the unit of the field; None: as fast as
         the limits allow
     """
@@ -142,18 +144,18 @@ class Step(ABC):
 
     @abstractmethod
     def path(self) -> tuple[PathSegment, ...]:
-        """Return the segments of the path, in order; each starts at the end of the previous."""
+        """Return the segments of the path; each starts at the end of the previous segment."""
 
     @abstractmethod
     def describe(self) -> str:
-        """Return a short text for the step with units, for tables with a separate time column."""
+        """Return a short text about the step, for tables that show its time in another column."""
 
     def describe_fully(self) -> str:
-        """Return a short text for the step with units, and with its time if the step has one."""
+        """Return a short text about the step, with its duration if that is one of its fields."""
         return self.describe()
 
     def block(self) -> tuple[int, tuple[Step, ...]] | None:
-        """Return the repeat count and the repeated steps; None for a step that is no block."""
+        """Return the number of repetitions and the repeated steps; None if nothing is repeated."""
         return None
 
     @property
@@ -170,16 +172,18 @@ class Step(ABC):
 
     @classmethod
     def file_fields(cls) -> dict[str, FileField]:
-        """Return how each field is written in a file, by field name, in the class's order."""
+        """Return how each field is written in a file; the keys are the field names, in order."""
         return {item.name: item.metadata['file'] for item in fields(cls)}  # type: ignore[arg-type]
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
         """
-        Return the trajectory of each path segment: as fast as the limits and the speed allow.
+        Return a trajectory for each path segment: as fast as the limits and the speed allow.
 
         :param limits: the limits of the robot
-        :param refuse: called with each field that the robot cannot drive, and the error
-        :returns: the trajectories, in order; empty if the step cannot be driven
+        :param refuse: called with the name of each field that the robot cannot drive, and with the
+            error
+        :returns: the trajectories, in order; empty if nothing limits the velocity, or if the step
+            takes too long
         """
         path = [(segment, limits_along(segment, limits)) for segment in self.path()]
         if self.speed is not None:
@@ -194,7 +198,7 @@ class Step(ABC):
             refuse('speed', InvalidMotionError(
                 'it is not given, and the robot has no limit either; give one'))
             return []
-        # Check a lower bound first, so that no profile is computed from extreme numbers.
+        # Check a lower bound of the time first, so that no profile has extreme numbers.
         duration = sum(segment.distance / bounds.velocity for segment, bounds in path)
         if duration <= MAX_DURATION:
             driven: list[Trajectory] = [
@@ -210,7 +214,7 @@ class Step(ABC):
         return []
 
     def limit_note(self) -> str:
-        """Return the reason for a lower speed limit, for the error about a speed above it."""
+        """Return the reason for a lower speed limit, to end the error message about the speed."""
         return ''
 
     def _extent(self) -> str:
@@ -222,7 +226,7 @@ class Step(ABC):
         return kind.unit if isinstance(kind, Quantity) else ''
 
     def _held(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
-        """Return the trajectories of a path in seconds: one constant velocity per segment."""
+        """Return a trajectory of constant velocity for each segment; their unit is the second."""
         held: list[Trajectory] = [
             ConstantVelocity(segment, limits_along(segment, limits)) for segment in self.path()]
         duration = sum(trajectory.duration for trajectory in held)

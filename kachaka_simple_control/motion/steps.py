@@ -56,7 +56,7 @@ class Move(Step):
 
     :param linear_x: forward velocity [m/s], negative backwards
     :param angular_z: turning velocity [rad/s], positive to the left
-    :param duration: how long to hold it [s], not negative
+    :param duration: how long to hold the velocity [s], not negative
     """
 
     form = 'linear_x, angular_z and duration, in braces or further in'
@@ -76,7 +76,7 @@ class Move(Step):
         return Velocity(float(self.linear_x), float(self.angular_z))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one path segment, in seconds."""
+        """Return one path segment; its unit is the second."""
         return (PathSegment(float(self.duration), float(self.linear_x), float(self.angular_z)),)
 
     def describe(self) -> str:
@@ -88,7 +88,12 @@ class Move(Step):
         return f'{self.describe().removeprefix("move ")} for {self.duration:g} s'
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
-        """Return one constant velocity; refuse each component beyond its limit."""
+        """
+        Return one trajectory of constant velocity.
+
+        :param limits: the limits of the robot
+        :param refuse: called for each component beyond its limit, with its name and the error
+        """
         for error in limits.excesses(self.velocity):
             refuse(error.name or '', error)
         return self._held(limits, refuse)
@@ -113,7 +118,7 @@ class Forward(Step):
         '0.1 m/s'))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one straight path segment, in metres."""
+        """Return one straight path segment; its unit is the metre."""
         distance = float(self.distance)
         return (PathSegment(abs(distance), math.copysign(1.0, distance), 0.0),)
 
@@ -131,7 +136,8 @@ class Turn(Step):
     """
     Turn in place, from rest to rest: an angle, positive to the left; or angle and speed.
 
-    :param angle: how far [rad], positive to the left; more than a whole turn is more than one
+    :param angle: how far [rad], positive to the left; it may be more than one
+        whole turn
     :param speed: turn no faster than this [rad/s], positive; None: as fast as the robot may
     """
 
@@ -144,7 +150,7 @@ class Turn(Step):
         'Turn no faster than this.  Left out: as fast as the limits allow.', '45 deg/s'))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one path segment, in radians."""
+        """Return one path segment; its unit is the radian."""
         angle = float(self.angle)
         return (PathSegment(abs(angle), 0.0, math.copysign(1.0, angle)),)
 
@@ -158,13 +164,13 @@ class Arc(Step):
     """
     Drive along a part of a circle, from rest to rest.
 
-    The path is ``|radius| * angle`` long and turns the heading by that length over the radius: a
-    positive angle is driven forwards, to the left about a centre on the left, to the right about
-    one on the right; a negative angle goes the same way back.
+    A positive angle is driven forwards, and a negative angle backwards on the same circle.  The
+    signed length of the path is ``|radius| * angle``.  The heading changes by this length divided
+    by ``radius``, positive to the left.
 
-    :param radius: distance of the centre [m], positive on the left, negative on the right, not 0
-        nor nearly so
-    :param angle: how much of the circle [rad], negative backwards
+    :param radius: distance to the centre of the circle [m], positive if the centre is on the left,
+        negative if it is on the right; its size must be at least 1e-6 m
+    :param angle: the angle of the part of the circle [rad], negative backwards
     :param speed: drive no faster than this along the path [m/s], positive; None: as fast as the
         robot may
     """
@@ -196,7 +202,7 @@ class Arc(Step):
         super().__post_init__()
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one path segment along the arc, in metres."""
+        """Return one path segment along the arc; its unit is the metre."""
         radius, angle = float(self.radius), float(self.angle)
         sign = math.copysign(1.0, angle)
         return (PathSegment(abs(radius * angle), sign, sign / radius),)
@@ -223,7 +229,7 @@ class Wait(Step):
         units.TIME, 'How long, in s, ms or min; a bare number is in seconds.', '2 s'))
 
     def path(self) -> tuple[PathSegment, ...]:
-        """Return one path segment at rest, in seconds."""
+        """Return one path segment at rest; its unit is the second."""
         return (PathSegment(float(self.duration), 0.0, 0.0),)
 
     def describe(self) -> str:
@@ -231,7 +237,7 @@ class Wait(Step):
         return f'wait {format_number(self.duration)} s'
 
     def trajectories(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
-        """Return one trajectory with a velocity of zero."""
+        """Return one trajectory with zero velocity."""
         return self._held(limits, refuse)
 
 
@@ -257,7 +263,7 @@ class Repeat(Step):
     Do some steps several times.
 
     :param times: how often, from 0 to a million
-    :param steps: what to do each time, in order; a list is kept as a tuple
+    :param steps: the steps to repeat, in order; a list is converted to a tuple
     """
 
     form = 'times and, below it, steps'

@@ -32,9 +32,11 @@ from kachaka_simple_control.motion.velocity_profile import (
     VelocityProfile,
 )
 
-#: A last tick shorter than this share of a period is left out (rounding).
+#: If a duration exceeds a whole number of periods by less than this fraction of the duration, the
+#: excess comes from rounding and gets no tick of its own.
 TIME_TOLERANCE = 1e-9
-#: The number of bisections to find the time for a position: to a microsecond in a day.
+#: How often a duration is halved to find the time of a position.  A duration of a day is halved to
+#: less than a microsecond.
 TIME_BISECTIONS = 40
 
 
@@ -43,12 +45,12 @@ class PathSegment(NamedTuple):
     A path with a constant curvature; its length has the unit u.
 
     The unit u is the metre for straight lines and arcs, the radian for a turn in place, and the
-    second for a step with given velocities.  In seconds, ``linear`` and ``angular`` are
+    second for a step with given velocities.  If u is the second, ``linear`` and ``angular`` are
     velocities.
 
     :param distance: the length [u], not negative
-    :param linear: metres forward for each u, negative backwards
-    :param angular: radians to the left for each u
+    :param linear: metres forwards for each u, negative backwards
+    :param angular: radians to the left for each u, negative to the right
     """
 
     distance: float
@@ -71,17 +73,22 @@ class PathSegment(NamedTuple):
         return self.angular * self.distance
 
     def velocity(self, rate: float) -> Velocity:
-        """Return the velocity of the robot for a velocity along the segment [u/s]."""
+        """
+        Return the velocity of the robot.
+
+        :param rate: the velocity along the segment [u/s]
+        """
         return Velocity(self.linear * rate, self.angular * rate)
 
 
 def limits_along(segment: PathSegment, limits: Limits) -> PathLimits:
     """
-    Return the limits along a segment: for each, the stricter of the linear and angular limit.
+    Return the limits along a segment: each is the stricter of the linear and the angular limit.
 
     :param segment: the segment
     :param limits: the limits of the robot
-    :returns: the limits in the segment's unit, (13) and (17) in docs/theory.md; infinite at rest
+    :returns: the limits in the unit of the segment; see formulas (13) and (17) of docs/theory.md.
+        They are infinite if the robot stands still during the segment
     """
     forward = limits.backward_velocity if segment.linear < 0.0 else limits.max_linear_velocity
     return PathLimits(
@@ -99,14 +106,14 @@ def _along(limit: float, rate: float) -> float:
     if not rate:
         return math.inf
     along = limit / rate
-    # If rounding raised the velocity above the limit, the gate would refuse it in the motion.
+    # If rounding raised a velocity above its limit, it would be refused during the motion.
     return along if along * rate <= limit else math.nextafter(along, 0.0)
 
 
 @dataclass(frozen=True)
 class _TimedPath(ABC):
     """
-    A path segment with its timing: what both kinds of trajectories have in common.
+    A path segment with its timing: the base class of both kinds of trajectories.
 
     :param segment: the segment
     :param limits: the limits along the segment
@@ -118,13 +125,13 @@ class _TimedPath(ABC):
     @property
     @abstractmethod
     def max_rate(self) -> float:
-        """Return the largest velocity along the segment [u/s]."""
+        """Return the largest velocity along the segment [m/s, rad/s or s/s]."""
 
     def mean_velocity(self, distance: float, duration: float) -> Velocity:
         """
-        Return the mean velocity that covers a distance along the segment in a time.
+        Return the constant velocity of the robot that covers a distance in a time.
 
-        :param distance: the distance [u]
+        :param distance: the distance along the segment [m, rad or s]
         :param duration: the time [s]
         """
         # Rounding must not raise the rate above the limit, or make it negative.
@@ -132,55 +139,66 @@ class _TimedPath(ABC):
 
 
 class ConstantVelocity(_TimedPath):
-    """A segment in seconds: one constant velocity, sent repeatedly at the plan's rate."""
+    """
+    A segment with one constant velocity, which is sent repeatedly at the rate of the plan.
+
+    Its length is a time [s].  Its velocity [s/s] is 1 if the time of the plan passes as planned.
+    It is smaller if the motion is slowed down.
+    """
 
     @property
     def duration(self) -> float:
-        """Return how long the velocity is held [s]."""
+        """Return how long the velocity is sent if the motion is not slowed down [s]."""
         return self.segment.distance
 
     def ticks(self, rate: float) -> int:  # noqa: ARG002
-        """Return 1, or 0 for a duration of zero."""
+        """Return the number of different velocities: 1, or 0 if the duration is 0."""
         return 1 if self.duration else 0
 
     def velocities(self, rate: float) -> list[Velocity]:
-        """Return a list with the one velocity; empty for a duration of zero."""
+        """Return a list with the constant velocity; the list is empty if the duration is 0."""
         return [self.segment.velocity(self.max_rate)] * self.ticks(rate)
 
     def state_at(self, time: float) -> PathState:
-        """Return the time as the position, with a rate of one second per second."""
+        """Return the state at a time since the start [s]; this time is also the position."""
         return PathState(time, self.max_rate)
 
     def time_at(self, position: float) -> float:
-        """Return the position itself, because the position is a time."""
+        """Return the time at which a position is reached [s]; it is equal to the position [s]."""
         return position
 
     def first_state(self, factor: float, velocity: float) -> PathState:
         """
-        Return position 0 and the previous velocity; after a rest, the rate for the factor.
+        Return the state at the start: the position 0, and the velocity along the segment [s/s].
 
-        :param factor: the speed factor, from 0 to 1
-        :param velocity: the end velocity of the previous trajectory, in its unit [u/s]; 0 at rest
+        :param factor: the speed factor, from 0 to 1.  It gives the velocity if ``velocity`` is 0
+        :param velocity: the velocity along the previous trajectory at its end, which is kept; 0
+            if the robot stood still
         """
         return PathState(0.0, velocity or self._rate(factor))
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """
-        Return the re-planned remainder: the rate of plan time ramps to the speed factor.
+        Plan the rest of the segment again: change the velocity along it to the speed factor.
 
         :param state: the current state
-        :param factor: the speed factor, from 0 to 1; 0: stop as soon as possible, or pass the
-            end if the remaining path is too short to stop
+        :param factor: the speed factor, from 0 to 1.  0: stop as soon as possible; if the rest is
+            too short, the velocity at the end is not zero
         """
         return replan_through(state, self.duration, self._rate(factor), self.limits)
 
     @property
     def max_rate(self) -> float:
-        """Return the largest rate: one second per second."""
+        """Return the largest velocity along the segment: 1 s of the plan per second."""
         return 1.0
 
     def _rate(self, factor: float) -> float:
-        """Return the rate of plan time: the factor; in a rest 1, or 0 for a factor of 0."""
+        """
+        Return the velocity along the segment for a speed factor [s/s].
+
+        It is the factor.  If the robot stands still in the segment, it is 1 for each factor above
+        0, so that a wait does not become longer.
+        """
         return math.ceil(factor) if self.segment.is_rest else factor
 
 
@@ -189,7 +207,7 @@ class ProfiledPath(_TimedPath):
     """
     A segment driven from rest to rest along a velocity profile.
 
-    :param profile: the profile over the segment's distance
+    :param profile: the velocity profile over the length of the segment
     """
 
     profile: VelocityProfile
@@ -201,7 +219,7 @@ class ProfiledPath(_TimedPath):
 
     def ticks(self, rate: float) -> int:
         """
-        Return the number of equal time parts, each not longer than a period.
+        Return the number of equal time parts, each at most one period of the rate long.
 
         :param rate: the rate at which velocities are sent [Hz]
         """
@@ -227,24 +245,30 @@ class ProfiledPath(_TimedPath):
         return self.profile.state_at(time)
 
     def time_at(self, position: float) -> float:
-        """Return the time of a position [s] by bisection; the position never decreases."""
+        """Return the time at which a position is reached [s], found by bisection."""
         return bisection(
             0.0, self.duration, lambda time: self.profile.state_at(time).position >= position,
             TIME_BISECTIONS)[1]
 
     def first_state(self, factor: float, velocity: float) -> PathState:  # noqa: ARG002
-        """Return the start state: position 0, at rest."""
+        """Return the state at the start: the position 0, at rest."""
         return PathState(0.0)
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
-        """Return the re-planned remainder: the factor scales the velocity limit only."""
+        """
+        Plan the rest of the segment again, with another speed factor, to a stop.
+
+        :param state: the current state
+        :param factor: the speed factor, from 0 to 1; the largest velocity of the profile is
+            multiplied by it, the other limits are not.  0: stop as soon as possible
+        """
         return replan_to_rest(state, self.segment.distance, factor * self.max_rate, self.limits)
 
     @property
     def max_rate(self) -> float:
-        """Return the largest velocity of the profile [u/s]."""
+        """Return the largest velocity of the profile [m/s or rad/s]."""
         return self.profile.velocity
 
 
-#: A path segment with its timing.
+#: Either kind of trajectory.
 Trajectory = ConstantVelocity | ProfiledPath

@@ -24,10 +24,11 @@ import re
 from kachaka_simple_control.errors import InvalidMotionError
 from kachaka_simple_control.text import quoted
 
-#: A number without its sign.  Each text matches in one way only, to avoid backtracking.
+#: The regular expression of a number without its sign.  It matches each text in one way only;
+#: a second way would make the search slow.
 DIGITS = r'([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][-+]?[0-9]+)?'
 _PARTS = re.compile(f'(?P<number>[-+]?{DIGITS}) *(?P<unit>.*)', re.DOTALL)
-# Matched from the start of a text only: a search in a long text takes too long.
+# Used only at the start of a text, because a search in a long text takes too long.
 _CLOCK = re.compile('[0-9]*:[0-9]+')
 _DECIMAL_COMMA = re.compile('([-+]?[0-9]+),(?=[0-9])')
 #: The minus sign that a word processor writes instead of a hyphen before a number.
@@ -39,7 +40,7 @@ class UnitError(ValueError):
 
 
 class SignRule(Enum):
-    """The signs that a quantity allows."""
+    """The signs that the values of a quantity may have."""
 
     ANY = 'any'
     NOT_NEGATIVE = 'zero or more'
@@ -51,14 +52,14 @@ class Quantity:
     """
     A kind of quantity, with the units that its text form allows.
 
-    :param name: the name of the quantity, with an article
-    :param units: each unit as a fraction of the SI unit: a numerator and a denominator, because
-        57 / 100 gives 0.57 and 57 * 0.01 does not; the first is the SI unit itself
+    :param name: the name of the quantity with an article, as in ``a length``
+    :param units: the allowed units, the SI unit first.  The factor from each to the SI unit is a
+        numerator and a denominator, because 57 / 100 gives 0.57 and 57 * 0.01 does not
     :param example: an example text
     :param sign: the allowed signs
     :param largest: the largest value allowed in a text [SI unit]
-    :param needs_unit: whether a text must have a unit; a bare number is often meant in another
-        unit, for example ``turn: 90`` in rad is 14 turns
+    :param needs_unit: whether a text must have a unit.  A number without a unit is often meant
+        in another unit than the SI unit: ``turn: 90`` is meant in degrees, but 90 rad is 14 turns
     """
 
     name: str
@@ -70,12 +71,12 @@ class Quantity:
 
     @property
     def unit(self) -> str:
-        """Return the SI unit."""
+        """Return the text of the SI unit, as in ``m/s``."""
         return next(iter(self.units))
 
     @property
     def keyword(self) -> str:
-        """Return the name without its article, as used in the schemas."""
+        """Return the name without its article, which names the quantity in the JSON Schemas."""
         return self.name.split(' ', 1)[1]
 
     @property
@@ -87,17 +88,17 @@ class Quantity:
 
     @property
     def wanted(self) -> str:
-        """Return the expected text form with its units, for error messages."""
+        """Return which text is expected, with an example and all units, for error messages."""
         *others, last = self.units
         units = f'{", ".join(others)} or {last}' if others else last
         return f'{self.name}, as in {self.example} (in {units})'
 
     def parse(self, text: str) -> float:
         """
-        Return the value of a text, in the SI unit.
+        Return the value of a text, converted to the SI unit.
 
-        :param text: a number and a unit; a number alone is in the SI unit, or an error if
-            ``needs_unit``
+        :param text: a number and a unit.  A number without a unit is in the SI unit, but is an
+            error if ``needs_unit`` is true
         :raises UnitError: if the text is not a valid quantity of this kind
         """
         match = _PARTS.fullmatch(text)
@@ -115,7 +116,7 @@ class Quantity:
 
     def without_unit(self, number: object) -> str:
         """
-        Return the error message for a number without a unit, with the texts to write instead.
+        Return the error message for a number without a unit; it says what to write instead.
 
         :param number: the number
         """
@@ -157,7 +158,7 @@ class Quantity:
 
 
 def point_advice(text: str) -> str | None:
-    """Return the advice for a number with a decimal comma; None if the text has no such comma."""
+    """Return the advice for a text with a decimal comma; None if the text has no such comma."""
     comma = _DECIMAL_COMMA.match(text)
     return comma and f'write {quoted(f"{comma[1]}.{text[comma.end():]}")}, with a point'
 
@@ -186,7 +187,7 @@ LINEAR_JERK = Quantity('a linear jerk', _per(_METRE, 's^3'), '2 m/s^3')
 VEER = Quantity('a veer', _per(_RADIAN, 'm'), '2 deg/m', SignRule.ANY, needs_unit=True)
 ANGULAR_JERK = Quantity('an angular jerk', _per(_RADIAN, 's^3'), '360 deg/s^3')
 
-#: The quantities by their keywords in the schemas.
+#: The quantity for each keyword in the JSON Schemas.
 QUANTITIES = {quantity.keyword: quantity for quantity in (
     LENGTH, SIZE, ANGLE, TIME, COMMAND_TIMEOUT, FREQUENCY, LINEAR_VELOCITY, ANGULAR_VELOCITY,
     POSITIVE_LINEAR_VELOCITY, POSITIVE_ANGULAR_VELOCITY, LINEAR_ACCELERATION,
@@ -261,7 +262,7 @@ def require_positive(name: str, value: object, unit: str) -> None:
 
 def format_number(value: float) -> str:
     """
-    Return a number as text with up to five significant digits: 0.5, not 0.500; 0, not -0.
+    Return a number as text with at most five significant digits: 0.5, not 0.500; 0, not -0.
 
     :param value: the number
     """

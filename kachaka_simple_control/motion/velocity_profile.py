@@ -17,8 +17,8 @@ Time-optimal S-curves along a path under velocity, acceleration and jerk limits.
 ``time_optimal_profile()`` plans from rest to rest.  ``replan_to_rest()`` and ``replan_through()``
 plan the remaining path again from a state in motion: slow down, stop, or speed up again.
 
-The unit u is the unit of the path: metre or radian.  The numbers in round brackets refer to the
-formulas in docs/theory.md.
+The unit u is the unit of the path: metre, radian, or second for a step with given velocities.
+A number in round brackets, such as (2), is the number of a formula in docs/theory.md.
 """
 
 from __future__ import annotations
@@ -31,17 +31,21 @@ from typing import NamedTuple
 
 from kachaka_simple_control.errors import InvalidMotionError
 
-#: A stop counts as a stop at the path's end within this share of its length (rounding).
+#: A stop counts as a stop at the end of the path if the remaining part of the path is at most this
+#: fraction of its length, because of rounding.
 ROUNDING = 1e-12
-#: A cruise shorter than this share of the path's length is left out (rounding).
+#: A cruise of at most this fraction of the path's length is left out; it comes from rounding.
 CRUISE_ROUNDING = 1e-14
-#: The number of bisections that find a number to the last bit, or almost to zero.
+#: How often an interval is halved to find a number in it.  This is enough for the last bit of a
+#: float, except for numbers close to zero.
 BISECTIONS = 120
 
 
 class PathState(NamedTuple):
     """
-    Position, velocity and acceleration along a path, in the path's unit u.
+    Position, velocity and acceleration along a path.
+
+    The unit u is m, rad, or s for a step with given velocities.
 
     :param position: the distance from the start of the path [u]
     :param velocity: the velocity along the path [u/s], not negative
@@ -56,6 +60,8 @@ class PathState(NamedTuple):
 class PathLimits(NamedTuple):
     """
     The limits along a path segment; each is positive or infinite.
+
+    The unit u is m, rad, or s for a step with given velocities.
 
     :param velocity: largest velocity [u/s]
     :param acceleration: largest acceleration [u/s^2]
@@ -72,10 +78,12 @@ class PathLimits(NamedTuple):
 @dataclass(frozen=True)
 class Ramp:
     """
-    A rise from rest to a velocity: the acceleration rises, may be held, and falls.
+    A velocity ramp from rest: the acceleration rises, may stay constant, and falls to zero.
+
+    The unit u is m or rad.
 
     :param velocity: the velocity at the end [u/s]
-    :param acceleration: the largest acceleration [u/s^2]; 0 for a duration of zero
+    :param acceleration: the largest acceleration [u/s^2]; 0 if the duration is 0
     :param easing: the time in which the acceleration rises, and also the time in which it falls
         [s]
     :param duration: the duration of the whole ramp [s]
@@ -88,12 +96,12 @@ class Ramp:
 
     @property
     def distance(self) -> float:
-        """Return the distance covered by the whole ramp [u] (2)."""
+        """Return the length of the ramp [m or rad]; see formula (2) of docs/theory.md."""
         return self.velocity * self.duration / 2.0
 
     def state_at(self, time: float) -> PathState:
         """
-        Return the state at a time (3), (4).
+        Return the state at a time; see formulas (3) and (4) of docs/theory.md.
 
         :param time: the time since the start of the ramp [s], from 0 to the duration
         """
@@ -116,10 +124,10 @@ class Ramp:
 
     def means(self, part: float, count: int) -> list[float]:
         """
-        Return the mean velocity in each of several equal time parts from the start [u/s].
+        Return the mean velocity in each of several equal time parts [m/s or rad/s].
 
-        :param part: the duration of each part [s]
-        :param count: the number of parts; together they end within the ramp, except for rounding
+        :param part: the duration of each part [s]; the first part starts with the ramp
+        :param count: the number of parts; except for rounding, none ends after the end of the ramp
         """
         times = [index * part for index in range(count + 1)]
         times[-1] = min(times[-1], self.duration)
@@ -129,7 +137,9 @@ class Ramp:
 
 def ramp(velocity: float, acceleration: float, jerk: float) -> Ramp:
     """
-    Return the fastest ramp to a velocity; with infinite limits its duration is zero.
+    Return the fastest ramp to a velocity; if both limits are infinite, its duration is 0.
+
+    The unit u is m or rad.
 
     :param velocity: the velocity at the end [u/s], finite, not negative
     :param acceleration: the largest acceleration [u/s^2], positive; may be infinite
@@ -145,14 +155,14 @@ def ramp(velocity: float, acceleration: float, jerk: float) -> Ramp:
 @dataclass(frozen=True)
 class VelocityProfile:
     """
-    A ramp up, a cruise at constant velocity, and a ramp down that may differ from the first.
+    A ramp up, a cruise at constant velocity, and a ramp down; the ramps may differ.
 
-    The velocity is zero before and after the profile.  At a jump, the velocity has the value
-    after the jump.
+    The velocity is zero before and after the profile.  At the time of a jump, the velocity is
+    that after the jump.  The unit u is m or rad.
 
     :param distance: the distance [u], not negative
     :param rise: the ramp up
-    :param cruise: the time of constant velocity [s]
+    :param cruise: the duration of the cruise [s]
     :param fall: the ramp down, given as a ramp up with the time reversed
     """
 
@@ -163,7 +173,7 @@ class VelocityProfile:
 
     @property
     def velocity(self) -> float:
-        """Return the largest velocity [u/s]."""
+        """Return the largest velocity [m/s or rad/s]."""
         return self.rise.velocity
 
     @property
@@ -173,7 +183,7 @@ class VelocityProfile:
 
     def state_at(self, time: float) -> PathState:
         """
-        Return the state at a time (5).
+        Return the state at a time; see formula (5) of docs/theory.md.
 
         :param time: the time since the start [s]; before the start and after the end are allowed
         """
@@ -193,12 +203,12 @@ class VelocityProfile:
         Return the mean velocity in each of several equal time parts.
 
         :param count: the number of parts, 1 or more
-        :returns: the means [u/s] (11); they keep the limits (12), and their sum times the
-            duration of a part is the distance
+        :returns: the mean velocities [m/s or rad/s], formula (11) of docs/theory.md.  They keep
+            the limits (12).  Their sum times the duration of one part is the distance
         """
         part = self.duration / count
         rise, fall = self.rise.duration / part, self.fall.duration / part
-        # Equal parts are the same counted from the end, so a fall is a rise in reverse order.
+        # Equal parts are the same when counted from the end: a fall is a rise in reverse order.
         rising, falling = math.floor(rise), math.floor(fall)
         first, last = math.ceil(rise), count - math.ceil(fall)
         if first >= last:  # no part lies within the cruise
@@ -214,7 +224,7 @@ class VelocityProfile:
         return [min(mean, self.velocity) for mean in means]
 
     def _mean(self, start: float, part: float) -> float:
-        """Return the mean velocity in one time part that starts at a time (11)."""
+        """Return the mean velocity in one time part; see formula (11) of docs/theory.md."""
         times = (start, start + part)
         rise, fall, top = self.rise, self.fall, self.rise.duration
         up = [rise.state_at(min(time, top)).position for time in times]
@@ -230,13 +240,16 @@ def time_optimal_profile(
     """
     Return the fastest profile over a distance; each limit is positive and may be infinite.
 
+    The unit u is m or rad.
+
     :param distance: the distance [u], finite, not negative
     :param velocity: the largest velocity [u/s]
     :param acceleration: the largest acceleration [u/s^2]
     :param deceleration: the largest deceleration [u/s^2]
     :param jerk: the largest rate of change of acceleration and deceleration [u/s^3]
-    :returns: the profile; over a distance of zero its duration is zero
-    :raises InvalidMotionError: if all four limits are infinite: the profile would take no time
+    :returns: the profile; if the distance is 0, its duration is 0
+    :raises InvalidMotionError: if all four limits are infinite, because the profile would take
+        no time
     """
     peak = min(velocity, _unlimited_peak(distance, acceleration, deceleration, jerk))
     if peak == math.inf:
@@ -249,7 +262,11 @@ def time_optimal_profile(
 
 def _unlimited_peak(
         distance: float, acceleration: float, deceleration: float, jerk: float) -> float:
-    """Return the peak velocity of a profile with two ramps and no cruise (6)."""
+    """
+    Return the peak velocity of a profile that has no velocity limit, and so no cruise.
+
+    See formulas (6) to (10) of docs/theory.md.
+    """
     if jerk == math.inf:
         slowness = 1.0 / acceleration + 1.0 / deceleration
         return math.sqrt(2.0 * distance / slowness) if slowness else math.inf  # (7)
@@ -269,7 +286,7 @@ def _unlimited_peak(
 
 class Phase(NamedTuple):
     """
-    A time interval with a constant jerk.
+    A time interval with a constant jerk; the unit u is m, rad or s.
 
     :param start: the state at the start of the phase
     :param jerk: the rate of change of the acceleration [u/s^3]
@@ -297,7 +314,7 @@ class Phase(NamedTuple):
 @dataclass(frozen=True)
 class Replanned:
     """
-    A re-planned movement along the remaining path, to its end or to a stop before the end.
+    A new plan for the rest of a path: to its end, or to a stop before its end.
 
     :param phases: the phases of constant jerk, in order; the velocity may jump between phases
     :param end: the state at the end of the movement
@@ -315,8 +332,8 @@ class Replanned:
         """
         Return the state at a time.
 
-        :param time: the time since the start [s], not negative; after the end the state is
-            ``end``
+        :param time: the time since the start [s], not negative; after the end of the movement,
+            the state is ``end``
         """
         for phase in self.phases:
             if time < phase.duration:
@@ -328,15 +345,15 @@ class Replanned:
 def replan_to_rest(
         state: PathState, distance: float, velocity: float, limits: PathLimits) -> Replanned:
     """
-    Re-plan the remaining path: stop at the end of the path, or stop as soon as possible.
+    Plan the rest of a path again: stop at the end of the path, or stop as soon as possible.
 
-    The path is never driven backwards; (15) and (16) in docs/theory.md.
+    The path is never driven backwards.  See formulas (15) and (16) of docs/theory.md.
 
     :param state: the current state; a stop before the end of the path must be possible from it
-    :param distance: the length of the path [u]
-    :param velocity: the largest velocity wanted [u/s]; a larger current velocity is reduced as
-        soon as possible, unless the path is too short for this; 0: stop as soon as possible
-    :param limits: the limits of acceleration, deceleration and jerk; its velocity is not used
+    :param distance: the length of the path [u], where u is m or rad
+    :param velocity: the wanted velocity [u/s].  It is reached as soon as possible; if the path is
+        too short for it, a lower velocity is used.  0: stop as soon as possible
+    :param limits: the limits; their ``velocity`` is not used
     """
     top = velocity
     left = distance - state.position
@@ -357,12 +374,14 @@ def replan_to_rest(
 
 def _largest_velocity(state: PathState, left: float, velocity: float, limits: PathLimits) -> float:
     """
-    Return the largest velocity from which a stop on the remaining path is possible (16).
+    Return the largest velocity from which the robot can stop before the end of the path.
+
+    See formula (16) of docs/theory.md.
 
     :param state: the current state
-    :param left: the length of the remaining path [u]
+    :param left: the length of the remaining path [u], where u is m or rad
     :param velocity: a velocity that is too large [u/s]
-    :param limits: the limits of acceleration, deceleration and jerk
+    :param limits: the limits; their ``velocity`` is not used
     """
     def is_too_fast(top: float) -> bool:
         return _distance_to_rest(state, top, limits) > left
@@ -378,13 +397,13 @@ def _largest_velocity(state: PathState, left: float, velocity: float, limits: Pa
 def replan_through(
         state: PathState, distance: float, velocity: float, limits: PathLimits) -> Replanned:
     """
-    Re-plan the remaining path at a velocity, without a stop at the end of the path.
+    Plan the rest of a path again: change to a velocity, and keep it until the end of the path.
 
     :param state: the current state
-    :param distance: the length of the path [u]
-    :param velocity: the velocity to reach as soon as possible and then hold [u/s]; 0: stop as
-        soon as possible, or pass the end if the remaining path is too short to stop
-    :param limits: the limits of acceleration, deceleration and jerk; its velocity is not used
+    :param distance: the length of the path [u], where u is m, rad or s
+    :param velocity: the velocity to reach as soon as possible [u/s].  0: stop as soon as possible;
+        if the rest of the path is too short, the velocity at its end is not zero
+    :param limits: the limits; their ``velocity`` is not used
     """
     phases: list[Phase] = []
     for phase in _change_velocity(state, velocity, limits):
@@ -400,7 +419,7 @@ def replan_through(
 
 
 def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> float:
-    """Return the distance needed to change to a velocity and then to stop [u]."""
+    """Return the distance needed to change to a velocity and then to stop [m or rad]."""
     start = PathState(0.0, *state[1:])
     for wanted in (velocity, 0.0):
         for phase in _change_velocity(start, wanted, limits):
@@ -410,7 +429,11 @@ def _distance_to_rest(state: PathState, velocity: float, limits: PathLimits) -> 
 
 
 def _velocity_at_zero_acceleration(state: PathState, limits: PathLimits) -> float:
-    """Return the velocity reached when the acceleration goes to zero at the largest jerk (15)."""
+    """
+    Return the velocity that is reached if the acceleration goes to zero at the largest jerk.
+
+    See formula (15) of docs/theory.md.
+    """
     if limits.jerk == math.inf:
         return state.velocity
     return state.velocity + state.acceleration * abs(state.acceleration) / (2.0 * limits.jerk)
@@ -418,10 +441,10 @@ def _velocity_at_zero_acceleration(state: PathState, limits: PathLimits) -> floa
 
 def _change_velocity(state: PathState, velocity: float, limits: PathLimits) -> Iterator[Phase]:
     """
-    Yield the phases of the fastest change to a velocity, with zero acceleration at the end (15).
+    Yield the phases of the fastest change to a velocity, with zero acceleration at the end.
 
-    With unlimited jerk and acceleration, the velocity jumps.  With unlimited jerk alone, the
-    acceleration jumps.
+    See formula (15) of docs/theory.md.  If only the jerk is unlimited, the acceleration jumps.  If
+    the acceleration is unlimited too, the velocity jumps.
     """
     rises = velocity >= _velocity_at_zero_acceleration(state, limits)
     sign, bound = (1.0, limits.acceleration) if rises else (-1.0, limits.deceleration)
@@ -443,7 +466,11 @@ def _change_velocity(state: PathState, velocity: float, limits: PathLimits) -> I
 
 
 def _time_to(phase: Phase, position: float) -> float:
-    """Return the time at which a phase, always moving forwards, reaches a position [s]."""
+    """
+    Return the time since the start of a phase at which a position is reached [s].
+
+    The velocity must not be negative in the phase.
+    """
     return bisection(
         0.0, phase.duration, lambda time: phase.state_at(time).position >= position)[1]
 
@@ -452,7 +479,7 @@ def bisection(
         low: float, high: float, is_above: Callable[[float], bool],
         count: int = BISECTIONS) -> tuple[float, float]:
     """
-    Return the bounds of a wanted number in an interval that is halved again and again.
+    Return a lower and an upper bound of a wanted number, found by bisection.
 
     :param low: the lower end of the interval
     :param high: the upper end of the interval
