@@ -177,7 +177,7 @@ class Box:
         return self.ahead + self.length / 2.0
 
     def corners(self) -> list[Point]:
-        """Return the corners relative to the axle [m], counter-clockwise from the front right."""
+        """Return the corners relative to the axle [m], counter-clockwise, front right first."""
         front, back, side = self.front, self.ahead - self.length / 2.0, self.width / 2.0
         return [(front, -side), (front, side), (back, side), (back, -side)]
 
@@ -198,7 +198,7 @@ class Disc:
         return self.radius
 
     def corners(self) -> list[Point]:
-        """Return points on the circle, relative to the axle [m], counter-clockwise from ahead."""
+        """Return points on the circle relative to the axle [m], counter-clockwise, front first."""
         angles = (math.tau * corner / CORNERS for corner in range(CORNERS))
         return [(self.radius * math.cos(angle), self.radius * math.sin(angle)) for angle in angles]
 

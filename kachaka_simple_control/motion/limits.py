@@ -68,9 +68,10 @@ class Limits:
 
     def bound(self, name: str) -> float:
         """
-        Return the value of a limit, also if its field is None.
+        Return the value of a limit, even if its field is None.
 
-        :param name: the name of the field.  If it is None, the limit in ``SAME_AS`` is used
+        :param name: the name of the field; for a field that is None, ``SAME_AS`` names the field
+            that is used instead
         """
         value = getattr(self, name)
         bound: float = getattr(self, SAME_AS.get(name, name)) if value is None else value
@@ -97,7 +98,7 @@ class Limits:
             name: value * factor for name, value in asdict(self).items() if value is not None})
 
     def tightened(self, other: Limits) -> Limits:
-        """Return limits with the lower value for each limit, from these and the other limits."""
+        """Compare these limits with other limits, and return the lower value of each limit."""
         return Limits(**{
             name: min(self.bound(name), other.bound(name)) for name in LIMIT_QUANTITIES})
 

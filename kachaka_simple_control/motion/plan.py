@@ -126,7 +126,7 @@ class Plan:
         """
         Return the poses of a robot that drives exactly as planned.
 
-        :param start: the pose of the robot at t = 0
+        :param start: the pose of the robot at the start of the plan
         :returns: the start pose, then the pose at the end of each segment
         """
         poses = [start]
@@ -138,10 +138,9 @@ class Plan:
         """
         Return the index of the step that is driven at a time.
 
-        :param elapsed: the time since t = 0 [s]
-        :returns: the index in ``steps``.  Before t = 0 it is that of the first step, after the end
-            that of the last step.  If several steps start at the same time, it is that of the last
-            of them
+        :param elapsed: the time since the start of the plan [s]
+        :returns: the index in ``steps``: 0 before the start, and the last index after the end.  If
+            several steps start at the same time, it is the index of the last of them
         """
         return max(0, bisect_right(self.steps, elapsed, key=attrgetter('start')) - 1)
 
@@ -153,7 +152,7 @@ def find_errors(motion: Motion, limits: Limits) -> list[InvalidMotionError]:
     :param motion: the motion
     :param limits: the limits of the robot
     :returns: the errors, in the order of the motion.  If there are none, ``plan()`` refuses the
-        motion only at a rate that gives more than ``MAX_SEGMENTS`` velocities
+        motion only if the rate is invalid or gives more than ``MAX_SEGMENTS`` velocities
     """
     return _apply_limits(motion, limits)[1]
 

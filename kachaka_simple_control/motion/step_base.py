@@ -214,7 +214,7 @@ class Step(ABC):
         return []
 
     def limit_note(self) -> str:
-        """Return the reason for a lower speed limit, to end the error message about the speed."""
+        """Return the end of the error message about a speed limit: why the limit is lower."""
         return ''
 
     def _extent(self) -> str:
@@ -226,7 +226,7 @@ class Step(ABC):
         return kind.unit if isinstance(kind, Quantity) else ''
 
     def _held(self, limits: Limits, refuse: Refuse) -> list[Trajectory]:
-        """Return a trajectory of constant velocity for each segment; their unit is the second."""
+        """Return a trajectory of constant velocity for each segment; its unit is the second."""
         held: list[Trajectory] = [
             ConstantVelocity(segment, limits_along(segment, limits)) for segment in self.path()]
         duration = sum(trajectory.duration for trajectory in held)
@@ -239,7 +239,7 @@ class Step(ABC):
 
 def step_tuple(steps: object) -> tuple[Step, ...]:
     """
-    Return steps as a tuple.
+    Return an iterable of steps as a tuple, after a check of each item.
 
     :param steps: any iterable of steps
     :raises InvalidMotionError: if the value is not an iterable of steps

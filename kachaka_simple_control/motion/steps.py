@@ -105,7 +105,7 @@ class Forward(Step):
     Drive straight, from rest to rest: a distance, negative backwards; or distance and speed.
 
     :param distance: how far [m], negative backwards
-    :param speed: drive no faster than this [m/s], positive; None: as fast as the robot may
+    :param speed: drive no faster than this [m/s], positive; None: as fast as the limits allow
     """
 
     # Not 'back': the advice to write 'forward' instead would reverse the direction.
@@ -136,9 +136,8 @@ class Turn(Step):
     """
     Turn in place, from rest to rest: an angle, positive to the left; or angle and speed.
 
-    :param angle: how far [rad], positive to the left; it may be more than one
-        whole turn
-    :param speed: turn no faster than this [rad/s], positive; None: as fast as the robot may
+    :param angle: how far [rad], positive to the left; it may be more than one whole turn
+    :param speed: turn no faster than this [rad/s], positive; None: as fast as the limits allow
     """
 
     synonyms = ('rotate', 'spin', 'rotation')
@@ -172,7 +171,7 @@ class Arc(Step):
         negative if it is on the right; its size must be at least 1e-6 m
     :param angle: the angle of the part of the circle [rad], negative backwards
     :param speed: drive no faster than this along the path [m/s], positive; None: as fast as the
-        robot may
+        limits allow
     """
 
     form = 'radius and angle, as in {radius: 0.3 m, angle: 90 deg}'
@@ -221,7 +220,7 @@ class Wait(Step):
     """
     Stand still for a time.
 
-    :param duration: how long [s], not negative
+    :param duration: how long to stand still [s], not negative
     """
 
     synonyms: ClassVar[tuple[str, ...]] = ('pause', 'sleep', 'stop', 'stand', 'delay')
@@ -246,7 +245,7 @@ class Settle(Wait):
     """
     Stand still for a time, in which a closed loop corrects the heading.
 
-    :param duration: how long [s], not negative
+    :param duration: how long to stand still [s], not negative
     """
 
     synonyms = ()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Path segments of constant curvature, and the trajectories that drive them over time."""
+"""Path segments of constant curvature, and trajectories: path segments with their timing."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class PathSegment(NamedTuple):
 
     def velocity(self, rate: float) -> Velocity:
         """
-        Return the velocity of the robot.
+        Return the velocity of the robot for a velocity along the segment.
 
         :param rate: the velocity along the segment [u/s]
         """
@@ -179,17 +179,17 @@ class ConstantVelocity(_TimedPath):
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """
-        Plan the rest of the segment again: change the velocity along it to the speed factor.
+        Plan the rest of the segment again: change its velocity [s/s] to the speed factor.
 
         :param state: the current state
-        :param factor: the speed factor, from 0 to 1.  0: stop as soon as possible; if the rest is
-            too short, the velocity at the end is not zero
+        :param factor: the speed factor, from 0 to 1.  0 means a stop; if the rest of the segment
+            is too short to stop, the velocity at its end is not zero
         """
         return replan_through(state, self.duration, self._rate(factor), self.limits)
 
     @property
     def max_rate(self) -> float:
-        """Return the largest velocity along the segment: 1 s of the plan per second."""
+        """Return the largest velocity along the segment: 1 s/s, the velocity as planned."""
         return 1.0
 
     def _rate(self, factor: float) -> float:
@@ -256,11 +256,11 @@ class ProfiledPath(_TimedPath):
 
     def replanned(self, state: PathState, factor: float) -> Replanned:
         """
-        Plan the rest of the segment again, with another speed factor, to a stop.
+        Plan the rest of the segment again with another speed factor; it ends with a stop.
 
         :param state: the current state
-        :param factor: the speed factor, from 0 to 1; the largest velocity of the profile is
-            multiplied by it, the other limits are not.  0: stop as soon as possible
+        :param factor: the speed factor, from 0 to 1.  It multiplies the largest velocity of the
+            profile, but no other limit.  0 means a stop as soon as possible
         """
         return replan_to_rest(state, self.segment.distance, factor * self.max_rate, self.limits)
 

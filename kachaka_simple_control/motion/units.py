@@ -88,7 +88,7 @@ class Quantity:
 
     @property
     def wanted(self) -> str:
-        """Return which text is expected, with an example and all units, for error messages."""
+        """Return a description of the expected text with its units, for error messages."""
         *others, last = self.units
         units = f'{", ".join(others)} or {last}' if others else last
         return f'{self.name}, as in {self.example} (in {units})'

@@ -157,8 +157,8 @@ class VelocityProfile:
     """
     A ramp up, a cruise at constant velocity, and a ramp down; the ramps may differ.
 
-    The velocity is zero before and after the profile.  At the time of a jump, the velocity is
-    that after the jump.  The unit u is m or rad.
+    The velocity is zero before and after the profile.  If the velocity jumps at a time, the
+    state at this time has the velocity after the jump.  The unit u is m or rad.
 
     :param distance: the distance [u], not negative
     :param rise: the ramp up
@@ -203,8 +203,8 @@ class VelocityProfile:
         Return the mean velocity in each of several equal time parts.
 
         :param count: the number of parts, 1 or more
-        :returns: the mean velocities [m/s or rad/s], formula (11) of docs/theory.md.  They keep
-            the limits (12).  Their sum times the duration of one part is the distance
+        :returns: the mean velocities [m/s or rad/s].  They keep the limits.  Their sum times the
+            duration of one part is the distance.  See formulas (11) and (12) of docs/theory.md
         """
         part = self.duration / count
         rise, fall = self.rise.duration / part, self.fall.duration / part
@@ -351,8 +351,8 @@ def replan_to_rest(
 
     :param state: the current state; a stop before the end of the path must be possible from it
     :param distance: the length of the path [u], where u is m or rad
-    :param velocity: the wanted velocity [u/s].  It is reached as soon as possible; if the path is
-        too short for it, a lower velocity is used.  0: stop as soon as possible
+    :param velocity: the wanted velocity [u/s].  It is reached as soon as possible.  If the path
+        is too short for it, a lower velocity is used.  0 means a stop as soon as possible
     :param limits: the limits; their ``velocity`` is not used
     """
     top = velocity
@@ -401,8 +401,8 @@ def replan_through(
 
     :param state: the current state
     :param distance: the length of the path [u], where u is m, rad or s
-    :param velocity: the velocity to reach as soon as possible [u/s].  0: stop as soon as possible;
-        if the rest of the path is too short, the velocity at its end is not zero
+    :param velocity: the velocity to reach as soon as possible [u/s].  0 means a stop; if the rest
+        of the path is too short to stop, the velocity at its end is not zero
     :param limits: the limits; their ``velocity`` is not used
     """
     phases: list[Phase] = []
