@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read and write motions and robots as YAML files; errors name file, line and path."""
+"""Read and write motions and robots as YAML files; errors name the file and the line."""

@@ -14,7 +14,8 @@
 """
 The values of a file with their line numbers, and the problems found in the file.
 
-A JSON Schema says which values a file may have; this module words the error messages.
+A JSON Schema defines which values a file may have.  This module writes the error messages for all
+other values.
 """
 
 from __future__ import annotations
@@ -38,13 +39,13 @@ MAX_LINES = 20
 MAX_PROBLEMS = 10_000
 #: The longest file name that an error message shows in full [characters].
 MAX_NAME = 300
-#: The message for a missing library.
+#: The error message if PyYAML or jsonschema is not installed.
 INSTALL = (
     'to read files, PyYAML and jsonschema are needed: pip install PyYAML jsonschema, or '
     'sudo apt install python3-yaml python3-jsonschema')
 PACKAGE = 'kachaka_simple_control'
 Schema = dict[str, Any]
-#: The path of a value in a file: keys of mappings and indices of lists.
+#: The path of a value in a file: the keys of mappings and the indices of lists that lead to it.
 KeyPath = Sequence[str | int]
 _PLAIN_KEY = re.compile(r'[\w-]{1,40}')
 _STEP = re.compile(r'[.]?\bsteps\[([0-9]+)\](?:[.]|$)')
@@ -58,7 +59,8 @@ class Problem:
 
     :param text: the description of the problem, in one line
     :param line: the line number, counted from 1; None for the file as a whole
-    :param path: the path of the value, as in ``steps[2].turn.speed``; empty if there is none
+    :param path: the path of the value, as in ``steps[2].turn.speed``; empty for a problem
+        without such a value
     """
 
     text: str
@@ -66,7 +68,7 @@ class Problem:
     path: str = ''
 
     def __str__(self) -> str:
-        """Return the problem as text without the line number; steps are counted from 1."""
+        """Return the problem as text without the line number; the text counts steps from 1."""
         place = _STEP.sub(
             lambda found: f'{": " * (found[0][0] == ".")}step {int(found[1]) + 1}: ', self.path)
         return f'{place.removesuffix(": ")}: {self.text}' if place else self.text
@@ -74,7 +76,7 @@ class Problem:
 
 class UnreadableFileError(Exception):
     """
-    A file cannot be read; the readers of motions and robots convert it to their own errors.
+    A file cannot be read; ``FileError.naming()`` converts this to an error with the file name.
 
     :ivar problems: the problems of the file, at least one
     """
@@ -134,7 +136,7 @@ def is_path(name_or_path: str) -> bool:
 
 def location(source: str, line: int | None) -> str:
     """
-    Return file and line in the form ``file:line``, which terminals and editors show as a link.
+    Return file and line as ``file:line``, which terminals and editors show as a link.
 
     :param source: the name of the file
     :param line: the line number, counted from 1; None for the file itself
@@ -162,10 +164,11 @@ class Node:
     """
     A value in a file, with its line number and its nested values.
 
-    :param line: the line of its key, or the line where the value starts, counted from 1
+    :param line: the line of the value's key, or if there is no key, the first line of the value;
+        counted from 1
     :param data: the value, of a JSON type
     :param children: the nested values, by key or index
-    :param is_bad: whether the YAML reader recorded a problem of this value
+    :param is_bad: whether the YAML reader recorded a problem with this value
     :param has_problem: whether the value or a nested value has a problem
     """
 
@@ -177,7 +180,7 @@ class Node:
 
     def along(self, path: KeyPath) -> list[Node]:
         """
-        Return the values along a path, from this value to the last one that exists.
+        Return this value and the nested values along a path, as far as they exist.
 
         :param path: keys and indices, relative to this value
         """
@@ -190,7 +193,7 @@ class Node:
 
     def at(self, path: KeyPath) -> Node:
         """
-        Return the value at the end of a path, or else the last value along the path.
+        Return the value at the end of a path, or the last value on the path that exists.
 
         :param path: keys and indices, relative to this value
         """
@@ -211,10 +214,11 @@ class Document:
 
     def check(self, schema: Schema) -> None:
         """
-        Record a problem of each value that a schema forbids.
+        Record a problem for each value that a schema forbids.
 
         :param schema: a JSON Schema, Draft 7
-        :raises UnreadableFileError: if a library is missing, or there are too many problems
+        :raises UnreadableFileError: if jsonschema is not installed, or there are too many
+            problems
         """
         try:
             from jsonschema import Draft7Validator
@@ -227,7 +231,7 @@ class Document:
 
     def add_problem(self, path: KeyPath, text: str) -> None:
         """
-        Record a problem of a value, unless the YAML reader has recorded one already.
+        Record a problem with a value, unless the YAML reader has already recorded one.
 
         :param path: the path of the value
         :param text: the description of the problem
@@ -244,16 +248,16 @@ class Document:
 
     def add_error(self, path: KeyPath, error: InvalidMotionError) -> None:
         """
-        Record the error of a class that refused the values of a mapping.
+        Record the error that occurred when an object was made from the values of a mapping.
 
         :param path: the path of the mapping
-        :param error: the error; it may name a key of the mapping
+        :param error: the error; its ``name`` may be a key of the mapping
         """
         self.add_problem(path if error.name is None else [*path, error.name], error.message)
 
     def read_quantity(self, path: KeyPath, quantity: Quantity) -> float | None:
         """
-        Return a value in its SI unit; for an invalid value record a problem and return None.
+        Return a value in its SI unit; if it is invalid, record a problem and return None.
 
         :param path: the path of the value
         :param quantity: the expected quantity
@@ -268,7 +272,7 @@ class Document:
     def read_quantities(
             self, path: KeyPath, quantities: Mapping[str, Quantity]) -> dict[str, float]:
         """
-        Return the quantities of a mapping in SI units, without missing and invalid ones.
+        Return the quantities of a mapping in SI units; leave out missing and invalid values.
 
         :param path: the path of the mapping
         :param quantities: the expected quantity for each key
@@ -283,7 +287,7 @@ class Document:
 @cache
 def read_schema(path: str) -> Schema:
     """
-    Return a schema of the package.
+    Return a JSON Schema that comes with the package.
 
     :param path: the path in the package, as in ``motions/motion.schema.json``
     """
@@ -309,7 +313,8 @@ def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
     Return the advice for an unknown word: the most similar known word, or else all known words.
 
     :param word: the unknown word
-    :param known: the known words, or schemas with synonyms by known word
+    :param known: the known words, or a mapping from each known word to its schema, which may have
+        a list of ``synonyms``
     """
     parts = known if isinstance(known, Mapping) else {}
     near = next((name for name, part in parts.items()
@@ -317,7 +322,8 @@ def did_you_mean(word: str, known: Mapping[str, Any] | list[str]) -> str:
     return f'did you mean {near!r}?' if near else f'known are {", ".join(known)}'
 
 
-#: The key that a message is about, or None, and the message.
+#: Pairs of a key and a message about its value; the key is None if the message is about the whole
+#: value that was checked.
 _Messages = Iterator[tuple[str | None, str]]
 
 
@@ -384,7 +390,7 @@ def _beyond(error: Any) -> _Messages:
 
 
 _BOUNDS = {'exclusiveMinimum': 'above', 'maximum': 'at most', 'minimum': 'at least'}
-#: The functions that make messages, by the schema keyword that is violated.
+#: For each keyword of JSON Schema, the function that writes the messages about its violation.
 _MESSAGES: dict[str, Callable[[Any], _Messages]] = {
     'additionalProperties': _unknown,
     'enum': _enum,

@@ -46,7 +46,7 @@ def find(name_or_path: str | os.PathLike[str]) -> MotionFile:
     """
     Read a motion of the library by its name, or a motion file by its path.
 
-    :param name_or_path: a text without a dot and a slash is a name, all else is a path
+    :param name_or_path: a text without dots and slashes is a name; any other value is a path
     :raises MotionFileError: if there is no such motion, or the file cannot be read
     """
     if name_or_path == LESSON:
@@ -67,9 +67,9 @@ def look_up(
     """
     Return the text of a file of the package by its name, or of another file by its path.
 
-    :param name_or_path: a text without a dot and a slash is a name, all else is a path
+    :param name_or_path: a text without dots and slashes is a name; any other value is a path
     :param folder: the folder of the package
-    :param known: the names that an error suggests
+    :param known: the names that the error message lists if there is no such file
     :returns: the name of the file for error messages, and the text of the file
     :raises UnreadableFileError: if there is no such file, or it cannot be read
     """
@@ -91,12 +91,12 @@ LESSON = 'lesson'
 LESSON_FUNCTION = 'play_lesson'
 #: The largest number of movements in the lesson.
 MAX_MOVEMENTS = 10_000
-#: The node's file; it cannot be imported without ROS.
+#: The file of the lesson's node.  It cannot be imported without ROS.
 LESSON_FILE = files('kachaka_simple_control').joinpath('kachaka_simple_control.py')
 
 
 class _MotionRecorder:
-    """Replaces the node and records the movements that the lesson calls."""
+    """Records the movements of the lesson in place of the node, without driving a robot."""
 
     def __init__(self) -> None:
         self.steps: list[Move] = []

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read and write motions as YAML files; their JSON Schema follows from the classes of steps."""
+"""Read and write motions as YAML files, and make their JSON Schema from the step classes."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class MotionFile:
     :param motion: the motion
     :param source: the name of the file
     :param robot: the robot for the motion, a name or the path of a profile; None for any robot
-    :param limits: the limits to plan with, in SI units, by the names of the fields of
+    :param limits: the limits given in the file, in SI units; the keys are names of fields of
         :class:`~kachaka_simple_control.motion.limits.Limits`
     :param rate: the rate at which to send velocities [Hz]; None if not given
     :param closed_loop: whether to correct velocities from odometry; None if not given
@@ -93,9 +93,11 @@ class MotionFile:
 
         :param limits: the limits of the robot
         :param robot: the name of the robot in error messages
-        :param closed_loop: whether a share of the limits is reserved for corrections
-        :returns: the limits for the motion: each from the file if given there, else the robot's
-        :raises MotionFileError: if the robot cannot drive it, with a line for each problem
+        :param closed_loop: whether a part of each limit is reserved for corrections from odometry
+        :returns: the limits for the motion: those in the file, and those of the robot for all that
+            are not in the file
+        :raises MotionFileError: if the robot cannot drive the motion; the message has a line for
+            each problem
         """
         tightened = self._tighten(limits)
         # A step may exceed a limit of the file instead of a limit of the robot.
@@ -142,7 +144,7 @@ class MotionFile:
 
 def read_steps(document: Document, path: KeyPath) -> tuple[Step, ...]:
     """
-    Return the valid steps of a list; record a problem for each invalid step.
+    Return the valid steps of a list; record the problems of the other steps.
 
     :param document: a file that has been checked against the schema
     :param path: the path of the list
@@ -193,7 +195,7 @@ def load(path: str | os.PathLike[str]) -> MotionFile:
     Read a motion from a file.
 
     :param path: the path of the file
-    :raises MotionFileError: if the file cannot be read, with a line for each problem
+    :raises MotionFileError: if the file cannot be read; the message has a line for each problem
     """
     source = os.fspath(path)
     with MotionFileError.naming(source):
@@ -206,8 +208,8 @@ def loads(text: str, name: str = 'motion') -> MotionFile:
     Read a motion from a text.
 
     :param text: the text of a file
-    :param name: the file name for error messages; also the default for the motion's name
-    :raises MotionFileError: if the text is not a motion, with a line for each problem
+    :param name: the file name for error messages; also the name of the motion if the text has none
+    :raises MotionFileError: if the text is not a motion; the message has a line for each problem
     """
     with MotionFileError.naming(name):
         file = _read(read_document(text, motion_schema()), name)
@@ -231,14 +233,14 @@ def _read(document: Document, source: str) -> MotionFile:
 
 
 def _robot(name_or_path: str | None, source: str) -> str | None:
-    """Return the robot given in a file; a profile's path is relative to the file's folder."""
+    """Return the robot given in a file; the path of a profile is relative to the file's folder."""
     if not name_or_path or not is_path(name_or_path) or PurePath(name_or_path).is_absolute():
         return name_or_path
     # Join as text: PurePath removes a leading ./, and without it the text is a name.
     return f'{PurePath(source).parent}/{PurePath(name_or_path)}'
 
 
-#: Texts that need no quotes in any version of YAML and are always read as text.
+#: A pattern for texts that need no quotes in any version of YAML, except the words in _RESERVED.
 _PLAIN = re.compile('[A-Za-z][A-Za-z0-9_]*( [A-Za-z0-9_]+)*[.]?')
 _RESERVED = frozenset(
     ['y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false', 'null', 'nan', 'inf', 'infinity'])
@@ -252,7 +254,8 @@ def dump(motion: Motion) -> str:
     Reading the text gives the same motion.
 
     :param motion: the motion
-    :raises MotionFileError: if the motion cannot be written, for example with too many steps
+    :raises MotionFileError: if the motion cannot be written, for example because it has too
+        many steps
     """
     lines = [f'name: {_text(motion.name)}']
     if motion.description:
@@ -354,7 +357,7 @@ def _kind_schema(kind: object) -> Schema:
 
 
 def quantity_schema(quantity: Quantity) -> Schema:
-    """Return the schema of a value that may have a unit."""
+    """Return the JSON Schema of the values of a quantity."""
     bounds = {SignRule.ANY: {}, SignRule.NOT_NEGATIVE: {'minimum': 0},
               SignRule.POSITIVE: {'exclusiveMinimum': 0}}[quantity.sign]
     types = ['string'] if quantity.needs_unit else ['number', 'string']

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Profiles of robots: ROS names, limits and outline; Kachaka's profile and profile files."""
+"""Robot profiles with ROS names, limits and outline: Kachaka's profile, and profile files."""
 
 from __future__ import annotations
 
@@ -45,7 +45,9 @@ from kachaka_simple_control.text import quoted
 @dataclass(frozen=True)
 class RobotProfile:
     """
-    The ROS interface and the limits of a robot; names are relative to its ROS namespace.
+    The ROS interface and the limits of a robot.
+
+    The names of topics and services are relative to the ROS namespace of the robot.
 
     :param name: the name to show
     :param namespace: the default ROS namespace, absolute
@@ -53,17 +55,17 @@ class RobotProfile:
     :param odometry_topic: the topic of the robot's odometry; None if it has no odometry
     :param manual_control_service: the service that enables velocity commands
         (std_srvs/SetBool); None if they are always enabled
-    :param manual_control_timeout: how long one call of the service enables them [s]; infinite
-        without a service
-    :param command_timeout: how long the robot keeps a velocity without a new one [s]
+    :param manual_control_timeout: how long one call of the service enables velocity commands [s];
+        infinite if there is no service
+    :param command_timeout: how long the robot keeps a velocity if no new command arrives [s]
     :param limits: the largest velocities, accelerations and jerks
     :param message_type: the type of velocity messages: Twist or TwistStamped of geometry_msgs
     :param frame: the frame in the header of a TwistStamped
     :param footprint: the outline of the robot, for plots; None if unknown
-    :param calibration: the difference between sent velocities and velocities in odometry;
-        None: no difference
-    :param odometry_calibration: the difference between odometry and the motion on the floor;
-        None: no difference
+    :param calibration: the difference between the velocities that are sent and the velocities that
+        odometry reports; None for no difference
+    :param odometry_calibration: the difference between reported odometry and the motion on the
+        floor; None for no difference
     """
 
     name: str
@@ -92,7 +94,7 @@ class RobotProfile:
 
     @property
     def planning_limits(self) -> Limits:
-        """Return the limits for plans, so that corrected commands keep the robot's limits."""
+        """Return limits for plans, so low that corrected commands keep the robot's limits."""
         limits = self.limits
         for calibration in (self.calibration, self.odometry_calibration):
             if calibration is not None:
@@ -101,7 +103,7 @@ class RobotProfile:
 
     def feedback_delay(self) -> float:
         """
-        Return the delay between a command and the robot's motion [s], for a closed loop.
+        Return how late the robot follows a command [s]; a closed loop needs this delay.
 
         :raises UsageError: if the delay was not measured, or the robot has no odometry
         """
@@ -114,7 +116,7 @@ class RobotProfile:
         return self.calibration.delay
 
     def command(self, velocity: Velocity) -> Velocity:
-        """Return the command to send for a wanted velocity on the floor."""
+        """Return the command to send so that the robot has a wanted velocity on the floor."""
         if self.odometry_calibration is not None:
             velocity = self.odometry_calibration.to_odometry(velocity)
         return velocity if self.calibration is None else self.calibration.command(velocity)
@@ -126,9 +128,9 @@ class RobotProfile:
             self.odometry_calibration.to_floor(velocity))
 
 
-#: Kachaka of Preferred Robotics, with the names of the manufacturer's ROS 2 bridge; no file is
-#: needed.  Each value is from the manufacturer, from the file named beside the value in the public
-#: repository pf-robotics/kachaka-api, unless it is marked as chosen.
+#: The profile of Kachaka, a robot of Preferred Robotics; it needs no file.  The names are those of
+#: the manufacturer's ROS 2 bridge.  The source of each value is the file named next to it, in the
+#: manufacturer's public repository pf-robotics/kachaka-api, unless the value is marked as chosen.
 KACHAKA = RobotProfile(
     name='kachaka',
     namespace='/kachaka',  # grpc_ros2_bridge.launch.xml
@@ -145,16 +147,17 @@ KACHAKA = RobotProfile(
         max_linear_jerk=2.0, max_angular_jerk=10.0),
     # kachaka_description; the axle is at the origin
     footprint=Box(length=0.387, width=0.240, ahead=0.0435))
-#: The track of Kachaka, the distance between its wheels [m]: kachaka_description.
+#: The track of Kachaka, the distance between its wheels [m], from kachaka_description.
 KACHAKA_TRACK = 0.2
 
 
 SCHEMA = 'robots/robot.schema.json'
-#: A robot must keep a velocity longer than this [s]: MAX_LATENESS in control/timing.py.
+#: The command timeout of a robot must be longer than this [s], because a velocity may be late by
+#: this time: MAX_LATENESS in control/timing.py.
 MIN_COMMAND_TIMEOUT = 0.1
 #: The keys that a file must have, unless it extends another robot.
 REQUIRED = ('velocity_topic', 'command_timeout', 'limits')
-#: The keys with a text value that is a field of the profile.
+#: The keys whose values are texts and are stored unchanged in the fields of the same names.
 TEXTS = ('name', 'namespace', 'velocity_topic', 'odometry_topic', 'message_type', 'frame')
 #: The default values for a robot file that extends no other robot.
 PLAIN = RobotProfile(
@@ -176,7 +179,7 @@ def find_robot(name_or_path: str | os.PathLike[str]) -> RobotProfile:
     """
     Return a robot of the package by its name, or read a robot profile by its path.
 
-    :param name_or_path: a text without a dot and a slash is a name, all else is a path
+    :param name_or_path: a text without dots and slashes is a name; any other value is a path
     :raises RobotFileError: if there is no such robot, or the file cannot be read
     """
     if name_or_path == KACHAKA.name:
@@ -269,10 +272,10 @@ def _read(text: str, source: str) -> RobotProfile:
 
 
 def _base(document: Document, data: dict[str, Any]) -> RobotProfile | None:
-    """Return the profile with the default values for a file: the extended robot, or PLAIN."""
+    """Return the default values for a file: the profile of the extended robot, or ``PLAIN``."""
     name = data.get('extends')
     if name is None:
-        # The schema cannot express that another key replaces these.
+        # The schema cannot express that these keys may be missing if ``extends`` is given.
         for key in REQUIRED:
             if key not in data:
                 document.add_problem([], missing(key, read_schema(SCHEMA)))
@@ -290,12 +293,12 @@ def _part(
         document: Document, key: str, quantities: Mapping[str, Quantity],
         make: Callable[..., object]) -> object | None:
     """
-    Return the object built from a mapping in the file; None if it is null or invalid.
+    Return the object made from a mapping in the file; None if the mapping is null or invalid.
 
     :param document: the file
     :param key: the key of the mapping
-    :param quantities: the quantity of each value with a unit, by name
-    :param make: called with the values by name
+    :param quantities: the names of the values with a unit, and the quantity of each
+    :param make: called with the values as keyword arguments, to make the object
     """
     node = document.root.at([key])
     numbers = document.read_quantities([key], quantities)
@@ -316,7 +319,8 @@ def _footprint(**sizes: float) -> Footprint:
     raise InvalidMotionError('it must be length and width, or radius alone')
 
 
-#: The parts of a file that are objects: key, quantities, and what makes the object.
+#: The mappings in a file that become objects: the key, the quantities of its values, and the
+#: function that makes the object.
 PARTS: tuple[tuple[str, Mapping[str, Quantity], Callable[..., object]], ...] = (
     ('limits', LIMIT_QUANTITIES, Limits),
     ('calibration', {'veer': VEER, 'delay': TIME}, Calibration),

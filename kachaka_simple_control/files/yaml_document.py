@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Read YAML of limited size into values with line numbers."""
+"""Read YAML texts of limited size, and return their values with line numbers."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ _UNPRINTABLE = re.compile(
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
-#: The problem of a file that cannot be read, by its error; the first that fits.
+#: For each class of errors, the message for a file that cannot be read.  The first class that the
+#: error belongs to counts.
 _REASONS: dict[type[Exception], str] = {
     FileNotFoundError: 'there is no such file',
     IsADirectoryError: 'this is a folder; name a file in it',
@@ -70,7 +71,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 def decode(data: bytes) -> str:
     """
-    Return the text of bytes in UTF-8.
+    Return the text that bytes in UTF-8 represent.
 
     :param data: the bytes of a file
     :raises UnreadableFileError: if the bytes are not UTF-8, or if there are too many
@@ -124,15 +125,15 @@ def read_document(text: str, schema: Schema) -> Document:
     :param text: the text of a file
     :param schema: a JSON Schema, Draft 7
     :returns: the values of the file, and the problems found in them
-    :raises UnreadableFileError: if the text is not YAML, a library is missing, or there are too
-        many problems
+    :raises UnreadableFileError: if the text is not YAML, PyYAML or jsonschema is not installed,
+        or there are too many problems
     """
     document = parse_yaml(require_text(text))
     document.check(schema)
     return document
 
 
-#: The largest number of characters of a number; the longest float has 24.
+#: The largest allowed number of characters of a number; the longest float needs 24.
 MAX_NUMBER = 100
 _WORDS: dict[str, bool | None] = {
     **dict.fromkeys(('', '~', 'null', 'Null', 'NULL')),
@@ -151,11 +152,11 @@ def resolve(word: str) -> bool | int | float | str | None:
     """
     Return the value of an unquoted YAML scalar: None, a bool, a finite number or text.
 
-    The rules are from YAML 1.2: ``1e3`` is a number; ``yes``, ``on`` and ``1:30`` are text.
+    The rules are those of YAML 1.2: ``1e3`` is a number; ``yes``, ``on`` and ``1:30`` are text.
 
     :param word: the scalar
-    :raises ScalarError: if the scalar is a number that is not finite, too long, or has a leading
-        zero, which some readers take as octal
+    :raises ScalarError: if the scalar is a number that is not finite, is too long, or has a
+        leading zero; some YAML readers take such a number as octal
     """
     if word in _WORDS:
         return _WORDS[word]
@@ -186,8 +187,9 @@ def parse_yaml(text: str) -> Document:
     Read one YAML document of mappings, lists and scalars.
 
     :param text: the text
-    :returns: the values of the document, and the problems of single values
-    :raises UnreadableFileError: if the text is not YAML, is empty or has too many values
+    :returns: the values of the document, and the problems with single values
+    :raises UnreadableFileError: if the text is not YAML, is empty or has too many values, or if
+        PyYAML is not installed
     """
     try:
         import yaml
@@ -202,7 +204,8 @@ def parse_yaml(text: str) -> Document:
         raise UnreadableFileError(*reader.problems, _not_yaml(error, text)) from None
 
 
-#: Advice for common YAML errors, by the message of PyYAML or of its C library.
+#: Advice for common YAML errors.  The keys are patterns for the messages of PyYAML and of its C
+#: library.
 _YAML_ADVICE = {
     "expected key|expected '-'|expected <block end>|indentation":
         'this line does not belong to those above; indent it as they are, and close all quotes',
@@ -228,7 +231,7 @@ def _not_yaml(error: Any, text: str) -> Problem:
 
 
 def _resolve(event: Any) -> tuple[Any, str | None]:
-    """Return the value of a scalar and None; for an invalid scalar None and the problem."""
+    """Return the value of a scalar and None, or None and the problem if it is invalid."""
     try:
         event.value.encode()
         return (event.value if event.style else resolve(event.value)), None
@@ -251,7 +254,7 @@ def _decoration(event: Any) -> str | None:
 
 class _YamlReader:
     """
-    Reads the values of a document from the parser events of PyYAML.
+    Reads the values of a document from the events of PyYAML's parser.
 
     :param events: the events
     """
@@ -259,7 +262,7 @@ class _YamlReader:
     def __init__(self, events: Iterator[Any]) -> None:
         self.problems: list[Problem] = []
         self._events = events
-        #: the mappings and lists around the next value, and its path
+        #: the mappings and lists that contain the next value, and the path of that value
         self._open: list[Node] = []
         self._path: list[str | int] = []
         self._count = 0
@@ -278,7 +281,7 @@ class _YamlReader:
         return Document(root, self.problems)
 
     def _value(self, event: Any) -> Node:
-        """Return the value that begins with an event, with all nested values."""
+        """Return the value that begins with an event, together with all nested values."""
         kind, line = _kind(event), _line(event)
         self._count_one(line)
         node = Node(line, {'MappingStart': {}, 'SequenceStart': []}.get(kind))
@@ -311,7 +314,12 @@ class _YamlReader:
                 parent.data.append(node.data)
 
     def _read_entry(self, mapping: Node, event: Any, is_decimals: bool) -> None:
-        """Read a key and its value; drop the value if the key is there twice or is no key."""
+        """
+        Read a key and its value.
+
+        The value is not kept if the key occurs twice in the mapping, or if the key is in fact the
+        part of a number after a decimal comma.
+        """
         line = _line(event)
         if _kind(event) != 'Scalar':
             raise self._given_up('a key must be a word', line)
@@ -335,7 +343,7 @@ class _YamlReader:
 
     def _takes_decimals(self, event: Any) -> bool:
         """
-        Record a problem if a scalar is the part after a decimal comma: ``{forward: 0,5 m}``.
+        Record a problem if a scalar is the part after a decimal comma, as in ``{forward: 0,5 m}``.
 
         :returns: whether the scalar is such a part
         """
