@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Calibrate a robot: fit gains, veer and delay to the odometry of a known motion."""
+"""
+Fit the calibration of a robot to the odometry of a known motion.
+
+A calibration has the gains of the velocities, the delay of the robot, and its veer: the unwanted
+turn for each metre.
+"""
 
 from __future__ import annotations
 
@@ -28,23 +33,24 @@ from kachaka_simple_control.errors import RunFaultError
 from kachaka_simple_control.motion.calibration import Calibration, MAX_GAIN, MIN_GAIN
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 
-#: The motion of the library that the robot drives for the calibration.
+#: The name of the library motion that the robot drives for the calibration.
 MOTION = 'calibration'
-#: The time before the end of a rest in which the robot must stand still [s].
+#: The length of the last part of a rest, in which the robot must stand still [s].
 REST = 1.0
-#: The smallest number of odometry samples in this time.
+#: The smallest number of odometry samples in this part of a rest.
 MIN_SAMPLES = 10
-#: The largest standard errors of a gain, and of the delay [s], that a calibration may have.
+#: The largest standard errors that a calibration may have: of a gain, and of the delay [s].
 MAX_GAIN_ERROR = 0.0025
 MAX_DELAY_ERROR = 0.01
-#: The largest difference between the gains of two equal steps; more means slip or an uneven floor.
+#: The largest difference between the gains of two equal steps.  A larger difference means that the
+#: wheels slip or that the floor is uneven.
 MAX_SPREAD = 0.01
-#: The largest deviation that counts as chance [standard errors].
+#: A deviation up to this value can be random noise [standard errors].
 CHANCE = 4.0
 
 
 class CalibrationError(RunFaultError):
-    """A drive gives no valid calibration; the message says why."""
+    """A drive gives no valid calibration; the message gives the reason."""
 
 
 class Estimate(NamedTuple):
@@ -59,10 +65,10 @@ class CalibrationFit:
     """
     The result of a fit to a calibration drive.
 
-    :param gains: true velocity divided by sent velocity, by direction: forward, backward, left,
-        right
-    :param veer: the unwanted turn to the left for each metre forwards [rad/m]
-    :param delay: how late the robot follows a command, dead time plus lag [s]
+    :param gains: the true velocity divided by the sent velocity, for each direction: forward,
+        backward, left, right
+    :param veer: the unwanted turn for each metre forwards [rad/m], positive to the left
+    :param delay: how late the robot follows a command [s]: the dead time plus the lag
     :param position_noise: the standard deviation of the position in odometry [m]
     :param heading_noise: the standard deviation of the heading in odometry [rad]
     """
@@ -74,7 +80,12 @@ class CalibrationFit:
     heading_noise: float
 
     def calibration(self, date: str, floor: str) -> Calibration:
-        """Return the calibration with the fitted values, rounded."""
+        """
+        Return a calibration with the fitted values, rounded.
+
+        :param date: the date of the measurement, as text
+        :param floor: the floor of the measurement, as text
+        """
         gains = {f'{name}_gain': round(gain.value, 5) for name, gain in self.gains.items()}
         return Calibration(
             **gains, veer=round(self.veer.value, 5),
@@ -82,7 +93,14 @@ class CalibrationFit:
 
 
 class Rest(NamedTuple):
-    """The mean odometry pose of a robot at standstill, the number of samples and the noise."""
+    """
+    The mean pose of a robot that stands still, from odometry, and the noise of the samples.
+
+    :param pose: the mean pose
+    :param samples: the number of samples
+    :param position_noise: the standard deviation of the position [m]
+    :param heading_noise: the standard deviation of the heading [rad]
+    """
 
     pose: Pose
     samples: int
@@ -91,7 +109,7 @@ class Rest(NamedTuple):
 
 
 class _Drive(NamedTuple):
-    """The gain, the veer and the delay of one step, from odometry."""
+    """The gain, the veer and the delay of one step, from odometry; a turn has no veer."""
 
     direction: str
     gain: Estimate
@@ -103,12 +121,14 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
     """
     Fit a calibration to a drive of the motion ``calibration``.
 
-    The gain of a step is the reported displacement divided by the requested displacement, between
-    the rests before and after the step.  The delay is the area between the sent and the reported
-    displacement over time, divided by the displacement.  It is the sum of the dead time and the
-    time constant of a lag of any order.
+    The gain of a step is the displacement from odometry divided by the requested displacement.
+    The displacement from odometry is from the rest before the step to the rest after it.
 
-    :param log: the drive; each moving step is between two rests
+    For the delay, the sent and the reported displacement are compared as two curves over time.
+    The delay is the area between the curves, divided by the displacement of the step.  It is the
+    dead time plus the time constant of the lag, for a lag of any order.
+
+    :param log: the drive; a rest comes before and after each moving step
     :raises CalibrationError: if the drive gives no valid calibration
     """
     steps = completed_steps(log)
@@ -139,7 +159,7 @@ def fit_calibration(log: DriveLog) -> CalibrationFit:
 
 def completed_steps(log: DriveLog) -> list[StepLog]:
     """
-    Return the steps of a drive that was completed as planned.
+    Return the steps of a drive, if it was completed as planned; else raise an error.
 
     :param log: the drive
     :raises CalibrationError: if the drive was not completed, or was paused or slowed down
@@ -154,11 +174,11 @@ def completed_steps(log: DriveLog) -> list[StepLog]:
 
 def find_rest(odometry: Sequence[OdometryReceived], step: StepLog) -> Rest:
     """
-    Return the mean pose at the end of a step in which the robot stands still.
+    Return the mean pose in the last second of a rest, from odometry.
 
     :param odometry: the plausible odometry samples of the drive
-    :param step: the step
-    :raises CalibrationError: if odometry does not show a standstill
+    :param step: the rest, a step in which the robot stands still
+    :raises CalibrationError: if odometry has too few samples, or the robot did not stand still
     """
     end = step.began + step.planned.duration
     poses = [sample.pose for sample in odometry if end - REST <= sample.time <= end]
@@ -190,11 +210,12 @@ def _drive(
     Return the gain, the veer and the delay of a step, from odometry.
 
     :param odometry: the plausible odometry samples of the drive
-    :param sent: the path from the sent velocities
+    :param sent: the path that follows from the sent velocities
     :param step: the step
     :param before: the rest before the step
     :param after: the rest after the step
     :param end: the time at which the rest after the step ends [s]
+    :raises CalibrationError: if the gain is out of range
     """
     is_straight = step.step.displacement.distance != 0.0
     extent = (_straight if is_straight else _turn)(
@@ -213,7 +234,7 @@ def _drive(
                 Pose(sample.pose.x, sample.pose.y, theta)) / gain
             area += 0.5 * (height + behind) * (sample.time - time)
             time, height = sample.time, behind
-    # An error of the pose before the step adds the same error to each height.
+    # An error of the pose before the step changes all values of ``height`` equally.
     return _Drive(
         extent.direction, Estimate(gain, extent.error / extent.requested), extent.veer,
         Estimate(area / extent.requested,
@@ -222,15 +243,18 @@ def _drive(
 
 class _StepExtent(NamedTuple):
     """
-    The requested and the reported displacement of a step [m or rad], positive in its direction.
+    The requested and the reported displacement of a step [m or rad].
+
+    A displacement is positive in the direction of the step, also backwards and to the right.
 
     :param direction: forward, backward, left or right
     :param requested: the requested displacement
-    :param reported: the displacement in odometry, from rest to rest
+    :param reported: the displacement in odometry, from the rest before to the rest after the step
     :param error: the standard error of the reported displacement
-    :param veer: the veer in odometry; None for a turn
-    :param sent_distance: returns the displacement along the step for a pose of the sent path
-    :param reported_distance: returns the displacement along the step for an odometry pose
+    :param veer: the unwanted turn for each metre, from odometry [rad/m]; None for a turn
+    :param sent_distance: a function that returns the displacement along the step, from its start
+        to a pose of the sent path
+    :param reported_distance: the same function for a pose of odometry
     """
 
     direction: str
@@ -248,7 +272,7 @@ def _straight(requested: Displacement, before: Rest, after: Rest, origin: Pose) 
     x, y = end.x - start.x, end.y - start.y
     length = math.hypot(x, y)
     ahead = sign * (x * math.cos(start.theta) + y * math.sin(start.theta))
-    # A veer bends the path slightly; chord and path differ by a few parts in 100 000.
+    # The veer bends the path slightly, so the path is longer by a few parts in 100 000.
     reported = math.copysign(length, ahead)
     along = (x / length, y / length) if length else (0.0, 0.0)
     heading_error = _error(before, after, 'heading_noise')
@@ -295,7 +319,12 @@ def _gain(direction: str, gains: Sequence[Estimate]) -> Estimate:
 
 
 def _mean(estimates: Sequence[Estimate]) -> Estimate:
-    """Return the mean of estimates; its error is from their errors or, if larger, their spread."""
+    """
+    Return the mean of estimates.
+
+    Its standard error follows from the errors of the estimates, or from the differences between
+    the estimates if this gives a larger value.
+    """
     count = len(estimates)
     value = fmean([estimate.value for estimate in estimates])
     chance = math.sqrt(sum(estimate.error ** 2 for estimate in estimates)) / count

@@ -11,7 +11,12 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The log of a drive: sent velocities and received odometry, with times and plan times."""
+"""
+The log of a drive: its plans, the sent velocities and the received odometry.
+
+Clock time is the time on the steady clock.  Plan time is the position on the plan: it stops in a
+pause, and runs more slowly than the clock at a reduced speed.
+"""
 
 from __future__ import annotations
 
@@ -37,20 +42,20 @@ from kachaka_simple_control.control.events import (
 from kachaka_simple_control.motion.plan import Plan, plan, PlannedStep
 from kachaka_simple_control.motion.steps import Step
 
-#: A message less than this too early counts as on time [s], because times are rounded sums.
+#: The tolerance of a comparison of two times [s], because times are sums with rounding errors.
 ROUNDING = 1e-6
 
 
 class PlanTimeline:
     """
-    Converts between clock time and plan time, with the messages of a motion.
+    Converts between clock time and plan time, according to the messages of a motion.
 
-    Times between two messages are interpolated.  If the plan was held at a plan time, the plan
-    time is converted to the first of its clock times.
+    Times between two messages are interpolated.  In a pause, many clock times have the same plan
+    time; this plan time is converted to the first of them.
 
     :param began: the time t = 0 of the motion [s on the steady clock]
-    :param messages: the motion's messages, in order, up to and with the zero that ended the
-        motion
+    :param messages: the messages of the motion, in order; the last one is the zero velocity that
+        ended the motion
     """
 
     def __init__(self, began: float, messages: Sequence[VelocitySent]) -> None:
@@ -58,16 +63,16 @@ class PlanTimeline:
         self._messages = messages
         #: whether a message of the motion was delayed by a pause or a speed factor
         self.is_delayed = any(message.is_of_run and message.is_delayed for message in messages)
-        # A motion without delay needs no lists, to save memory.
+        # To save memory, a motion without delay has no lists.
         delayed = messages if self.is_delayed else ()
         self._times = [message.time for message in delayed]
-        # Plan times come from a bisection and are rounded, so they may decrease slightly.
+        # Plan times are rounded results of a bisection, so without max they may decrease slightly.
         self._plan_times = list(accumulate(map(self._message_plan_time, delayed), max))
 
     def _message_plan_time(self, message: VelocitySent) -> float:
         if message.plan_time is not None:
             return message.plan_time
-        # The first zero of the stop has no plan time: continue from the last message.
+        # The first zero velocity of a stop has no plan time: add the time since the last message.
         last = self._messages[-2] if len(self._messages) > 1 else None
         if last is None or last.plan_time is None:
             return message.time - self._began
@@ -76,9 +81,9 @@ class PlanTimeline:
     @property
     def reached(self) -> float:
         """
-        Return the reached plan time [s of the plan]; accurate to one period if delayed.
+        Return the plan time that the motion has reached [s of the plan]; 0 without messages.
 
-        Without messages, return 0.
+        If a pause or a speed factor delayed the motion, the error is at most one period.
         """
         if not self._messages:
             return 0.0
@@ -103,10 +108,10 @@ class PlanTimeline:
 
     def time(self, plan_time: float) -> float:
         """
-        Return the clock time at which the plan first reaches a plan time.
+        Return the clock time at which the motion first reaches a plan time.
 
         :param plan_time: the plan time [s of the plan]
-        :returns: the clock time [s on the steady clock], extrapolated after the last message
+        :returns: the clock time [s on the steady clock]; it is extrapolated after the last message
         """
         if not self.is_delayed:
             return self._began + plan_time
@@ -127,9 +132,12 @@ class PlanTimeline:
 def _interpolated(arguments: Sequence[float], values: Sequence[float], argument: float,
                   index: int) -> float:
     """
-    Return the linearly interpolated value at an argument; outside the range the slope is one.
+    Interpolate linearly between known values; outside their range, use a slope of one.
 
-    :param index: the index of the first of ``arguments`` that is not below the argument
+    :param arguments: the arguments with known values, in ascending order
+    :param values: the value at each of these arguments
+    :param argument: the argument of the value to return
+    :param index: the index in ``arguments`` at which ``argument`` would be inserted
     """
     if index in (0, len(arguments)):
         nearest = max(0, index - 1)
@@ -146,7 +154,7 @@ class StepLog:
 
     :param planned: the planned step
     :param began: the time at which the plan reached the step [s on the steady clock]
-    :param sent: the messages of the step, and the next message, which ends the step
+    :param sent: the messages of the step, and the first message after it, which ends the step
     :param is_complete: whether the step was driven to its end
     """
 
@@ -167,7 +175,7 @@ class StepLog:
 
     @property
     def driven_duration(self) -> float:
-        """Return the driven time from start to the message that ends the step [s], with pauses."""
+        """Return the time from the start of the step to its end [s], with pauses."""
         return self.sent[-1].time - self.began if self.sent else 0.0
 
 
@@ -177,12 +185,12 @@ class MotionLog:
     A motion, its sent messages and its end.
 
     :param planned: the planned motion
-    :param sent: all messages since the planning, in order: zeros after connecting, the motion's
-        own messages, the zeros of the stop
+    :param sent: all messages since the motion was planned, in order: zero velocities before the
+        motion, the motion's own messages, the zero velocities of the stop
     :param began: the time t = 0 of the motion [s on the steady clock]; nan before the start
     :param ended: the end time [s on the steady clock]; None before the end
     :param reason: the reason for an early end; None if the motion was driven to its end
-    :param is_fault: whether a fault caused the early end, instead of a request
+    :param is_fault: whether a fault, and not a request to stop, caused the early end
     """
 
     planned: MotionPlanned
@@ -191,7 +199,7 @@ class MotionLog:
     ended: float | None = None
     reason: str | None = None
     is_fault: bool = True
-    #: the indices of the motion's first and last own message; None before the first
+    #: the indices in ``sent`` of the motion's first and last own message; None without any
     _own: tuple[int, int] | None = field(default=None, init=False, repr=False)
 
     def add(self, message: VelocitySent) -> None:
@@ -223,11 +231,11 @@ class MotionLog:
 
     @property
     def own_messages(self) -> Sequence[VelocitySent]:
-        """Return the motion's own messages, up to and with the zero that ended the motion."""
+        """Return the motion's own messages, with the zero velocity that ended the motion."""
         if self._own is None:
             return ()
         first, last = self._own
-        # If the motion ended early, the first zero of the stop is its last message.
+        # If the motion ended early, the stop's first zero velocity is the motion's last message.
         return self.sent[first:last + (1 if self.is_complete else 2)]
 
     @property
@@ -248,7 +256,7 @@ class MotionLog:
 
     @staticmethod
     def _begins_by(step: PlannedStep, reached: float, is_delayed: bool) -> bool:
-        # A rest starts with a zero; this zero may be the first zero of the stop.
+        # A rest starts with a zero velocity, which may be the first one of the stop.
         rests = step.max_linear_velocity == step.max_angular_velocity == 0.0
         return step.start < reached + (ROUNDING if rests or is_delayed else -ROUNDING)
 
@@ -261,10 +269,10 @@ class DriveLog:
     :param session_started: the start of the session; None before the start
     :param motions: the planned motions, in order
     :param odometry: all received odometry samples, in order
-    :param speed_changes: the changes of the speed factor, in order; 1 before the first change
+    :param speed_changes: the changes of the speed factor, in order; before them, the factor is 1
     :param session_ended: the end of the session; None before the end, or if the program was
         killed
-    :param other_messages: the messages before the first motion or of a run without a plan
+    :param other_messages: the messages sent before the first motion, or in a run without a plan
     """
 
     session_started: SessionStarted | None = None
@@ -289,7 +297,7 @@ class DriveLog:
 
     @property
     def command_timeout(self) -> float:
-        """Return how long the robot keeps a velocity without a new one [s]; inf if unknown."""
+        """Return the time until the robot stops without a new velocity [s]; inf if unknown."""
         started = self.session_started
         return math.inf if started is None else started.command_timeout
 

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The timing accuracy of a drive's messages, compared with its plans."""
+"""Compare the times at which the messages of a drive were sent with its plans."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Quantiles:
 
 
 def quantiles(values: Sequence[float]) -> Quantiles | None:
-    """Return the quantiles of numbers in any order; None if there are none."""
+    """Return the quantiles of numbers in any order; None if there are no numbers."""
     if not values:
         return None
     ordered = sorted(values)
@@ -49,7 +49,8 @@ def quantile(values: Sequence[float], part: float) -> float:
     Return a quantile of some values.
 
     :param values: at least one number, in any order; may contain infinity
-    :param part: the share of the values below the quantile: 0 for the smallest, 1 for the largest
+    :param part: the fraction of the values that are below the quantile; with 0, the smallest value
+        is returned, with 1 the largest
     :returns: the quantile, interpolated between the two nearest values
     """
     ordered = sorted(values)
@@ -62,11 +63,12 @@ def quantile(values: Sequence[float], part: float) -> float:
 
 
 def median(values: Sequence[float]) -> float:
-    """Return the median of at least one number, in any order."""
+    """Return the median of one or more numbers, in any order."""
     return quantile(values, 0.5)
 
 
-#: A tick is lost if no message was sent within this share of a period from its due time.
+#: A tick is a time at which a plan requires a message.  The tick is lost if no message was sent
+#: within this fraction of a period before or after it.
 LOST = 0.5
 
 
@@ -75,16 +77,18 @@ class Timing:
     """
     The timing accuracy of a drive's messages.
 
-    :param due: the number of ticks: times at which the plans require a message
-    :param late: the number of ticks with a message a quarter to half a period from the due time
-    :param lost: the number of ticks without a message within half a period of the due time
+    A tick is a time at which a plan requires a message.
+
+    :param due: the number of ticks
+    :param late: the number of ticks whose message is a quarter to half a period early or late
+    :param lost: the number of ticks without a message within half a period before or after
     :param interval_errors: each interval between two messages minus the planned interval [s]
-    :param lateness: the time differences between messages and their due times [s]; None without
-        messages
-    :param jitter: the absolute interval errors [s]; None without intervals
+    :param lateness: the absolute time differences between messages and their ticks [s]; None
+        without messages
+    :param jitter: the absolute values of ``interval_errors`` [s]; None without intervals
     :param periods: the periods of the plans, without duplicates [s]
-    :param unjudged: the number of messages without a due time: all messages of a motion from the
-        first one delayed by a pause or a speed factor
+    :param unjudged: the number of messages that are not compared with the plan: after a pause or
+        a speed factor delayed a message of a motion, this message and all later ones
     """
 
     due: int
@@ -101,8 +105,8 @@ def timing(motions: Sequence[MotionLog]) -> Timing:
     """
     Compare the message times of motions with their plans.
 
-    For each motion, the comparison ends at the first delayed message.  Motions that never started
-    do not count.
+    For each motion, the comparison ends at the first message that was delayed by a pause or a
+    speed factor.  Motions that never started do not count.
     """
     late = lost = due = unjudged = 0
     interval_errors: list[float] = []
@@ -112,7 +116,7 @@ def timing(motions: Sequence[MotionLog]) -> Timing:
         period = motion.plan.period
         messages = [message for message in motion.own_messages if message.is_of_run]
         if motion.is_complete and messages:
-            messages.pop()  # the zero at the end is not a tick
+            messages.pop()  # the zero velocity at the end has no tick
         as_planned = list(takewhile(lambda message: not message.is_delayed, messages))
         until = _timed_until(motion)
         if len(as_planned) < len(messages):
@@ -134,11 +138,13 @@ def timing(motions: Sequence[MotionLog]) -> Timing:
 
 def due_times(plan: Plan, until: float) -> list[float]:
     """
-    Return the due times of a plan's messages: at each segment start and each period after it.
+    Return the times at which a plan requires messages.
+
+    A message is due at the start of each segment, and after each period within the segment.
 
     :param plan: the plan
-    :param until: the end of the interval [s after t = 0], exclusive
-    :returns: the times [s after t = 0], in order, without the time of the zero at the end
+    :param until: the time from which on messages do not count [s after t = 0]
+    :returns: the times [s after t = 0], in order, without the zero velocity at the end
     """
     times = [segment.start + number * plan.period for segment in plan.segments
              for number in range(ticks(segment, plan.period))]
@@ -156,9 +162,9 @@ def _timed_until(motion: MotionLog) -> float:
 def _sent_at(due: Sequence[float], messages: Sequence[VelocitySent],
              began: float) -> list[float | None]:
     """
-    Return the time of each tick's message.
+    Return the time at which the message of each tick was sent.
 
-    :param due: the due time of each tick [s after t = 0], in order
+    :param due: the planned time of each tick [s after t = 0], in order
     :param messages: the messages, in order
     :param began: the time t = 0 [s on the steady clock]
     :returns: the time of each tick's message [s after t = 0]; None for a tick without a message
@@ -172,7 +178,7 @@ def _sent_at(due: Sequence[float], messages: Sequence[VelocitySent],
 
 
 def _interval_errors(due: Sequence[float], sent_at: Sequence[float | None]) -> list[float]:
-    # The planned interval is to the next tick, also if the next tick has no message.
+    # The planned interval ends at the next tick, even if no message was sent for that tick.
     messages = [(tick, time) for tick, time in enumerate(sent_at) if time is not None]
     return [two - one - (due[tick + 1] - due[tick])
             for (tick, one), (_, two) in pairwise(messages)]

@@ -39,10 +39,10 @@ class DeadReckoning:
     """
     The path of a robot that drives exactly the sent velocities, from the origin.
 
-    The robot keeps each velocity until the next message, but not longer than the command timeout.
+    The robot drives each velocity until the next message, but not longer than the command timeout.
 
     :param messages: the sent messages, in order
-    :param command_timeout: how long the robot keeps a velocity without a new one [s]
+    :param command_timeout: the time after which the robot stops without a new velocity [s]
     """
 
     def __init__(self, messages: Sequence[VelocitySent], command_timeout: float) -> None:
@@ -60,7 +60,7 @@ class DeadReckoning:
             self._velocities.append(message.velocity)
 
     def at(self, time: float) -> Pose:
-        """Return the pose at a time [s]; before the first message the origin."""
+        """Return the pose at a time [s]; the origin before the first message."""
         index = bisect_right(self.times, time) - 1
         if index < 0:
             return ORIGIN
@@ -73,9 +73,9 @@ class DeadReckoning:
     @property
     def end(self) -> Pose:
         """
-        Return the last pose: one command timeout after the last message.
+        Return the last pose of the path, one command timeout after the last message.
 
-        Without a timeout the last pose is unknown; then return the pose at the last message.
+        If the command timeout is infinite, return the pose at the last message.
         """
         if not self.times:
             return ORIGIN
@@ -85,7 +85,7 @@ class DeadReckoning:
 
 #: Odometry up to this time after the last message belongs to the drive [s].
 MAX_TIME_AFTER_LAST_MESSAGE = 1.0
-#: Odometry with a larger value is invalid and left out [m, rad, m/s, rad/s].
+#: An odometry sample with a larger value is invalid and left out [m, rad, m/s, rad/s].
 MAX_VALUE = 1e6
 
 
@@ -95,7 +95,7 @@ class MotionStart:
     The start pose and the start time of a motion.
 
     :param motion: the motion
-    :param pose: the planned start pose, in the frame of the drive
+    :param pose: the planned start pose, relative to the robot's pose at t = 0 of the drive
     :param time: the start time [s after t = 0 of the drive]; None if the motion never started
     """
 
@@ -106,13 +106,13 @@ class MotionStart:
 
 class OdometrySample(NamedTuple):
     """
-    A sample of odometry in the frame of the drive.
+    A sample of odometry, converted to a pose relative to the robot's pose at t = 0 of the drive.
 
     :param time: the time of the sample [s after t = 0 of the drive]
-    :param pose: the pose in the frame of the drive
+    :param pose: the converted pose
     :param received: the sample as received
-    :param distance: the distance from the pose that follows from the sent velocities [m]
-    :param angle: the heading error relative to that pose [rad], positive to the left
+    :param distance: the distance from the pose that is expected from the sent velocities [m]
+    :param angle: the heading minus the expected heading [rad], positive to the left
     """
 
     time: float
@@ -124,15 +124,16 @@ class OdometrySample(NamedTuple):
 
 class AlignedDrive:
     """
-    The plans, messages and odometry of a drive in one frame: the robot's pose at t = 0.
+    The plans, messages and odometry of a drive, relative to the robot's pose at t = 0.
 
-    Odometry is transformed from its own frame.  The sample before t = 0, or else the first sample,
-    is mapped to the pose that follows from the velocities sent until then.
+    Odometry has a frame of its own, so its poses are transformed.  The last sample before t = 0,
+    or else the first sample, gives the transform: it becomes the pose that is expected from the
+    velocities sent until then.
     """
 
     def __init__(self, log: DriveLog) -> None:
         began = [motion.began for motion in log.motions if motion.has_begun]
-        #: the time t = 0 [s on the steady clock]; nan if no motion started
+        #: t = 0, the start of the first motion [s on the steady clock]; nan if no motion started
         self.start_time = began[0] if began else math.nan
         #: all messages from t = 0 on
         self.sent = [message for message in log.sent if message.time >= self.start_time - 1e-6]
@@ -152,7 +153,7 @@ class AlignedDrive:
         """
         Return the length of a time axis that shows the whole drive [s], above 0.
 
-        It ends with the last message, the last planned end or the last odometry.
+        The axis ends at the last message, planned end or odometry sample, whichever is latest.
         """
         planned = [
             time for start in self.motion_starts if start.time is not None or not self.sent
@@ -201,7 +202,7 @@ class AlignedDrive:
             expected = self.dead_reckoning.at(received.time)
             pose = compose(frame, received.pose)
             distance, angle = distance_between(expected, pose)
-            # Odometry headings are wrapped, but the robot may have made several turns.
+            # Odometry headings are within one turn, but the robot may have made several turns.
             pose = Pose(pose.x, pose.y, expected.theta + angle)
             samples.append(OdometrySample(
                 received.time - self.start_time, pose, received, distance, angle))

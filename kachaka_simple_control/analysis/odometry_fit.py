@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Calibrate odometry with a tape: a straight line of 1 m and a turn, or squares in both directions.
+Calibrate odometry with the motion of the robot, measured on the floor with a tape.
 
-The squares are the UMBmark method of Borenstein and Feng.
+The robot drives a straight line of 1 m and a whole turn, or squares in both directions.  The
+squares are the UMBmark method of Borenstein and Feng.
 """
 
 from __future__ import annotations
@@ -44,13 +45,13 @@ from kachaka_simple_control.motion.calibration import (
 )
 from kachaka_simple_control.motion.geometry import ORIGIN, Pose, relative_to
 
-#: The wheel ratio and the track ratio, or their errors.
+#: The wheel ratio and the track ratio, or their standard errors.
 Pair = tuple[float, float]
-#: Returns the residuals for two parameters.
+#: A function that returns the residuals of a fit for two parameters.
 Residuals = Callable[[float, float], Sequence[float]]
 
-#: The standard errors of the measured 1 m and of the measured whole turn: two marks, each read
-#: to 1 mm, and an angle read to 1 deg.
+#: The standard errors of the distance measured with the tape [m], from two marks that are read to
+#: 1 mm each, and of the measured angle [rad], which is read to 1 degree.
 TAPE_ERROR = 0.0015
 ANGLE_ERROR = math.radians(1.0)
 #: The shortest time between two poses of a path [s].
@@ -62,8 +63,9 @@ class FloorFit:
     """
     The result of a fit to a straight line of 1 m and a whole turn.
 
-    :param scale: true distance divided by reported distance
-    :param track_ratio: true track divided by the track that odometry uses
+    :param scale: the true distance divided by the distance in odometry
+    :param track_ratio: the true track, the distance between the wheels, divided by the track that
+        odometry uses
     """
 
     scale: Estimate
@@ -75,7 +77,8 @@ def reported_path(log: DriveLog) -> list[Pose]:
     Return the odometry poses of a drive that starts and ends with a rest.
 
     :param log: the drive
-    :raises CalibrationError: if the drive was not completed, or odometry does not cover it
+    :raises CalibrationError: if the drive was not completed, does not start and end with a rest,
+        or odometry does not show that the robot stood still there
     """
     steps = completed_steps(log)
     odometry = [sample for sample in log.odometry if is_plausible(sample)]
@@ -91,7 +94,7 @@ def reported_path(log: DriveLog) -> list[Pose]:
 
 
 def reported_displacement(path: Sequence[Pose]) -> tuple[float, float]:
-    """Return the distance between the ends of a path [m] and the heading change [rad]."""
+    """Return the distance between the ends of a path [m] and its total heading change [rad]."""
     start, end = path[0], path[-1]
     return math.hypot(end.x - start.x, end.y - start.y), math.fsum(
         math.remainder(after.theta - before.theta, math.tau) for before, after in pairwise(path))
@@ -100,10 +103,11 @@ def reported_displacement(path: Sequence[Pose]) -> tuple[float, float]:
 def fit_floor(reported_distance: float, measured_distance: float, reported_angle: float,
               measured_angle: float) -> FloorFit:
     """
-    Fit scale and track ratio to a straight line and a turn in place.
+    Fit the scale and the track ratio to a straight line and a turn in place.
 
-    The scale s is the measured distance divided by the reported distance.  The measured angle is
-    s b_0 / b times the reported angle, with the true track b and the track b_0 of odometry.
+    The scale s is the measured distance divided by the distance in odometry.  The measured angle
+    is s b_0 / b times the angle in odometry.  Here b is the true track, the distance between the
+    wheels, and b_0 is the track that odometry uses.
 
     :param reported_distance: the distance in odometry [m]
     :param measured_distance: the distance measured with the tape [m]
@@ -137,13 +141,14 @@ def _ratio(name: str, reported: float, measured: float, unit: str) -> float:
 #: [m], and of the heading [rad].
 POSITION_ERROR = 0.02
 HEADING_ERROR = math.radians(0.6)
-#: The largest difference between measured and reported end of a square: of the position as a share
-#: of the path length, and of the heading [rad].
+#: The largest difference between the measured and the reported end of a square: the distance
+#: divided by the path length, and the heading difference [rad].
 MAX_END_ERROR = 0.25
 MAX_END_TURN = math.radians(120.0)
 #: The largest root mean square residual of the fit [standard errors].
 MAX_MISFIT = 4.0
-#: The largest standard errors of the curvature of a straight line [rad/m] and of the track ratio.
+#: The largest standard errors of the curvature of a path that should be straight [rad/m], and of
+#: the track ratio.
 MAX_BEND_ERROR = 0.005
 MAX_TRACK_RATIO_ERROR = 0.01
 #: The largest number of iterations of the fit; usually about five are enough.
@@ -154,7 +159,7 @@ class Square(NamedTuple):
     """
     One driven square.
 
-    :param path: the odometry poses, at rest at both ends
+    :param path: the odometry poses; the robot stands still at the first and at the last one
     :param measured: the measured end pose on the floor, relative to the start pose: x ahead, y to
         the left
     """
@@ -168,11 +173,12 @@ class UmbmarkFit:
     """
     The result of a fit to squares in both directions.
 
-    :param wheel_ratio: true diameter of the right wheel divided by the one of the left wheel
-    :param track_ratio: true track divided by the track that odometry uses
-    :param before: the largest systematic position error without the correction, E_max,syst of
-        UMBmark [m]
-    :param after: the largest systematic position error with the correction [m]
+    :param wheel_ratio: the true diameter of the right wheel divided by that of the left wheel
+    :param track_ratio: the true track, the distance between the wheels, divided by the track that
+        odometry uses
+    :param before: the largest systematic position error without the correction, called E_max,syst
+        in UMBmark [m]
+    :param after: the same error with the correction [m]
     :param closed_form: wheel ratio and track ratio from the formulas of Borenstein and Feng
     """
 
@@ -186,10 +192,10 @@ class UmbmarkFit:
 def closed_form(
         squares: Sequence[Square], track: float, scale: float = 1.0) -> tuple[float, float]:
     """
-    Return wheel ratio and track ratio from the formulas of Borenstein and Feng (1996).
+    Return the wheel ratio and the track ratio from the formulas of Borenstein and Feng (1996).
 
-    The formulas are first-order approximations, one for each axis.  Their second-order errors have
-    opposite signs, so the mean of the two results is returned.
+    There are two approximations, from the errors along x and along y.  Their second-order errors
+    have opposite signs, so the mean of the two results is returned.
 
     :param squares: the driven squares, at least one in each direction
     :param track: the track that odometry uses [m]
@@ -211,10 +217,11 @@ def closed_form(
 
 def fit_umbmark(squares: Sequence[Square], track: float, scale: float = 1.0) -> UmbmarkFit:
     """
-    Fit wheel ratio and track ratio to squares, by least squares over end positions and headings.
+    Fit the wheel ratio and the track ratio to the measured ends of squares, by least squares.
 
-    The model is exact: it converts each odometry increment to the floor, from start to end.
-    Squares cannot give the scale, because with any scale they end at their start.
+    The residuals are the errors of position and heading at the ends.  The model has no
+    approximation: it corrects each increment of odometry, from the start to the end.  Squares do
+    not show an error of the scale, because with any scale they end at their start.
 
     :param squares: the driven squares, at least one in each direction
     :param track: the track that odometry uses [m]
@@ -259,7 +266,9 @@ def fit_umbmark(squares: Sequence[Square], track: float, scale: float = 1.0) -> 
 
 def worst_systematic_error(squares: Sequence[Square], calibration: OdometryCalibration) -> float:
     """
-    Return E_max,syst of UMBmark: the larger of both directions' mean position errors [m].
+    Return E_max,syst of UMBmark, the largest systematic position error [m].
+
+    The end errors of the squares are averaged for each direction.  The larger mean is returned.
 
     :param squares: the driven squares, at least one in each direction
     :param calibration: the calibration that corrects odometry
@@ -284,14 +293,14 @@ def _check(square: Square) -> None:
 
 
 def _by_direction(squares: Sequence[Square]) -> tuple[list[Square], list[Square]]:
-    """Return the squares driven to the right, and the squares driven to the left."""
+    """Return the squares with turns to the right, and the squares with turns to the left."""
     turns = [reported_displacement(square.path)[1] for square in squares]
     return ([square for square, turn in zip(squares, turns, strict=True) if turn < -math.pi],
             [square for square, turn in zip(squares, turns, strict=True) if turn > math.pi])
 
 
 def _length(path: Sequence[Pose]) -> float:
-    """Return the length of a path [m]; lateral noise does not count."""
+    """Return the length of a path [m]; lateral movement is noise and does not count."""
     return math.fsum(abs(relative_to(before, after).x) for before, after in pairwise(path))
 
 
@@ -312,13 +321,15 @@ def _mean_error(calibration: OdometryCalibration, squares: Sequence[Square]) -> 
 
 def _least_squares(residuals: Residuals, start: Pair) -> tuple[Pair, Pair]:
     """
-    Return the two parameters with the least sum of squares, and their standard errors.
+    Return the two parameters with the least sum of squared residuals, and their standard errors.
 
     The method is Gauss-Newton.  A step that does not reduce the sum is halved.
 
-    :param residuals: returns the residuals for two parameters, each divided by its standard error
+    :param residuals: a function that returns the residuals for two parameters, each divided by its
+        standard error
     :param start: the parameters to start from
-    :raises CalibrationError: if the fit finds no such parameters
+    :raises CalibrationError: if the data do not determine the parameters, or the fit does not
+        converge
     """
     found, step = start, 1e-6
     left = residuals(*found)
@@ -344,13 +355,21 @@ def _least_squares(residuals: Residuals, start: Pair) -> tuple[Pair, Pair]:
 
 def _descend(residuals: Residuals, found: Pair, change: Pair,
              least: float) -> tuple[Pair, Sequence[float]] | None:
-    """Return the parameters after a step that reduces the sum, and the residuals, or None."""
+    """
+    Change the parameters, and halve the change until it reduces the sum of squared residuals.
+
+    :param residuals: a function that returns the residuals for two parameters
+    :param found: the parameters before the change
+    :param change: the first change to try
+    :param least: the sum of squared residuals before the change
+    :returns: the new parameters and their residuals; None if no change reduces the sum
+    """
     factor = 1.0
     while factor * max(map(abs, change)) > 1e-9:
         tried = found[0] + factor * change[0], found[1] + factor * change[1]
         try:
             left = residuals(*tried)
-        except InvalidMotionError:  # out of range
+        except InvalidMotionError:  # a parameter is out of range
             pass
         else:
             if _dot(left, left) < least:

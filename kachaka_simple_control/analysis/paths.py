@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Paths of plans and poses with few points, for plots, topics and recordings."""
+"""Convert plans and poses to paths with few points, for plots, topics and recordings."""
 
 from __future__ import annotations
 
@@ -31,17 +31,20 @@ from kachaka_simple_control.motion.geometry import (
 )
 from kachaka_simple_control.motion.plan import Plan
 
-#: The heading change between two points of an arc [rad]: 4 degrees, an error of 1/1600 radius.
+#: The heading change between two points of a drawn arc [rad].  With 4 degrees, the error is 1/1600
+#: of the radius.
 BEND = math.radians(4.0)
-#: The largest angle of an arc that shows a turn in place [rad]: a larger arc touches its start.
+#: The largest angle of an arc that shows a turn in place [rad].  The ends of a longer arc would
+#: touch.
 SWEEP = math.radians(330.0)
-#: Above this angle further full turns are left out, because they are not visible [rad].
+#: If the heading change of an arc is larger than this [rad], full turns are left out, because they
+#: would cover each other.
 ROUNDS = 2.0 * math.tau
-#: If a path has more points than this, each line is drawn once.
+#: If a path has more points than this, a line that occurs several times is drawn once.
 MANY_POINTS = 500
 #: The largest number of points that are drawn.
 MAX_POINTS = 10_000
-#: The point between two lines that do not touch.
+#: A point of NaN values, which separates two lines that do not touch.
 GAP = (math.nan, math.nan)
 
 Cell = tuple[int, int]
@@ -50,7 +53,7 @@ Cell = tuple[int, int]
 @dataclass(frozen=True)
 class ArcSegment:
     """
-    A part of the path of a plan with a constant curvature.
+    A part of a planned path with constant curvature.
 
     :param start: the pose at the start of the segment
     :param distance: the signed length [m], negative backwards
@@ -63,18 +66,18 @@ class ArcSegment:
 
     @property
     def end(self) -> Pose:
-        """Return the pose at the end."""
+        """Return the pose at the end of the segment."""
         return advance(self.start, self.distance, self.angle)
 
     @property
     def middle(self) -> Pose:
-        """Return the pose at the middle, with the direction of travel as its heading."""
+        """Return the middle of the segment, with the direction of travel as the heading."""
         pose = advance(self.start, self.distance / 2.0, self.angle / 2.0)
         return pose if self.distance >= 0.0 else Pose(pose.x, pose.y, pose.theta + math.pi)
 
     def sweep(self, radius: float) -> list[Point]:
         """
-        Return the points of an arc that shows a turn in place, at most its last 330 degrees.
+        Return the points of an arc that shows a turn in place, at most its last 330 degrees [m].
 
         :param radius: the radius of the arc [m]
         """
@@ -86,14 +89,14 @@ class ArcSegment:
                  self.start.y + radius * math.sin(heading)) for heading in headings]
 
     def points(self) -> list[Point]:
-        """Return the polyline's points without the first [m]; empty for a turn in place."""
+        """Return the points of the segment without its start [m]; empty for a turn in place."""
         if self.distance == 0.0:
             return []
         return [(pose.x, pose.y) for pose in self.poses(self.count)]
 
     @property
     def count(self) -> int:
-        """Return the number of lines that make the polyline look round; 0 without movement."""
+        """Return the number of straight lines that show the arc as round; 0 without movement."""
         if self.distance == self.angle == 0.0:
             return 0
         return max(1, math.ceil(abs(self._visible_angle) / BEND))
@@ -128,7 +131,7 @@ def step_segments(plan: Plan, start: Pose = ORIGIN) -> list[list[ArcSegment]]:
             segments.append(ArcSegment(pose, segment.length, segment.angle))
             pose = segments[-1].end
         steps.append(segments)
-        pose = compose(start, planned.pose)  # the same, except for rounding
+        pose = compose(start, planned.pose)  # the same pose, without accumulated rounding errors
     return steps
 
 
@@ -143,7 +146,7 @@ def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
 
     :param segments: the segments, in order
     :param grain: the smallest visible distance [m]
-    :returns: the points from the start of the first segment; NaN points where lines are left out
+    :returns: the points, from the start of the first segment on; NaN where a line is left out [m]
     """
     points: list[Point] = []
     for segment in segments:
@@ -159,7 +162,7 @@ def polyline(segments: Iterable[ArcSegment], grain: float) -> list[Point]:
 
 
 def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
-    """Return each line once: a square driven for an hour gives one square."""
+    """Return a path without repeated lines; a square driven for an hour gives one square."""
     cells = [(round(x / grain), round(y / grain)) for x, y in points]
     seen: set[tuple[Cell, Cell]] = set()
     kept = [points[0]]
@@ -171,17 +174,17 @@ def _unique_lines(points: Sequence[Point], grain: float) -> list[Point]:
         seen.update((ends, ends[::-1]))
         kept += [points[two]] if cells[last] == ends[0] else [GAP, points[one], points[two]]
         last = two
-    # Keep the last line, also if it is drawn already, so that the end is the path's end.
+    # Keep the last line even if it is a repeat, so that the result ends at the end of the path.
     return kept if last == len(points) - 1 else [*kept, GAP, *points[-2:]]
 
 
 def distinct(poses: Iterable[Pose], grain: float, most: int) -> list[Pose]:
     """
-    Return the visibly different poses, without duplicates.
+    Return poses without those that look the same in a plot.
 
     :param poses: the poses, in order
     :param grain: the smallest visible distance [m]
-    :param most: the largest number of poses to return; of more, an even selection is returned
+    :param most: the largest number of poses to return; from more poses, select evenly
     """
     kinds: dict[tuple[int, int, int], Pose] = {}
     for pose in poses:
@@ -190,7 +193,7 @@ def distinct(poses: Iterable[Pose], grain: float, most: int) -> list[Pose]:
     return _evenly(list(kinds.values()), most)
 
 
-#: Two poses of a history differ by at least this distance [m] or this angle [rad].
+#: Two consecutive poses of a history differ by at least this distance [m] or this angle [rad].
 SPACING = 0.01
 TURN = math.radians(4.0)
 
@@ -203,7 +206,8 @@ class PoseHistory:
     doubled.
 
     :param most: the largest number of poses, at least two
-    :param convert: converts a pose to the stored object; called once for each stored pose
+    :param convert: a function that converts a pose to the stored object; called once for each
+        stored pose
     """
 
     def __init__(self, most: int, convert: Callable[[Pose], Any]) -> None:
@@ -231,7 +235,7 @@ class PoseHistory:
         return distance >= self._spacing or abs(angle) >= min(self._turn, math.pi / 2.0)
 
 
-#: The largest number of poses, by default.
+#: The default of the largest number of poses of a sampled path.
 MAX_POSES = 2000
 
 
@@ -264,10 +268,10 @@ def _evenly(poses: list[Pose], most: int) -> list[Pose]:
 
 def simplify(points: Sequence[Point], grain: float, most: int) -> list[Point]:
     """
-    Return a path without the points that lie on a straight line between two kept points.
+    Return a path without the points that are near a straight line between two kept points.
 
-    Matplotlib's path.simplify keeps 20 times as many points of an hour's drive at the same
-    tolerance.
+    Matplotlib has a similar setting, path.simplify.  With the same tolerance, it keeps 20 times as
+    many points of a drive of an hour.
 
     :param points: the path [m]
     :param grain: the largest distance of a removed point from the line [m], above 0; it is
@@ -301,9 +305,9 @@ def _straighten(points: Sequence[Point], grain: float) -> list[Point]:
 
 class _Cone:
     """
-    The range of directions of lines from a start point that pass near all points added so far.
+    The directions in which a straight line from a start point passes near all added points.
 
-    The cone intersection method of Williams (1978) and of Sklansky and Gonzalez (1980).
+    This is the cone intersection method of Williams (1978) and of Sklansky and Gonzalez (1980).
     """
 
     __slots__ = ('_grain', '_high', '_low', '_middle', '_reach', '_start')
@@ -314,7 +318,7 @@ class _Cone:
         self._reach = 0.0
 
     def add(self, point: Point) -> bool:
-        """Return whether a line also passes near this point; if so, narrow the directions."""
+        """Add a point if a line can pass near it and near all others; return whether it can."""
         x, y = point[0] - self._start[0], point[1] - self._start[1]
         distance = math.hypot(x, y)
         # If the distance decreases, the path has turned back at an earlier point.

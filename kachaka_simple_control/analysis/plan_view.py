@@ -14,7 +14,8 @@
 """
 A plan with its name, robot, limits and floor area, for tables and plots.
 
-Also estimates how a loop that sleeps between messages, as in the lesson, would drive the plan.
+This module also estimates how the loop of the lesson would drive the plan.  That loop publishes a
+velocity and then sleeps for at most one period.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ class Area(NamedTuple):
 
 
 def outlines(footprint: Footprint | None, poses: Iterable[Pose]) -> list[Point]:
-    """Return the corners of a robot at poses [m]; without a footprint, its positions."""
+    """Return the corners of a robot's outline at poses [m]; without a footprint, positions."""
     if footprint is None:
         return [(pose.x, pose.y) for pose in poses]
     return [corner for pose in poses for corner in outline(footprint, pose)]
@@ -92,7 +93,7 @@ class PlanView:
 
     @property
     def messages(self) -> int:
-        """Return the number of velocities sent if none is late, without the stop."""
+        """Return the number of velocities to send for the plan, without the stop."""
         return sum(ticks(segment, self.plan.period) for segment in self.plan.segments)
 
     @cached_property
@@ -117,23 +118,23 @@ class PlanView:
 
 def ticks(segment: Segment, period: float) -> int:
     """
-    Return the number of velocities sent in a segment if none is late.
+    Return the number of velocities to send in a segment of a plan.
 
-    :param segment: a part of a plan with one velocity
+    :param segment: a part of a plan with a constant velocity
     :param period: the time after which the velocity is sent again [s]
     """
     return max(1, math.ceil((segment.end - segment.start) / period - TIME_TOLERANCE))
 
 
-#: The time by which an iteration of the lesson's loop is longer than its period [s].  Measured by
-#: the benchmarks, docs/why.md: at 10 Hz, ten iterations take about 0.8 % longer than 1 s.
+#: An iteration of the lesson's loop takes this much longer than its period [s].  The benchmarks
+#: measured it, see docs/why.md: at 10 Hz, ten iterations take about 0.8 % longer than 1 s.
 LOOP_OVERHEAD = 0.0008
 
 
 @dataclass(frozen=True)
 class SleepLoopEstimate:
     """
-    The estimated errors of a loop of publish and sleep that drives some plans.
+    The estimated errors if a loop of publish and sleep drives some plans.
 
     :param extra_time: the driven time minus the planned time [s]
     :param missing_messages: the planned number of messages minus the sent number
@@ -149,7 +150,7 @@ class SleepLoopEstimate:
 
 def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
     """
-    Estimate the errors of the lesson's loop when it drives plans one after the other.
+    Estimate the errors if the lesson's loop of publish and sleep drives plans, one by one.
 
     Each iteration publishes the current velocity and sleeps for the velocity's duration, at most
     one period.  An iteration takes slightly longer than the sleep.  A step ends with the iteration
@@ -179,7 +180,7 @@ def estimate_sleep_loop(plans: Sequence[Plan]) -> SleepLoopEstimate:
 
 
 class _LoopStep(NamedTuple):
-    """The loop's result for one step; each repetition of the step gives the same result."""
+    """The estimate for one step; all repetitions of a step have the same estimate."""
 
     end: Pose
     duration: float

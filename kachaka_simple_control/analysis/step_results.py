@@ -26,7 +26,7 @@ from kachaka_simple_control.analysis.drive_log import StepLog
 from kachaka_simple_control.control.events import OdometryReceived, VelocitySent
 from kachaka_simple_control.motion.geometry import Displacement, Pose
 
-#: The delay after which odometry shows a sent velocity [s]: more than two sample periods.
+#: The time until odometry shows a sent velocity [s]: more than two periods of its samples.
 ODOMETRY_DELAY = 0.06
 
 
@@ -34,7 +34,7 @@ def sent(messages: Sequence[VelocitySent], command_timeout: float = math.inf) ->
     """
     Return the displacement of a robot that keeps each sent velocity until the next message.
 
-    :param messages: the sent messages, in order; the last message only ends the previous one
+    :param messages: the sent messages, in order; the last one only gives the end time
     :param command_timeout: the longest time for which the robot keeps a velocity [s]
     :returns: the sum of velocity times interval
     """
@@ -68,15 +68,15 @@ def driven(odometry: Sequence[OdometryReceived], begin: float, end: float) -> Di
 def segment_odometry(
         steps: Sequence[StepLog], odometry: Sequence[OdometryReceived]) -> list[float]:
     """
-    Return the times at which to cut odometry so that each step gets its own displacement.
+    Return the times that divide odometry into the displacements of the steps.
 
-    Commands and odometry have a delay, and odometry is sampled.  Therefore a cut next to a rest,
-    or next to a pause at the start of a step, is moved slightly into the rest.  If the drive
-    starts with a rest, the first cut is at the first odometry sample.
+    Commands and odometry have a delay, and odometry is sampled.  Therefore a time at the start or
+    the end of a rest, or of a pause at the start of a step, is moved slightly into the rest or the
+    pause.  If the drive starts with a rest, the first time is that of the first odometry sample.
 
     :param steps: the steps, in order
     :param odometry: the received samples, in order
-    :returns: the cut times [s], one more than the number of steps
+    :returns: the times [s], one more than the number of steps
     """
     first = steps[0]
     cuts = [first.began]
@@ -112,7 +112,7 @@ def pose_at(odometry: Sequence[OdometryReceived], time: float) -> Pose:
 
 
 def _forward(one: Pose, two: Pose) -> float:
-    # The part of the chord along the mean heading; negative backwards.
+    # The distance between the poses along the mean heading; negative backwards.
     heading = one.theta + _wrapped(two.theta - one.theta) / 2.0
     return (two.x - one.x) * math.cos(heading) + (two.y - one.y) * math.sin(heading)
 
@@ -143,7 +143,7 @@ class StepResult:
     @property
     def error(self) -> Displacement | None:
         """
-        Return the error: odometry minus the requested displacement; None without odometry.
+        Return odometry minus the requested displacement; None without odometry.
 
         For a step that ended early, return odometry minus the sent displacement.
         """
@@ -163,7 +163,7 @@ def step_results(
     :param steps: the started steps, in order
     :param names: the name of each step's motion
     :param odometry: the received samples, in order
-    :param command_timeout: how long the robot keeps a velocity without a new one [s]
+    :param command_timeout: the time after which the robot stops without a new velocity [s]
     """
     if not steps:
         return []

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The outcome of a drive and its results."""
+"""The results of a drive: how it ended, the errors of its end pose, and its timing."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from kachaka_simple_control.motion.geometry import Displacement, distance_betwee
 from kachaka_simple_control.motion.plan import PlannedStep
 from kachaka_simple_control.text import pluralize
 
-#: The reason shown if the end of the program was not reported.
+#: The reason that is shown if the program did not report its end.
 NO_END = (
     'Nothing more came from the program: it was killed or crashed, was frozen, or drives on '
     'without a report process')
@@ -56,7 +56,7 @@ class Outcome:
     The outcome of a drive: how it ended, and why.
 
     :param kind: the kind of the outcome
-    :param headline: a few words to show
+    :param headline: the outcome in a few words
     :param reason: sentences with the cause and the progress of the drive
     """
 
@@ -101,7 +101,12 @@ def signal_name(number: int) -> str:
 
 
 def _reason(log: DriveLog, faults_only: bool = False) -> str | None:
-    """Return the reason for the first early end of a motion; None if there is none."""
+    """
+    Return the reason for the first early end of a motion; None if no motion ended early.
+
+    :param log: the drive
+    :param faults_only: whether to ignore motions that ended early on request
+    """
     return next((motion.reason for motion in log.motions
                  if motion.reason is not None and (motion.is_fault or not faults_only)), None)
 
@@ -146,7 +151,7 @@ class SpeedInterval:
     A part of a motion with a constant speed factor.
 
     :param motion: the motion
-    :param factors: the factors below 1, by the name of their source; empty at full speed
+    :param factors: the speed factors below 1, each by the name of its source; empty at full speed
     :param begin: the start time [s on the steady clock]
     :param end: the end time [s on the steady clock]
     :param plan_begin: the plan time at the start [s of the plan]
@@ -162,12 +167,12 @@ class SpeedInterval:
 
     @property
     def factor(self) -> float:
-        """Return the speed factor, from 0 to 1."""
+        """Return the product of the speed factors, from 0 to 1."""
         return product(self.factors)
 
     @property
     def reason(self) -> str:
-        """Return the sources that asked for less speed; empty at full speed."""
+        """Return the sources that asked for less speed, as text; empty at full speed."""
         return describe_factors(self.factors)
 
     @property
@@ -184,7 +189,7 @@ class SpeedInterval:
 
 def speed_intervals(log: DriveLog) -> list[SpeedInterval]:
     """
-    Return the intervals of constant speed factor of a drive, in order.
+    Return the intervals of a drive in which the speed factor is constant, in order.
 
     :param log: the drive
     :returns: all intervals of each motion that had a speed factor below 1 at some time
@@ -214,9 +219,9 @@ def _intervals(motion: MotionLog, changes: Sequence[SpeedFactorChanged]) -> list
 
 class Summary:
     """
-    The results of a drive, each computed at its first use.
+    The results of a drive; each result is computed when it is first used.
 
-    :param log: the drive; it must not change any more
+    :param log: the log of the drive, which must not change after this
     """
 
     def __init__(self, log: DriveLog) -> None:
@@ -256,7 +261,7 @@ class Summary:
         return {id(step.log.planned): number for number, step in enumerate(self.steps, 1)}
 
     def step_number(self, interval: SpeedInterval) -> int | None:
-        """Return the number of an interval's step in ``steps``; None if it did not start."""
+        """Return the number of the step of an interval, from 1; None if the step did not start."""
         return self._step_numbers.get(id(interval.step))
 
     @property
@@ -267,7 +272,7 @@ class Summary:
 
     @cached_property
     def sleep_loop(self) -> SleepLoopEstimate:
-        """Return the estimated errors of the lesson's loop for the plans of the drive."""
+        """Return the estimated errors if a loop of publish and sleep drove the same plans."""
         return estimate_sleep_loop([motion.plan for motion in self.log.motions])
 
     @property
@@ -277,7 +282,7 @@ class Summary:
 
     @property
     def driven_duration(self) -> float:
-        """Return the total driven time of all motions [s], each from t = 0 to its final zero."""
+        """Return the total time of all motions [s], each with the zero velocity that ends it."""
         return math.fsum(
             motion.own_messages[-1].time - motion.began for motion in self.log.motions
             if motion.own_messages)
@@ -295,9 +300,9 @@ class Summary:
     @property
     def error_from_plan(self) -> Displacement | None:
         """
-        Return the distance to the planned end and the heading error there.
+        Return the distance and the heading error of the last odometry pose from the planned end.
 
-        For an early end or without odometry, return None.
+        Return None if a motion ended early, or without odometry.
         """
         if self.final_pose is None or not all(motion.is_complete for motion in self.log.motions):
             return None
@@ -306,8 +311,9 @@ class Summary:
     @property
     def error_from_sent(self) -> Displacement | None:
         """
-        Return the distance to the end of the path of the sent velocities and the heading error.
+        Return the distance and the heading error of the last odometry pose from the sent path.
 
+        They are relative to the pose that is expected at that time from the sent velocities.
         Without odometry, return None.
         """
         return None if self.last_seen is None else Displacement(
