@@ -282,7 +282,11 @@ class Summary:
 
     @property
     def driven_duration(self) -> float:
-        """Return the total time of all motions [s], each with the zero velocity that ends it."""
+        """
+        Return the total driven time of all motions [s].
+
+        Each motion counts from its t = 0 to the zero velocity that ends it.
+        """
         return math.fsum(
             motion.own_messages[-1].time - motion.began for motion in self.log.motions
             if motion.own_messages)

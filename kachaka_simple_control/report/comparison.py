@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compare the reports of drives of one motion: accuracy and repeatability of the end pose."""
+"""Compare several drives of one motion by the accuracy and repeatability of the end pose."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ from kachaka_simple_control.text import escaped, format_fixed, pluralize
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: The largest file that is read [bytes]; a drive of hours gives a much smaller file.
+#: The largest size of a file that is read [bytes]; the file of a long drive is much smaller.
 MAX_BYTES = 100_000_000
 #: The largest difference between the planned ends of drives of the same motion [m, rad].
 MAX_END_DIFFERENCE = 1e-6
-#: The colours of the drives in the plot; with more drives, all have one colour and no name.
+#: The colours of the drives in the plot.  If there are more drives, all have one colour.
 COLOURS = (Colour.ORANGE, Colour.BLUE, Colour.GREEN, Colour.PURPLE)
-#: The height of a legend line [inch], and the number of lines that need no extra room.
+#: The height of a legend line [inch], and the number of lines that fit without extra height.
 LEGEND_LINE, LEGEND_LINES = 0.19, 3
 HEAD = (Column('drive'), Column('x', '[mm]'), Column('y', '[mm]'), Column('heading', '[deg]'),
         Column('away', '[mm]'), Column('late'))
 
 
 class End(NamedTuple):
-    """The pose at the end of a drive, or a difference of two: x [m], y [m], heading [rad]."""
+    """An end pose, or the difference of two end poses: x [m], y [m], heading [rad]."""
 
     x: float
     y: float
@@ -67,9 +67,9 @@ class DriveEnd:
     :param name: the directory of the report
     :param motions: the names of the driven motions
     :param planned: the planned end pose
-    :param error: the end pose from odometry minus the planned one
+    :param error: the end pose from odometry minus the planned end pose
     :param late: the number of messages that were late or lost
-    :param paths: the planned path and the path from odometry [m]
+    :param paths: the points of two paths [m]: ``planned`` and ``odometry``
     """
 
     name: str
@@ -85,10 +85,10 @@ class Spread:
     """
     The accuracy and the repeatability of the ends of several drives.
 
-    :param mean: the mean error
-    :param deviation: the standard deviation of the error
+    :param mean: the mean error of the end pose
+    :param deviation: the standard deviation of this error
     :param worst_distance: the largest distance between an end and the mean end [m]
-    :param worst_angle: the largest angle between a heading and the mean heading [rad]
+    :param worst_angle: the largest angle between an end heading and the mean end heading [rad]
     """
 
     mean: End
@@ -102,7 +102,7 @@ def read_drive(directory: Path) -> DriveEnd:
     Read the end of a drive from its report.
 
     :param directory: the directory of the report
-    :raises UsageError: if there is no report, or its drive was not completed
+    :raises UsageError: if there is no valid report, or the drive was not completed
     """
     name = escaped(str(directory), 60)
     try:
@@ -124,7 +124,7 @@ def _read(path: Path) -> bytes:
     """
     Return the content of a file.
 
-    :raises OSError: if it cannot be read, or is too large
+    :raises OSError: if the file cannot be read, is too large, or is a device or a pipe
     """
     # Opening a pipe would block, and reading a device may never end.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -141,9 +141,9 @@ def _drive_end(name: str, data: dict[str, Any]) -> DriveEnd:
     """
     Return the end of a drive.
 
-    :param name: the directory of its report
-    :param data: the content of its ``run.json``
-    :raises UsageError: if the drive was not completed
+    :param name: the directory of the report of the drive
+    :param data: the content of ``run.json`` in this directory
+    :raises UsageError: if the drive was not completed, or odometry does not show its end
     """
     if data['verdict']['ending'] != 'done':
         raise UsageError(
@@ -183,7 +183,7 @@ def require_same(drives: Sequence[DriveEnd]) -> None:
     """
     Check that drives can be compared.
 
-    :raises UsageError: if there are fewer than two, or they are of different motions
+    :raises UsageError: if there are fewer than two drives, or drives of different motions
     """
     if len(drives) < 2:
         raise UsageError('two drives or more can be compared; name their reports')
@@ -244,7 +244,8 @@ def save_comparison(drives: Sequence[DriveEnd], path: Path) -> None:
     """
     Plot the odometry paths of drives over the planned path.
 
-    :param path: the file, as ``check_plot_file`` returned it
+    :param drives: two or more drives of the same motion
+    :param path: the path of the file, returned by ``check_plot_file``
     :raises UsageError: if matplotlib is missing, or the file cannot be written
     """
     save_figure(draw_figure(lambda figure: _draw(figure, drives)), path)

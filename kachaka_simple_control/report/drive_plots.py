@@ -61,17 +61,17 @@ LEFT, RIGHT, BOTTOM = 0.78, 0.14, 0.52
 #: The height of a row of a plot over time, the gap between rows, and the room for a legend.
 ROW, GAP, KEY = 1.2, 0.18, 0.28
 PERIOD_HEIGHT = 2.0
-#: If a line has more points than the first number, all lines over time are drawn as bands with
-#: this number of parts.
+#: If a line has more points than MAX_LINE_POINTS, all lines over time are drawn as bands.  A band
+#: shows the lowest and the highest value in each of BANDS time intervals of equal length.
 MAX_LINE_POINTS, BANDS = 6000, 180
 #: The number of bars of a histogram on each side of the middle bar.
 BARS = 25
-#: The smallest range of a histogram on each side [ms].
+#: The smallest range of a histogram on each side of zero [ms].
 LEAST = 0.5
-#: The style of the times at which a robot was paused.
+#: The style of the shaded areas that show when the robot was paused.
 PAUSE: dict[str, Any] = {
     'color': '#9a8f7a', 'alpha': 0.22, 'linewidth': 0.0, 'zorder': 0.5, 'gid': 'pause'}
-#: The resolution of the PNG [pixels per inch].
+#: The resolution of a PNG file [pixels per inch].
 RESOLUTION = 260
 #: The names of the plots.
 PATH, VELOCITIES, ERRORS, PERIODS = 'path', 'velocities', 'errors', 'periods'
@@ -83,7 +83,7 @@ class DrivePlots:
     The plots of a drive.
 
     :param svg: the SVG element of each plot, by the name of the plot
-    :param png: the plot of the path as a PNG file; empty if there is no plot
+    :param png: the content of a PNG file of the path; empty if there is no plot of the path
     """
 
     svg: dict[str, str]
@@ -137,7 +137,7 @@ def embed_svg(svg: str, name: str) -> str:
     The element fills the available width.  It has no namespaces, no metadata and no style sheet.
 
     :param svg: the text of the file
-    :param name: a prefix for each id, so that ids differ between plots
+    :param name: the prefix of each id in the element, so that ids differ between plots
     """
     svg = svg[svg.index('<svg'):]
     svg = re.sub(r'<metadata>.*?</metadata>', '', svg, flags=re.DOTALL)
@@ -184,7 +184,9 @@ def draw_drive_velocities(figure: Figure, aligned: AlignedDrive, limits: Limits,
 
 def draw_drive_errors(figure: Figure, aligned: AlignedDrive) -> None:
     """
-    Draw the differences between the pose from odometry and the commanded pose over time.
+    Draw the position error and the heading error of odometry over time.
+
+    The errors are relative to the pose that is expected from the sent velocities.
 
     :param figure: an empty figure; the function sets its size
     :param aligned: the drive, with odometry
@@ -228,12 +230,12 @@ def _velocity_lines(
 def _rows(figure: Figure, bottom: float, width: float = WIDTH, row: float = ROW,
           gap: float = GAP) -> tuple[Axes, Axes]:
     """
-    Set the size of a figure, and add two axes over the same time, one above the other.
+    Set the size of a figure, and add axes for two plots over time, one above the other.
 
-    :param bottom: the room below the axes [inch]
+    :param bottom: the room below the plots [inch]
     :param width: the width of the figure [inch]
-    :param row: the height of each axes [inch]
-    :param gap: the gap between them [inch]
+    :param row: the height of each plot [inch]
+    :param gap: the gap between the plots [inch]
     """
     figure.set_size_inches(width, bottom + 2.0 * row + gap + TOP)
     above, below = (add_axes(figure, LEFT, edge, width - LEFT - RIGHT, row)
@@ -249,7 +251,7 @@ def _set_time(axes: Axes, aligned: AlignedDrive, scale: Scale, label: str) -> No
 
 
 def is_dense(aligned: AlignedDrive) -> bool:
-    """Return whether a drive has too many points for lines and is drawn as bands."""
+    """Return whether a drive has too many points for lines, so that it is drawn as bands."""
     return max(len(aligned.sent), len(aligned.odometry)) > MAX_LINE_POINTS
 
 
@@ -258,7 +260,7 @@ def _draw_line(axes: Axes, aligned: AlignedDrive, points: Sequence[StepPoint],
     duration, name = aligned.time_span, look['gid']
     unit = time_unit(duration)[1]
     if not is_dense(aligned):
-        # A sent velocity is held until the next message; odometry is interpolated between samples.
+        # A sent velocity is valid until the next message; odometry is interpolated.
         draw_line(axes, [(time / unit, value) for time, value in points],
                   drawstyle='steps-post' if name in {'planned', 'sent'} else 'default', **look)
         return
@@ -300,10 +302,12 @@ def draw_periods(figure: Figure, interval_errors: Sequence[float]) -> None:
 
 def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
     """
-    Count values in bars of equal width; zero is in the middle of the middle bar.
+    Count the values in each bar of a histogram; zero is in the middle of the middle bar.
+
+    All bars have the same width.  Outer bars without values are left out.
 
     :param values: the values [ms]
-    :returns: the range of the bars on each side [ms], and the counts from left to right
+    :returns: the range of the bars on each side of zero [ms], and the counts from left to right
     """
     finite = [value for value in values if math.isfinite(value)]
     largest = max((abs(value) for value in finite), default=0.0)
@@ -319,11 +323,11 @@ def histogram(values: Sequence[float]) -> tuple[float, list[int]]:
 
 def save_calibration_plot(log: DriveLog, fit: CalibrationFit, path: Path) -> None:
     """
-    Plot a calibration: with a good fit, the odometry line lies on the fitted line.
+    Plot a calibration; if the fit is good, the line of odometry lies on the fitted line.
 
     :param log: the drive
-    :param fit: what was fitted to it
-    :param path: the file, as ``check_plot_file`` returned it
+    :param fit: the result of the fit to this drive
+    :param path: the path of the file, returned by ``check_plot_file``
     :raises UsageError: if matplotlib is missing, or the file cannot be written
     """
     save_figure(draw_figure(lambda figure: _draw_calibration(figure, log, fit)), path)
@@ -332,7 +336,7 @@ def save_calibration_plot(log: DriveLog, fit: CalibrationFit, path: Path) -> Non
 def _draw_calibration(figure: Figure, log: DriveLog, fit: CalibrationFit) -> None:
     width = 7.5
     drive, calibration = AlignedDrive(log), fit.calibration('', '')
-    # A lag is drawn as a dead time of the same length: the average delay is equal.
+    # The lag is drawn as a dead time of the same length, which has the same average delay.
     fitted = DeadReckoning([
         replace(message, time=message.time + fit.delay.value,
                 velocity=calibration.response(message.velocity))

@@ -35,20 +35,22 @@ from kachaka_simple_control.text import format_fixed, pluralize
 
 T = TypeVar('T')
 
-#: Markup and preformatted text, which stay unchanged.
+#: A pattern for markup and preformatted text, in which units stay unchanged.
 _FIXED = re.compile('(<style>.*?</style>|<svg.*?</svg>|<pre>.*?</pre>|<[^>]*>)', re.DOTALL)
 _UNIT = re.compile(r'([0-9]) (mm|ms|m|s|deg|rad|Hz|%)(?=[^a-zA-Z0-9]|$)')
 
-#: The number of a step, its result, and its repeat label; for a gap: None, None, a description.
+#: A row of the table of steps: the number of the step, its result, and its repeat label, such as
+#: '1 of 4'.  If steps are left out, the row has None, None and a text about these steps.
 StepRow = tuple[int | None, StepResult | None, str]
 
 #: The text of a cell whose value is not known.
 UNKNOWN = '-'
-#: A table with more steps is folded, like the table of a plan.
+#: A table with more steps leaves out repeated steps, like the table of a plan.
 MAX_ROWS = 20
-#: The page shows at most this many steps or motions at each end, and leaves out the others.
+#: The number of rows at the start, and at the end, of a table of many steps or motions.  The rows
+#: in the middle are left out.
 SHOWN = 500
-#: The sign of each outcome as an SVG path; signs differ in shape as well as in colour.
+#: The symbol of each outcome as an SVG path; symbols differ in shape as well as in colour.
 SIGNS = {
     OutcomeKind.DONE: 'M5 13l5 5L20 6',
     OutcomeKind.STOPPED: 'M6 6h12v12H6z',
@@ -56,7 +58,7 @@ SIGNS = {
     OutcomeKind.KILLED: 'M6 6l12 12M18 6L6 18',
     OutcomeKind.NEVER_BEGAN: 'M5 12h14',
 }
-#: The sign of a drive that is done, but lost messages.
+#: The symbol of a completed drive in which messages were lost.
 LOST_SIGN = 'M12 4v10M12 18v2'
 
 
@@ -121,7 +123,7 @@ def _degrees(angle: float, digits: int = 2) -> str:
 
 
 def _ended(summary: Summary) -> tuple[str, str]:
-    """Return the error of the end pose as text, and the goal that it is measured from."""
+    """Return the error of the end pose and the goal from which it is measured, as text."""
     for error, goal in ((summary.error_from_plan, 'the planned end'),
                         (summary.error_from_sent, 'where it was sent')):
         if error is not None:
@@ -131,7 +133,7 @@ def _ended(summary: Summary) -> tuple[str, str]:
 
 
 def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
-    """Return the end pose as planned, as sent, and from odometry: x, y [m], heading [deg]."""
+    """Yield the name of each end pose, and its x [m], y [m] and heading [deg] as text."""
     aligned = summary.aligned
     heading = 0.0
     for name, pose in (('planned', aligned.planned_end),
@@ -140,7 +142,7 @@ def _poses(summary: Summary) -> Iterator[tuple[str, tuple[str, str, str]]]:
         if pose is None:
             yield name, (UNKNOWN, UNKNOWN, UNKNOWN)
             continue
-        # Full turns are ignored: the heading is within half a turn of the row above.
+        # Each heading differs from that in the row above by half a turn or less.
         heading += math.remainder(pose.theta - heading, math.tau)
         yield name, (_number(pose.x, 4), _number(pose.y, 4), _degrees(heading))
 
@@ -149,7 +151,8 @@ def _silence(summary: Summary) -> tuple[float, float] | None:
     """
     Return the times of the last odometry and of the last message, if odometry ended early.
 
-    :returns: both times [s]; None if the last message is at most 0.5 s after the last odometry
+    :returns: both times [s after t = 0]; None if the last message is at most 0.5 s after the last
+        odometry
     """
     aligned, seen = summary.aligned, summary.last_seen
     if not aligned.sent or seen is None:
@@ -162,7 +165,8 @@ def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
     """
     Return the first and the last rows of a table with their numbers.
 
-    :returns: numbers and rows; the number of the rows that are left out, and None, in the middle
+    :returns: the number and the content of each row; if rows are left out, their count and None
+        are in their place
     """
     numbered: list[tuple[int, T | None]] = list(enumerate(rows, 1))
     left_out = len(rows) - 2 * SHOWN
@@ -172,11 +176,17 @@ def _ends(rows: Sequence[T]) -> list[tuple[int, T | None]]:
 
 
 def _step_tables(summary: Summary) -> tuple[list[StepRow], list[StepRow]]:
-    """Return the rows of the table of steps; if it is folded, also the rows of all steps."""
+    """
+    Return the rows of the table of steps, and of a longer table.
+
+    With more than MAX_ROWS steps, the first table leaves out repeated steps, and the longer table
+    shows all steps; if there are more than 1001, it shows the first 500 and the last 500.
+    Otherwise the longer table is empty.
+    """
     results = summary.steps
     keys = [(result.motion, result.log.planned.path, result.log.step, result.log.is_complete,
              result.log.is_delayed) for result in results]
-    # The labels count the repeats in the whole plan, also if the drive was cut short.
+    # The labels count the repeats in the whole plan, even if the motion ended early.
     repeats = [label for motion in summary.log.motions if motion.has_begun
                for label, step in zip(
                    repeat_labels([step.path for step in motion.plan.steps]), motion.steps)
@@ -203,7 +213,7 @@ def _shows_motions(summary: Summary) -> bool:
 
 
 def _description(summary: Summary) -> str:
-    """Return the description of the motion; empty if there are several or none."""
+    """Return the description of the motion; empty if there are several descriptions or none."""
     descriptions = {motion.planned.motion.description for motion in summary.log.motions}
     return descriptions.pop() if len(descriptions) == 1 else ''
 

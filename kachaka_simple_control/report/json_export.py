@@ -32,7 +32,7 @@ from kachaka_simple_control.report.map_plot import path_lines
 
 #: Increases when a field is removed or changes its meaning; new fields may be added at any time.
 FORMAT = 1
-#: The decimal places: nanometres and nanoseconds.
+#: The number of decimal places of all numbers: nanometres and nanoseconds.
 DIGITS = 9
 
 #: The tolerance of a simplified path [m], and its largest number of points.
@@ -53,7 +53,7 @@ def run_json(summary: Summary, recording: str | None) -> str:
 
 def fields(summary: Summary, recording: str | None) -> Fields:
     """
-    Return the results of a drive by name; each name ends with its unit.
+    Return the results of a drive by name; the name of a quantity ends with the unit.
 
     :param summary: the drive
     :param recording: the reason why ``run.mcap`` is missing or incomplete; None if it is complete
@@ -97,7 +97,7 @@ def fields(summary: Summary, recording: str | None) -> Fields:
 
 
 def start_datetime(summary: Summary) -> datetime | None:
-    """Return the date and time of t = 0; None if nothing began."""
+    """Return the date and time of t = 0; None if no motion started or the time is unknown."""
     session, began = summary.log.session_started, summary.aligned.start_time
     if session is None or not math.isfinite(session.epoch + began):
         return None
@@ -143,7 +143,7 @@ def _timing(summary: Summary) -> Fields:
 
 
 def _speed(summary: Summary) -> Fields:
-    """Return the changes of the speed factor; no field if the whole drive was at full speed."""
+    """Return the pauses and slow intervals; empty if the whole drive was at full speed."""
     if not summary.speed:
         return {}
     return {'speed': {

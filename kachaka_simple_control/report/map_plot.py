@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Draw paths on a map to scale: the marks along a path, and the path of a drive."""
+"""Draw maps to scale: the path of a drive, and marks along paths, such as step numbers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: The largest number of robots, and of arrows, on a path.
+#: The largest number of robots, and of arrows, that are drawn on a path.
 MAX_MARKS = 16
 #: The smallest visible length, as a part of the map's size.
 MAP_GRAIN = 1.0 / 1500.0
@@ -44,7 +44,7 @@ MAP_GRAIN = 1.0 / 1500.0
 MAP_MARGIN = 0.07
 #: The size of the smallest map [m].
 MIN_MAP_SIZE = 0.2
-#: The distance below which the numbers of steps share a place, as a part of the map's size.
+#: The distance below which step numbers share one label, as a part of the map's size.
 PLACE_SIZE = 0.01
 #: The length of the heading line of a robot without a footprint, as a part of the map's size.
 HEADING_LENGTH = 0.06
@@ -53,7 +53,7 @@ HEADING_LENGTH = 0.06
 WIDTH = 4.2
 #: The margin above all axes.
 TOP = 0.1
-#: The bottom of the legend.
+#: The lower edge of the legend.
 LEGEND = 0.02
 MAP_LEFT, MAP_RIGHT, MAP_BOTTOM = 0.72, 0.12, 1.12
 #: The smallest and the largest ratio of height to width of a map.
@@ -72,7 +72,7 @@ MAX_POINTS = 5000
 MANY = 1000
 THIN: dict[str, Any] = {'linewidth': 0.6, 'linestyle': '-'}
 
-#: The paths of the steps of a motion.
+#: The path of each step of a motion.
 PlannedPath = list[list[ArcSegment]]
 
 
@@ -115,7 +115,7 @@ def extent(points: Iterable[Point], flattest: float, tallest: float) -> Area:
 
 def set_map_limits(axes: Axes, area: Area, tick_distance: float) -> None:
     """
-    Set the range of a map, and give it a square grid.
+    Set the range of a map, and give the map a square grid.
 
     :param tick_distance: the smallest distance between the lines of the grid [m]
     """
@@ -131,9 +131,9 @@ def draw_legend(figure: Figure, left: float, ncol: int, *artists: Any) -> None:
     """
     Draw a legend below the axes of a drive's plot.
 
-    :param left: its left edge [inch]
-    :param ncol: the number of its columns
-    :param artists: its handles and labels; by default the handles and labels of all axes
+    :param left: the left edge of the legend [inch]
+    :param ncol: the number of columns of the legend
+    :param artists: the handles and the labels of the legend; by default those of all axes
     """
     corner = (left / WIDTH, LEGEND / figure.get_figheight())
     figure.legend(*artists, loc='lower left', bbox_to_anchor=corner, ncol=ncol, frameon=False,
@@ -141,9 +141,10 @@ def draw_legend(figure: Figure, left: float, ncol: int, *artists: Any) -> None:
 
 
 # Marks on a path.
-#: The largest number of labels on a path; with more places, only every n-th place has a label.
+#: The largest number of labels on a path; from more labels, only every n-th is drawn.
 MAX_LABELS = 12
-#: The largest number of numbers or ranges in a label; a longer list is cut after two.
+#: The largest number of parts of a label; a part is a step number or a range of them.  A longer
+#: label is cut after two parts.
 MAX_PARTS = 3
 #: The distances between the path and a label, and between two labels [points].
 AWAY, APART = 6.0, 2.0
@@ -156,12 +157,13 @@ LABEL: dict[str, Any] = {
 
 class StepPlace(NamedTuple):
     """
-    A place on a path with the numbers of the steps whose middle is there.
+    A place on a path for the numbers of all steps whose middle is there.
 
     :param numbers: the numbers of the steps, in order
     :param x: the x coordinate [m]
     :param y: the y coordinate [m]
-    :param side: the direction to the outside of a curve, or to the right of a straight line [rad]
+    :param side: the direction from the path to the numbers [rad]: to the outside of a curve, or to
+        the right of a straight line
     """
 
     numbers: list[int]
@@ -182,7 +184,7 @@ class StepPlace(NamedTuple):
 def step_places(
         steps: Iterable[tuple[int, Sequence[ArcSegment]]], grain: float) -> list[StepPlace]:
     """
-    Return the places of the step numbers; steps that are close together share a place.
+    Return the places for step numbers; steps whose middles are close share a place.
 
     :param steps: the number of each step and the segments of its path
     :param grain: the approximate distance below which steps share a place [m]
@@ -202,10 +204,11 @@ def step_places(
 def draw_step_numbers(
         axes: Axes, steps: Iterable[tuple[int, Sequence[ArcSegment]]], size: float) -> None:
     """
-    Draw step numbers beside the path; a number without free room is left out.
+    Draw step numbers beside the path; a number is left out if there is no free space.
 
     :param axes: the axes; their range must be set before
-    :param steps: the number of each step and the segments of its path, most important first
+    :param steps: the number of each step and the segments of its path, the most important step
+        first
     :param size: the size of the map [m]
     """
     places = step_places(steps, size * PLACE_SIZE)
@@ -232,7 +235,7 @@ def draw_directions(axes: Axes, segments: Iterable[ArcSegment], grain: float, co
     """
     Draw arrow heads in the direction of travel at the middles of segments.
 
-    :param grain: the distance below which two arrow heads of the same direction are one [m]
+    :param grain: arrow heads with the same direction that are closer than this are drawn once [m]
     """
     middles = (segment.middle for segment in segments if segment.distance)
     draw_arrows(axes, distinct(middles, grain, MAX_MARKS), colour)
@@ -297,19 +300,19 @@ def path_lines(aligned: AlignedDrive) -> dict[str, list[Point]]:
 
 
 def _begun(aligned: AlignedDrive, planned: Sequence[PlannedPath]) -> Iterator[list[ArcSegment]]:
-    """Return the paths of the steps that began; of all steps if nothing was sent."""
+    """Yield the path of each step that started; if nothing was sent, of each planned step."""
     for start, steps in zip(aligned.motion_starts, planned):
         if not aligned.sent:
             yield from steps
             continue
-        # If the motion was cut short, only its first steps began.
+        # If the motion ended early, only its first steps started.
         for segments, step in zip(steps, start.motion.steps):
             if step.sent:
                 yield segments
 
 
 def _sent_poses(aligned: AlignedDrive) -> Iterator[Pose]:
-    """Return the poses along the sent path, close enough together to show arcs."""
+    """Yield poses along the sent path that are close enough together to show arcs."""
     reckoning = aligned.dead_reckoning
     for (begin, end), (one, two) in zip(pairwise(reckoning.times), pairwise(reckoning.poses)):
         yield one

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Record a drive as an MCAP file that is readable after each flush, and as a bag of rosbag2."""
+"""Record a drive as a rosbag2 bag: an MCAP file and its metadata."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ FACTOR_TOPIC = '/kachaka_simple_control/speed_factor'
 CHUNK_SIZE = 1 << 20
 
 
-#: The type and the name of each field, in order, by message type.
+#: The fields of each message type, in order: the type and the name of each field.
 FIELDS = {
     'builtin_interfaces/Time': ('int32 sec', 'uint32 nanosec'),
     'std_msgs/Float64': ('float64 data',),
@@ -79,7 +79,7 @@ def definition(message_type: str) -> str:
     """
     Return the MCAP schema of a message type: the definitions of the type and its field types.
 
-    :param message_type: its full name, for example ``nav_msgs/msg/Odometry``
+    :param message_type: the full name of the type, for example ``nav_msgs/msg/Odometry``
     """
     first = message_type.replace('/msg/', '/')
     others = [name for name in _parts(first) if name != first]
@@ -96,9 +96,9 @@ def _parts(name: str) -> list[str]:
     return [name, *(part for kind in kinds if kind in FIELDS for part in _parts(kind))]
 
 
-#: The metadata version of Humble; later releases also read it.
+#: The version of the rosbag2 metadata in Humble; later releases also read this version.
 VERSION = 5
-#: The numbers of QoS policies: Humble reads only numbers, later releases read both.
+#: The numbers of QoS policies.  Humble reads only numbers; later releases also read names.
 KEEP_LAST, RELIABLE, BEST_EFFORT, TRANSIENT_LOCAL, VOLATILE, AUTOMATIC = 1, 1, 2, 1, 2, 1
 #: An infinite duration, RMW_DURATION_INFINITE, in seconds and nanoseconds.
 INFINITE = (9223372036, 854775807)
@@ -109,13 +109,13 @@ class Topic:
     """
     A topic in a recording.
 
-    :param name: its resolved name
-    :param message_type: the full name of its message type
-    :param depth: the history depth of its publisher
-    :param reliability: the reliability of its publisher
-    :param durability: the durability of its publisher
-    :param channel: the id of its channel in the file
-    :param count: the number of its messages in the file
+    :param name: the full name of the topic, with namespace and remapping applied
+    :param message_type: the full name of the message type
+    :param depth: the history depth of the publisher
+    :param reliability: the number of the publisher's reliability policy
+    :param durability: the number of the publisher's durability policy
+    :param channel: the id of the topic's channel in the file
+    :param count: the number of messages of the topic in the file
     """
 
     name: str
@@ -138,7 +138,7 @@ class Topic:
 
     @property
     def lines(self) -> list[str]:
-        """Return the lines about the topic in the description of a recording, as YAML."""
+        """Return the lines about the topic in the rosbag2 metadata, as YAML."""
         # A JSON string is a valid YAML string.
         return ['  - topic_metadata:',
                 f'      name: {json.dumps(self.name)}',
@@ -159,7 +159,7 @@ def stamp(epoch: float, time: float) -> int:
     The two values are rounded separately, because a sum of floats would lose digits.  The
     difference of two stamps equals the difference of their times, rounded to nanoseconds.
 
-    :param epoch: the zero of the steady clock [s since 1970]
+    :param epoch: the date and time at which the steady clock is zero [s since 1970]
     :param time: the time [s on the steady clock]
     """
     return round(epoch * cdr.NANO) + round(time * cdr.NANO)
@@ -178,7 +178,7 @@ class McapRecorder:
     Records events in ``run.mcap``, sorted by their stamps, and writes the rosbag2 metadata.
 
     The file is created when the session starts.  It is readable after each flush.  The index is
-    written at the end.  An error ends the recording, but does not propagate: ``failure`` has the
+    written at the end.  An error ends the recording, but is not raised; ``failure`` then has the
     reason.
 
     :param directory: the directory of ``run.mcap`` and ``metadata.yaml``
@@ -203,7 +203,7 @@ class McapRecorder:
             f'{FILE_NAME} is left out: {NEEDS_MCAP}')
 
     def on_event(self, event: Event) -> None:
-        """Record an event; ``flush`` writes it to the disk."""
+        """Record an event in memory; ``flush`` writes it to the file."""
         if isinstance(event, SessionStarted):
             self._attempt(lambda: self._start(event))
         elif self._file is not None:
@@ -211,10 +211,10 @@ class McapRecorder:
 
     def flush(self, until: float) -> None:
         """
-        Write the events up to a time to the disk.
+        Write the events up to a time to the file.
 
-        :param until: the time [s on the steady clock]; later events may arrive out of order, so
-            the next flush writes them
+        :param until: the time [s on the steady clock]; a later flush writes the later events,
+            because they may still arrive in the wrong order
         """
         if self._file is not None:
             self._attempt(lambda: self._store(self._stamp(until)))
@@ -337,7 +337,7 @@ class McapRecorder:
         self._is_finished = True
 
     def _write_metadata(self) -> None:
-        """Write ``metadata.yaml``, unless the recording has no message and is not finished."""
+        """Write ``metadata.yaml``; but not if the recording has no message and is not finished."""
         if not self._span and not self._is_finished:
             return
         file = self._path.with_name('metadata.yaml')
@@ -349,7 +349,7 @@ class McapRecorder:
             raise
 
     def _information(self) -> str:
-        """Return the description of the recording that rosbag2 needs, as YAML."""
+        """Return the rosbag2 metadata of the recording, as YAML."""
         first, last = self._span or (0, 0)
         topics, name = self._topics.values(), self._path.name
         span = ['duration:', f'  nanoseconds: {last - first}',

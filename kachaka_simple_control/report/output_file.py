@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
 def write_atomically(path: Path, data: bytes) -> None:
     """
-    Write a file atomically: a reader sees the old content or the new content, never a part.
+    Write a file atomically: a reader sees the old or the new content, and never a part of it.
 
     :param path: the file
-    :param data: its content
-    :raises OSError: if it cannot be written; the old file stays unchanged
+    :param data: the new content
+    :raises OSError: if the file cannot be written; the old file stays unchanged
     """
     new = path.with_name(f'.{path.name}.new')
     try:
@@ -50,14 +50,14 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 class CrashSafeFile:
     """
-    A file for an MCAP writer that is complete on the disk after each flush.
+    A file for an MCAP writer that is complete after each flush.
 
     Each flush writes an end record after the data, and the next flush overwrites it.  If the
     program is killed, the file is readable up to the last flush.
 
     :param path: the file; it must not exist
-    :param end: the bytes that complete the file after the data
-    :raises OSError: if it cannot be created
+    :param end: the end record, which completes the file after the data
+    :raises OSError: if the file cannot be created
     """
 
     def __init__(self, path: Path, end: bytes) -> None:
@@ -68,7 +68,7 @@ class CrashSafeFile:
         self._size = 0
 
     def write(self, data: bytes) -> int:
-        """Buffer data until ``flush``, and return its length."""
+        """Keep data in memory until the next flush, and return the number of bytes."""
         self._pending += data
         return len(data)
 
@@ -78,7 +78,7 @@ class CrashSafeFile:
 
     def flush(self) -> None:
         """
-        Write the buffered data and the end to the disk.
+        Write the data in memory and the end record to the file.
 
         :raises OSError: if the write fails; the file then keeps its old content
         """
@@ -86,7 +86,9 @@ class CrashSafeFile:
 
     def close(self) -> None:
         """
-        Write the buffered data, which contains its own end, and close the file.
+        Write the data in memory without an end record, and close the file.
+
+        The data must contain its own end record.
 
         :raises OSError: if the write fails; the file then keeps its old content
         """
@@ -104,7 +106,7 @@ class CrashSafeFile:
         try:
             self._pwrite(bytes(self._pending) + end, self._size)
         except OSError:
-            # The disk has room for the old end, because the file contained it before.
+            # The disk has room for the old end record, because the file contained it before.
             with contextlib.suppress(OSError):
                 if self._size:
                     self._pwrite(self._end, self._size)
@@ -125,7 +127,7 @@ def check_plot_file(file: str | os.PathLike[str]) -> Path:
     Check that a plot can be saved to a file, without importing matplotlib.
 
     :returns: the path of the file
-    :raises UsageError: if its suffix is not .png, .svg or .pdf, or it cannot be written
+    :raises UsageError: if the suffix is not .png, .svg or .pdf, or the file cannot be written
     """
     path = Path(file)
     if path.suffix.lower() not in METADATA:
@@ -144,7 +146,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     """
     Save a figure; the suffix of the file selects the format.
 
-    :param path: the file, as ``check_plot_file`` returned it
+    :param path: the path of the file, returned by ``check_plot_file``
     :raises UsageError: if the file cannot be written
     """
     data = file_of(figure, path.suffix.lower())
@@ -154,7 +156,7 @@ def save_figure(figure: Figure, path: Path) -> None:
         raise UsageError(f'{path}: it cannot be written: {error.strerror}') from None
 
 
-#: The program that writes a report.
+#: The module of the program that writes a report.
 REPORT_MODULE = 'kachaka_simple_control.report.report_program'
 NEEDS_JINJA2 = 'it needs Jinja2: pip install jinja2, or sudo apt install python3-jinja2'
 NEEDS_MCAP = "it needs mcap 1.5 or newer: pip install 'mcap>=1.5'"
@@ -170,12 +172,13 @@ def missing_libraries() -> list[str]:
 @contextlib.contextmanager
 def prepare_report_dir(name: str) -> Iterator[None]:
     """
-    Create a directory for a report; remove it if the block raises one of this package's errors.
+    Create a directory for a report, and remove it after certain errors in the ``with`` block.
 
-    The errors are ``UsageError`` and ``InvalidMotionError``.
+    These errors are ``UsageError`` and ``InvalidMotionError``.  A directory that existed before is
+    not removed.
 
     :param name: the directory; it may exist if it is empty
-    :raises UsageError: if it cannot be created or written to, or is not empty
+    :raises UsageError: if the directory cannot be created or written to, or is not empty
     """
     created = _create(Path(name))
     try:
@@ -188,7 +191,7 @@ def prepare_report_dir(name: str) -> Iterator[None]:
 
 
 def _create(directory: Path) -> list[Path]:
-    """Create a directory and its parents; return the created directories, innermost first."""
+    """Create a directory and its parents; return the created ones, the directory itself first."""
     try:
         missing = [path for path in (directory, *directory.parents) if not path.exists()]
         directory.mkdir(parents=True, exist_ok=True)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Plots of plans: paths and velocities."""
+"""Plots of the paths and the velocities of plans."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: The largest number of turns in place to draw; with more, no turn is drawn.
+#: The largest number of turns in place to draw; if there are more, none is drawn.
 MAX_TURNS = 12
-#: The styles of the start and the end of a plan; both are visible if they coincide.
+#: The styles of the start and the end of a plan; both are visible if they are at one place.
 START: dict[str, Any] = {
     'linestyle': '', 'marker': 'o', 'markersize': 9.5, 'markerfacecolor': 'white',
     'markeredgecolor': Colour.GREEN, 'markeredgewidth': 1.8, 'zorder': 5.0}
@@ -77,7 +77,9 @@ def draw_path(axes: Axes, view: PlanView, area: Area) -> None:
     """
     Draw the path of a plan, its step numbers, the robot after each step, and the floor area.
 
-    :param axes: the axes, with the same ratio of width to height as the area
+    :param axes: the axes to draw on
+    :param view: the plan
+    :param area: the range of the axes, with the same ratio of width to height as the axes
     """
     from matplotlib.patches import Rectangle
 
@@ -175,7 +177,7 @@ NAME_TOP, FIGURES_TOP = 0.17, 0.42
 
 def save_plot(file: str | os.PathLike[str], views: Sequence[PlanView]) -> None:
     """
-    Plot plans, one below the other and to the same scales, and save the plot.
+    Plot plans, one below the other and with the same scales, and save the plot.
 
     The left side shows each path, with the robot at the start and at the end of each step.  The
     right side shows the sent velocities, with the limits dashed.
@@ -191,7 +193,7 @@ def save_plot(file: str | os.PathLike[str], views: Sequence[PlanView]) -> None:
 
 def draw_plans(views: Sequence[PlanView]) -> Figure:
     """
-    Return a plot of plans, one below the other and to the same scales.
+    Return a plot of plans, one below the other and with the same scales.
 
     :param views: the plans, 1 to 12
     :raises UsageError: if matplotlib is missing, or there are too many plans

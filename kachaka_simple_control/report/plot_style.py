@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The style of all plots: colours, axes, round scales, velocities over time."""
+"""The common parts of all plots: colours, axes, scales, and velocities over time."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: A time [s] and a value that holds from this time on.
+#: A time [s] and a value that is valid from this time until the next one.
 StepPoint = tuple[float, float]
 
 
@@ -46,7 +46,7 @@ def velocity_steps(plan: Plan, attribute: str) -> list[StepPoint]:
 
     :param plan: the plan
     :param attribute: the velocity component, ``linear_x`` or ``angular_z``
-    :returns: times [s] and values [m/s or rad/s], in order; the last is the zero at the end
+    :returns: times [s] and values [m/s or rad/s], in order; the last value is 0, at the end
     """
     value_of = attrgetter(attribute)
     changes = groupby(plan.segments, key=lambda segment: value_of(segment.velocity))
@@ -59,6 +59,8 @@ class Band(NamedTuple):
     The lowest and the highest value in a time interval.
 
     :param begin: the start of the interval [s]
+    :param lowest: the lowest value
+    :param highest: the highest value
     """
 
     begin: float
@@ -70,7 +72,7 @@ def min_max_decimate(points: Sequence[StepPoint], end: float, count: int) -> lis
     """
     Return the lowest and the highest value in each of several equal time intervals.
 
-    :param points: times [s] and values, in order; each value holds until the next
+    :param points: times [s] and values, in order; each value is valid until the next time
     :param end: the end of the last interval [s]; the first interval starts at 0
     :param count: the number of intervals
     :returns: a band for each interval up to the last point
@@ -91,7 +93,7 @@ def min_max_decimate(points: Sequence[StepPoint], end: float, count: int) -> lis
 
 
 class Colour:
-    """Colours, most of them of Okabe and Ito, which colour-blind people can distinguish."""
+    """Colours, most of them from the palette of Okabe and Ito for colour-blind people."""
 
     BLUE, ORANGE, GREEN = '#0072B2', '#D55E00', '#009E73'
     SKY, PURPLE = '#56B4E9', '#CC79A7'
@@ -112,7 +114,7 @@ LOOKS: dict[str, dict[str, Any]] = {
 SETTINGS: Any = {
     'font.size': 9.0, 'svg.hashsalt': 'kachaka_simple_control', 'path.simplify': True,
     'path.simplify_threshold': 0.3, 'axes.unicode_minus': False}
-#: The distance between an axis and its label [inch]: six characters fit between.
+#: The distance between an axis and its label [inch]: numbers of six characters fit between them.
 LABEL = 0.56
 
 
@@ -126,8 +128,8 @@ def add_axes(figure: Figure, left: float, bottom: float, width: float, height: f
     :param bottom: the lower edge [inch]
     :param width: the width [inch]
     :param height: the height [inch]
-    :param aligns_label: whether the y label is aligned with those of other axes; otherwise it is
-        where matplotlib puts it
+    :param aligns_label: whether the y label is aligned with those of other axes; otherwise
+        matplotlib chooses its place
     """
     total_width, total_height = figure.get_size_inches()
     axes = figure.add_axes((
@@ -147,15 +149,15 @@ def draw_line(axes: Axes, points: Sequence[tuple[float, float]], **look: Any) ->
 
 def round_step(size: float) -> float:
     """
-    Round a step of a scale up to 1, 2 or 5 times a power of ten.
+    Round the step between two ticks of an axis up to 1, 2 or 5 times a power of ten.
 
-    Both axes of a map use the same step, so one locator of matplotlib computes it for both.
+    Both axes of a map need the same step, so it is computed once here, with a matplotlib locator.
 
     :param size: the smallest step, above 0
     """
     from matplotlib.ticker import MaxNLocator
 
-    # The size is slightly reduced, because a rounding error may have made it too large.
+    # The size is reduced slightly, because a rounding error may have made it too large.
     locator = MaxNLocator(1, steps=(1, 2, 5, 10), min_n_ticks=1)
     first, second, *_ = locator.tick_values(0.0, size * (1.0 - 1e-9))
     return float(second - first)
@@ -186,10 +188,10 @@ def default_style(svg_fonttype: str = 'path') -> Iterator[None]:
 
 def draw_figure(draw: Callable[[Figure], None], resolution: float | None = None) -> Figure:
     """
-    Return a figure in the default style, on a raster canvas, which can measure text.
+    Return a figure in the default style, with a raster canvas, which can measure text.
 
-    :param draw: draws on the empty figure, and sets its size
-    :param resolution: its resolution [pixels per inch]; None for matplotlib's
+    :param draw: a function that draws on the empty figure, and sets its size
+    :param resolution: the resolution [pixels per inch]; None for the default of matplotlib
     :raises UsageError: if matplotlib is missing
     """
     with default_style():
@@ -202,7 +204,7 @@ def draw_figure(draw: Callable[[Figure], None], resolution: float | None = None)
     return figure
 
 
-#: Metadata that are left out of each file format, so that two runs give the same bytes.
+#: The metadata that each file format leaves out, so that two runs give the same bytes.
 METADATA = {'.png': ('Software',), '.svg': ('Date', 'Creator'),
             '.pdf': ('CreationDate', 'Creator', 'Producer')}
 
@@ -210,10 +212,10 @@ METADATA = {'.png': ('Software',), '.svg': ('Date', 'Creator'),
 def file_of(figure: Figure, suffix: str, resolution: float | None = None,
             svg_fonttype: str = 'path') -> bytes:
     """
-    Return the content of a file with a figure.
+    Return a figure as the content of a file.
 
-    :param suffix: the format, as the suffix of the file
-    :param resolution: the resolution of a PNG file [pixels per inch]; None for the figure's
+    :param suffix: the suffix of the file, which selects the format: .png, .svg or .pdf
+    :param resolution: the resolution of a PNG file [pixels per inch]; None for that of the figure
     :param svg_fonttype: how an SVG file has text: as ``path``, or as text: ``none``
     """
     data = io.BytesIO()
@@ -228,7 +230,7 @@ MAX_BOUNDARIES = 60
 #: The largest ratio of a drawn limit to the sent velocities.  A larger limit would flatten the
 #: curve, so it is only written as text.
 MAX_LIMIT_RATIO = 5.0
-#: The room for the labels of limits above and below the lines, as a part of the span.
+#: The room for the labels of limits above and below the lines, as a part of the range of values.
 LABEL_SHARE = 0.25
 #: The style of the labels of limits, with a background that hides lines.
 WORDS: dict[str, Any] = {
@@ -245,11 +247,11 @@ class VelocityComponent:
     """
     A component of the velocity, linear or angular.
 
-    :param attribute: the name of its attribute in a velocity
-    :param label: the label of its axis
-    :param unit: its unit
-    :param colour: the colour of its line
-    :param limits: a function that returns its lowest and its highest value within given limits
+    :param attribute: the name of the component in a ``Velocity``
+    :param label: the label of the axis
+    :param unit: the unit of the component
+    :param colour: the colour of the line
+    :param limits: a function that returns the lowest and the highest value that limits allow
     """
 
     attribute: str
@@ -271,9 +273,9 @@ class Scale:
     """
     The range of a plot of a value over time.
 
-    :param lowest: the lowest value [its unit]
-    :param highest: the highest value [its unit]
-    :param duration: the longest time [s]
+    :param lowest: the lowest value on the axis, in the unit of the plotted values
+    :param highest: the highest value on the axis, in the same unit
+    :param duration: the longest time on the axis [s]
     """
 
     lowest: float
@@ -283,7 +285,14 @@ class Scale:
 
 def scale_for(component: VelocityComponent, values: Sequence[float], limits: Sequence[Limits],
               duration: float) -> Scale:
-    """Return a scale for values and a duration [s], including the limits nearby."""
+    """
+    Return a scale that shows values over a time, and the limits that are not far from the values.
+
+    :param component: the velocity component
+    :param values: the values to show
+    :param limits: the limits to show, if they are at most MAX_LIMIT_RATIO times the largest value
+    :param duration: the longest time to show [s]
+    """
     lowest, highest = min(values), max(values)
     largest = max(highest, -lowest)
     for below, above in map(component.limits, limits):
@@ -292,7 +301,7 @@ def scale_for(component: VelocityComponent, values: Sequence[float], limits: Seq
             lowest = min(lowest, below)
         if above <= far and (highest > 0.0 or not largest):
             highest = max(highest, above)
-    # Without a limit and a velocity, the span is arbitrary.
+    # If there is neither a limit nor a velocity, the span may have any value.
     span = highest - lowest if 0.0 < highest - lowest < math.inf else 1.0
     highest = highest if math.isfinite(highest) else 1.0
     return Scale(lowest - span * (LABEL_SHARE if lowest < 0.0 else 0.06),
@@ -300,7 +309,7 @@ def scale_for(component: VelocityComponent, values: Sequence[float], limits: Seq
 
 
 def time_unit(duration: float) -> tuple[str, float]:
-    """Return the name and the length [s] of the unit of a time axis of a duration [s]."""
+    """Return the name and the length [s] of the unit of time for an axis of a duration [s]."""
     return ('min', 60.0) if duration > MINUTES_FROM else ('s', 1.0)
 
 
@@ -317,9 +326,9 @@ def draw_velocity(axes: Axes, view: PlanView, component: VelocityComponent, scal
 
 def set_time_limits(axes: Axes, scale: Scale, label: str, ends: Sequence[float]) -> None:
     """
-    Set the range of a plot over time; draw a line at zero and a faint line at each step's end.
+    Set the range of a plot over time, and draw lines at zero and at the end of each step.
 
-    :param ends: the times at which steps end [s]; more than 60 are not drawn
+    :param ends: the times at which steps end [s]; if there are more than 60, none is drawn
     """
     unit = time_unit(scale.duration)[1]
     right = scale.duration / unit

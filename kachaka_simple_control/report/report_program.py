@@ -47,11 +47,12 @@ from kachaka_simple_control.telemetry.subscriber_process import decode
 from kachaka_simple_control.text import escaped, MAX_LINE_LENGTH
 
 PAGE, PLOT, FIGURES = 'report.html', 'path.png', 'run.json'
-#: The period of writing events to the disk [s].
+#: The period at which events are written to the recording [s].
 FLUSH_PERIOD = 0.5
-#: The longest delay of an event [s].
+#: The longest time until an event arrives at this program [s].
 MAX_EVENT_DELAY = 0.1
-#: The time that a guardian has to stop the robot after its program has ended [s].
+#: The longest wait for the guardian to stop the robot after the driving program has ended [s].
+#: The guardian is a process that stops the robot if the driving program fails.
 GUARDIAN_STOP_TIMEOUT = 1.0
 
 
@@ -89,7 +90,7 @@ def write_report(log: DriveLog, directory: Path, recording: str | None) -> None:
 
 
 def _plots(summary: Summary) -> tuple[DrivePlots, str | None]:
-    """Return the plots, and the reason if they cannot be drawn, else None."""
+    """Return the plots, and the reason why they cannot be drawn; None if they are drawn."""
     try:
         return draw_drive_plots(summary), None
     except UsageError as error:
@@ -128,7 +129,7 @@ def read_events(stream: BinaryIO) -> Iterator[Event | None]:
 
 
 class EventHandlers:
-    """Calls handlers with events; a handler that fails is removed, and the others continue."""
+    """Calls handlers with events; a handler that fails is removed, and the others are kept."""
 
     def __init__(self, *handlers: Callable[[Event], None]) -> None:
         self._handlers = [*handlers]
@@ -159,7 +160,7 @@ def record_events(stream: BinaryIO, handlers: EventHandlers, recorder: McapRecor
 
 def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> str | None:
     """
-    Write the report.
+    Write the report, and return the reason if a part of it cannot be written.
 
     :param log: the drive
     :param directory: an existing directory
@@ -180,11 +181,13 @@ def try_write_report(log: DriveLog, directory: Path, recording: str | None) -> s
 
 def guardian_stop(file: int, slot: int) -> VelocitySent | None:
     """
-    Return the first zero that the guardian sent after its program was killed.
+    Wait for the guardian to stop the robot, and return its first zero velocity.
 
-    :param file: the descriptor of the memory that the program shared with its guardian
-    :param slot: the slot of the robot in this memory
-    :returns: the message; None if the guardian sent no zero within GUARDIAN_STOP_TIMEOUT
+    The guardian is a process that stops the robot if the driving program was killed.
+
+    :param file: the descriptor of the memory that the driving program shared with the guardian
+    :param slot: the number of the robot's part of this memory
+    :returns: the message; None if the guardian sent none within GUARDIAN_STOP_TIMEOUT
     """
     latch = GuardianMemory(file).slot(slot).latch
     wait_until(lambda: latch.is_set, GUARDIAN_STOP_TIMEOUT)
@@ -207,15 +210,15 @@ def main() -> int:
     """
     make_nonblocking(STDERR)
     lower_priority()
-    # These signals are for the driving program.  When it ends, the event pipe closes, and this
-    # program ends too.
+    # These signals are for the driving program.  When it ends, the event pipe closes, and then the
+    # report program ends too.
     for signum in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(signum, signal.SIG_IGN)
-    # Files are written relative to the checked folder, even if the folder is renamed.
+    # After this, files are written into the checked folder even if the folder is renamed.
     name, directory = sys.argv[1], Path()
     os.chdir(name)
     recorder = McapRecorder(directory)
-    # The events for the report are stored in a file, because a log in memory would grow.
+    # The events for the report are stored in a file, because they would fill the memory.
     with tempfile.TemporaryFile() as events:
         ended = threading.Event()
         handlers = EventHandlers(

@@ -46,10 +46,10 @@ class Column(NamedTuple):
     """
     A column of a table.
 
-    :param name: its name
-    :param unit: the unit of its cells; empty if they have none or contain it
-    :param spare: 0 for a column that a narrow table keeps; others are left out by this number,
-        the smallest first
+    :param name: the name of the column
+    :param unit: the unit of the cells; empty if the cells have no unit or contain it
+    :param spare: 0 for a column that is never left out; if the table is too wide, other columns
+        are left out in the order of this number, the smallest first
     """
 
     name: str
@@ -58,7 +58,7 @@ class Column(NamedTuple):
 
 
 def terminal_columns() -> int | None:
-    """Return the width of the terminal [columns]; None if standard output is no terminal."""
+    """Return the width of the terminal [columns]; None if stdout is not a terminal."""
     try:
         return os.get_terminal_size(STDOUT).columns or None
     except OSError:
@@ -68,16 +68,17 @@ def terminal_columns() -> int | None:
 def columns(head: Sequence[Column], rows: Sequence[Row], widest: int = WIDEST,
             totals: int = 0) -> list[str]:
     """
-    Lay out a table, without its empty columns.
+    Return a table as lines of text, without empty columns.
 
     Text is left-aligned.  Numbers, and all cells of a column with a unit, are right-aligned.  If
-    the table is too wide, spare columns are left out first, then the widest columns are cut.
+    the table is too wide, columns with a ``spare`` number are left out first.  Then the widest
+    columns are cut.
 
     :param head: the columns
     :param rows: the rows, with one cell per column
     :param widest: the largest width of the table [columns]
     :param totals: the number of rows at the end that a line separates from the others
-    :returns: lines of text: names, units (if a column has one), a rule, the rows
+    :returns: lines of text: the names, the units if there are any, a horizontal line, the rows
     """
     names, units, spares = zip(*head)
     cells = [names, *([units] if any(units) else []), *rows]
@@ -136,8 +137,8 @@ def fold(keys: Sequence[Hashable], most: int) -> list[int | Gap]:
     """
     Choose the steps that a table shows.
 
-    A table with too many steps shows only the first and the last repeat of each step.  If it is
-    still too long, its middle is left out.
+    If there are too many steps, only the first and the last repeat of each step are shown.  If the
+    table is still too long, its middle is left out.
 
     :param keys: a key for each step; repeats of a step have equal keys
     :param most: the largest number of lines of the table
@@ -183,15 +184,15 @@ def _kept(keys: Sequence[Hashable], most: int) -> list[int]:
 
 #: The approximate number of lines of all tables together.
 LINES = 60
-#: The largest number of rows of a table of steps; a longer table is folded.
+#: The largest number of rows of a table of steps; a longer table leaves out steps.
 MAX_STEPS = 40
 #: The smallest useful number of rows of a table of steps.
 MIN_STEPS = 8
-#: The lines of a table of steps without its steps, and of a comparison without its motions.
+#: The number of lines besides the rows: of a table of steps, and of a table that compares motions.
 FRAME, CAPTION = 6, 7
 #: The largest width of a name [columns].
 MAX_NAME_WIDTH = 36
-#: The time from which times are shown in tenths of a second [s].
+#: Times of this value or more are shown in tenths of a second [s].
 TENTHS_FROM = 1000.0
 
 #: The columns of the tables of plans.
@@ -201,7 +202,7 @@ FIGURES = (
 STEPS = (Column(''), Column('step'), Column('', spare=1), Column('start', '[s]', 2), *FIGURES)
 MOTIONS = (Column('motion'), Column('robot'), Column('rate', '[Hz]', 9), Column('steps', spare=7),
            *FIGURES, Column('sent', spare=3))
-#: The limits in a table, with their units and meanings, by the title of the line.
+#: The limits below a table: the title of each line, and the unit and meaning of each limit.
 LIMITS = {
     'Limits:': {
         'max_linear_velocity': 'm/s', 'max_backward_velocity': 'm/s backwards',
@@ -285,7 +286,11 @@ def _sending(view: PlanView) -> list[str]:
 
 
 def _bounds(limits: Limits, units: Mapping[str, str]) -> str:
-    """Return limits as text, without infinite ones and those that follow from another limit."""
+    """
+    Return limits as text.
+
+    Infinite limits are left out.  So is, for example, a deceleration equal to the acceleration.
+    """
     bounds = {name: limits.bound(name) for name in units}
     known = [f'{format_number(bound)} {units[name]}' for name, bound in bounds.items()
              if bound < math.inf and bound != bounds.get(SAME_AS.get(name, ''))]
@@ -297,7 +302,7 @@ def _comparison(views: Sequence[PlanView], widest: int) -> list[str]:
              format_number(view.rate), str(len(view.plan.steps)), *_figures(view.plan),
              str(view.messages)) for view in views]
     title, kept = pluralize(len(views), 'motion'), [*range(len(MOTIONS))]
-    # What all motions have in common is in the title, without a column of its own.
+    # A robot or a rate that all motions share is in the title, without a column of its own.
     if len({view.robot for view in views}) == 1:
         title += f' on {rows[0][1]}'
         kept.remove(1)
@@ -313,7 +318,7 @@ def _time(value: float) -> str:
     return format_fixed(value, 3 if value < TENTHS_FROM else 1)
 
 
-#: The columns of the table of a drive; its cells contain the units.
+#: The columns of the table of a drive; the cells contain the units.
 DRIVE = (Column('movement'), Column('requested', spare=1), Column('sent', spare=2),
          Column('odometry'))
 
