@@ -143,7 +143,7 @@ def due_times(plan: Plan, until: float) -> list[float]:
     A message is due at the start of each segment, and after each period within the segment.
 
     :param plan: the plan
-    :param until: the time from which on messages do not count [s after t = 0]
+    :param until: leave out times at or after this one [s after t = 0]
     :returns: the times [s after t = 0], in order, without the zero velocity at the end
     """
     times = [segment.start + number * plan.period for segment in plan.segments

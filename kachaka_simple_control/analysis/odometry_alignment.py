@@ -95,7 +95,8 @@ class MotionStart:
     The start pose and the start time of a motion.
 
     :param motion: the motion
-    :param pose: the planned start pose, relative to the robot's pose at t = 0 of the drive
+    :param pose: the start pose, relative to the robot's pose at t = 0 of the drive: the planned
+        end of the last motion, or where the sent velocities led if that motion ended early
     :param time: the start time [s after t = 0 of the drive]; None if the motion never started
     """
 
@@ -127,8 +128,8 @@ class AlignedDrive:
     The plans, messages and odometry of a drive, relative to the robot's pose at t = 0.
 
     Odometry has a frame of its own, so its poses are transformed.  The last sample before t = 0,
-    or else the first sample, gives the transform: it becomes the pose that is expected from the
-    velocities sent until then.
+    or else the first sample, gives the transform: its pose is mapped to the pose that is expected
+    from the velocities sent until then.
     """
 
     def __init__(self, log: DriveLog) -> None:

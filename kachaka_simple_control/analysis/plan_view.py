@@ -62,7 +62,7 @@ class Area(NamedTuple):
 
 
 def outlines(footprint: Footprint | None, poses: Iterable[Pose]) -> list[Point]:
-    """Return the corners of a robot's outline at poses [m]; without a footprint, positions."""
+    """Return the corners of a robot at each pose [m]; only the positions without a footprint."""
     if footprint is None:
         return [(pose.x, pose.y) for pose in poses]
     return [corner for pose in poses for corner in outline(footprint, pose)]

@@ -293,12 +293,12 @@ class Summary:
 
     @property
     def last_seen(self) -> OdometrySample | None:
-        """Return the last odometry sample; None if there is none since t = 0."""
+        """Return the last odometry sample; None if none was received since t = 0."""
         return self.aligned.odometry[-1] if self.aligned.odometry else None
 
     @property
     def final_pose(self) -> Pose | None:
-        """Return the last odometry pose; None if there is none since t = 0."""
+        """Return the last odometry pose; None if none was received since t = 0."""
         return None if self.last_seen is None else self.last_seen.pose
 
     @property

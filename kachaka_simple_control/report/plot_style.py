@@ -168,7 +168,7 @@ def default_style(svg_fonttype: str = 'path') -> Iterator[None]:
     """
     Use matplotlib's default style in this context, and ignore the user's own settings.
 
-    :param svg_fonttype: how an SVG file has text: as ``path``, or as text: ``none``
+    :param svg_fonttype: how an SVG file stores text: ``path`` for outlines, ``none`` for text
     :raises UsageError: if matplotlib is missing
     """
     try:
@@ -216,7 +216,7 @@ def file_of(figure: Figure, suffix: str, resolution: float | None = None,
 
     :param suffix: the suffix of the file, which selects the format: .png, .svg or .pdf
     :param resolution: the resolution of a PNG file [pixels per inch]; None for that of the figure
-    :param svg_fonttype: how an SVG file has text: as ``path``, or as text: ``none``
+    :param svg_fonttype: how an SVG file stores text: ``path`` for outlines, ``none`` for text
     """
     data = io.BytesIO()
     with default_style(svg_fonttype):

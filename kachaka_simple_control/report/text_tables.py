@@ -262,7 +262,7 @@ def _steps(view: PlanView, most: int, widest: int, with_total: bool) -> list[str
         if isinstance(entry, Gap):
             start, end = _time(steps[entry.before].end), _time(steps[entry.after].start)
             line = f'... {entry.describe(start, end)} ...'
-            # Three lines are above the rows: names, units and a rule.
+            # Three lines are above the rows: names, units and a horizontal line.
             lines.insert(3 + place, line if len(line) <= widest else f'... {entry.size} ...')
     title = (f'{one_line(view.name, MAX_NAME_WIDTH)} on {one_line(view.robot, MAX_NAME_WIDTH)} '
              f'at {format_number(view.rate)} Hz')
