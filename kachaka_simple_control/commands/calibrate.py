@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The command ``kachaka_calibrate``: calibrate a robot, and write its profile.
+The command ``kachaka_calibrate``, which calibrates a robot and writes its profile.
 
-It calibrates the velocities by odometry, or odometry by a tape measure: with a straight line and a
-turn, or with squares.
+By default it measures with odometry how the robot follows the velocities that it is sent.  With a
+tape measure it calibrates odometry itself.  For this the robot drives a straight line and a turn,
+or squares.
 """
 
 from __future__ import annotations
@@ -61,16 +62,19 @@ from kachaka_simple_control.text import escaped, escaped_lines
 
 T = TypeVar('T')
 
-#: The largest number of attempts of a drive.
+#: A calibration drive is tried at most this many times.
 MAX_ATTEMPTS = 3
-#: The side length of the squares in the library, and the range of other side lengths [m].
+#: The side length of the squares in the motion library, as text.  The smallest and the largest
+#: side length that the user may choose [m].
 SIDE, MIN_SIDE, MAX_SIDE = '4 m', 0.5, 10.0
 MARK = 'Mark where the middle between its wheels is, and which way it looks.  '
 
 
 def calibrate(options: CalibrateOptions) -> None:
     """
-    Drive a calibration motion after the user's confirmation, and write the robot's profile.
+    Calibrate the velocities of a robot with odometry, and write the robot's profile.
+
+    The robot drives a calibration motion after the user has confirmed it.
 
     :raises CalibrationError: if the drive gives no valid calibration; no file is written
     :raises ControlError: if the drive cannot start or is not completed; no file is written
@@ -136,9 +140,10 @@ def measure_floor(options: CalibrateOptions) -> None:
 
 def measure_squares(options: CalibrateOptions) -> None:
     """
-    Calibrate odometry with squares in both directions (UMBmark), and write the robot's profile.
+    Calibrate odometry with the UMBmark method, and write the robot's profile.
 
-    The user measures the end pose of each square on the floor.
+    The robot drives squares in both directions, and the user measures the end pose of each square
+    on the floor (method: J. Borenstein and L. Feng, 1996).
 
     :raises CalibrationError: if the drives give no valid calibration; no file is written
     :raises ControlError: if a drive cannot start or is not completed; no file is written
@@ -150,7 +155,7 @@ def measure_squares(options: CalibrateOptions) -> None:
             'squares cannot tell the scale of distances: measure it before by kachaka_calibrate '
             'floor, and name the file that it writes by --robot')
     track = _track(options, settings.profile)
-    # An invalid track is refused before the robot moves.
+    # This raises an error for an invalid track before the robot moves.
     known = replace(known, track=track)
     count, kinds = options.squares or 1, [LENGTH, LENGTH, ANGLE]
     with _motions(options.side or SIDE) as motions:
@@ -186,16 +191,16 @@ def require_ready(options: CalibrateOptions) -> Settings:
     """
     Check the robot and the output file before a calibration, and return the robot's settings.
 
-    :raises UsageError: if the robot has no odometry, or the file exists or cannot be written;
-        nothing has moved
+    :raises UsageError: if the robot has no odometry, or the output file already exists or cannot
+        be written; the robot has not moved
     """
     settings = choose_settings(options, None)
     robot, file = settings.robot, options.file
-    # A calibration that cannot be written is refused before the robot moves.
+    # This raises an error before the robot moves if a calibration cannot be added to the profile.
     calibrated_text(robot, OdometryCalibration() if options.part else Calibration())
     if settings.profile.odometry_topic is None:
         raise UsageError(f'{escaped(robot)} has no odometry to measure by; its file names none')
-    # A tape measurement may replace the profile of the robot itself, if --output names it.
+    # A tape measurement may be written to the robot's own profile, if --output names that file.
     may_replace = options.part and options.output is not None and Path(robot).exists()
     if file.exists() and not (may_replace and file.samefile(robot)):
         raise UsageError(f'{escaped(file)} is there already; name another file by --output')
@@ -215,19 +220,19 @@ def drive_until_good(
     """
     Drive until a measurement is valid, at most three times, and return the measurement.
 
-    Each time the user is asked whether the robot may drive, unless it is simulated or ``--yes``
-    was given.  The drive is repeated only if a user at the terminal can put the robot back and
-    confirm the next drive.  A drive that ended with a fault is not repeated.
+    Before each drive the user is asked whether the robot may drive, unless the robot is simulated
+    or ``--yes`` was given.  The drive is repeated only if a user at the terminal can put the robot
+    back and confirm the next drive.  A drive that ended with a fault is not repeated.
 
-    :param motion: the name of a motion in the library, or the path of a file
+    :param motion: the name of a motion in the library, or the path of a motion file
     :param view: the plan of the motion
     :param fit: a function that returns the measurement from the log of the drive
-    :param before: an instruction for the user before the drive
+    :param before: an instruction that the user reads before the drive; empty for none
     :raises CalibrationError: if the last drive gives no valid measurement
-    :raises UsageError: if there is no terminal to ask at, or the answer is no
+    :raises UsageError: if the user does not confirm, or there is no terminal for the question
     """
     for attempt in range(1, MAX_ATTEMPTS + 1):
-        report = options.report  # each attempt has a report directory of its own
+        report = options.report  # each attempt has its own report directory
         if report is not None and attempt > 1:
             report = f'{report}-{attempt}'
         try:
@@ -247,9 +252,9 @@ def _drive(
         options: CalibrateOptions, motion: str, view: PlanView, report: str,
         before: str) -> list[Pose]:
     """
-    Drive a motion until its log is valid, and return the path from odometry.
+    Drive a motion until its log is valid, and return the path that odometry reported.
 
-    :param report: the name of a folder within the directory of ``--report``
+    :param report: the folder for the report of this drive, inside the directory of ``--report``
     """
     if options.report is not None:
         options = replace(options, report=str(Path(options.report) / report))
@@ -257,17 +262,18 @@ def _drive(
 
 
 def today() -> str:
-    """Return today's date in ISO format, for a calibration."""
+    """Return the local date in ISO format, for example ``2026-01-31``."""
     return datetime.now().astimezone().date().isoformat()
 
 
 def show_result(rows: Sequence[Row]) -> None:
     """
-    Print the result of a calibration, before its profile is written.
+    Print the result of a calibration.
 
-    So the result is not lost if the file cannot be written.
+    Call this before the profile is written, so that the user has the result even if the file
+    cannot be written.
 
-    :param rows: names, values and standard errors
+    :param rows: the name, the value and the standard error of each result, as text
     """
     table = columns((Column(''), Column('value'), Column('standard error')), rows)
     print('\n'.join(['', *table, '']), flush=True)
@@ -279,7 +285,7 @@ def write_robot(
     """
     Write the profile of a calibrated robot, and print how to use it.
 
-    :param robot: the name or the file of the robot's profile
+    :param robot: the name or the file of the profile to which the calibration is added
     :param calibration: the result of the calibration
     :raises UsageError: if the file cannot be written
     """
@@ -292,15 +298,16 @@ def write_robot(
 
 
 class _Answers:
-    """The tape measurements, from ``--measured`` or from questions to the user."""
+    """Provides the tape measurements, from ``--measured`` or from questions to the user."""
 
     def __init__(self, given: Sequence[str], quantities: Sequence[Sequence[Quantity]]) -> None:
         """
-        Check the given answers.
+        Check the answers from the command line.
 
         :param given: the answers from ``--measured``, as text; empty to ask the user
-        :param quantities: the quantities of each answer
-        :raises UsageError: if an answer is invalid, or there is no terminal to ask at
+        :param quantities: for each answer, the quantities that it must contain, in order
+        :raises UsageError: if an answer is invalid or missing, or there is no terminal for the
+            questions
         """
         if given and len(given) != len(quantities):
             raise UsageError(
@@ -316,11 +323,11 @@ class _Answers:
 
     def ask(self, question: str, kinds: Sequence[Quantity]) -> list[float]:
         """
-        Return the next given answer, or ask the user for it.
+        Return the next answer from the command line, or ask the user for it.
 
         :param question: the question to the user
-        :param kinds: the quantities of the answer
-        :returns: the measured values
+        :param kinds: the quantities that the answer must contain, in order
+        :returns: the measured values [m], [rad]
         :raises UsageError: if the user gives no answer
         """
         if self._given:
@@ -346,7 +353,12 @@ def _parse(answer: str, kinds: Sequence[Quantity]) -> list[float]:
 
 @contextlib.contextmanager
 def _motions(side: str) -> Iterator[tuple[str, str]]:
-    """Yield the clockwise and the counterclockwise square, as library names or as files."""
+    """
+    Yield the square motions for UMBmark, first the clockwise and then the counterclockwise one.
+
+    For the default side length these are names of library motions, otherwise paths of temporary
+    files.
+    """
     names = 'umbmark_cw', 'umbmark_ccw'
     length = _size('side', side)
     if not MIN_SIDE <= length <= MAX_SIDE:
@@ -365,9 +377,9 @@ def _motions(side: str) -> Iterator[tuple[str, str]]:
 
 def _track(options: CalibrateOptions, profile: RobotProfile) -> float:
     """
-    Return the track that a robot's odometry uses [m].
+    Return the track [m], the distance between the wheels, that a robot's odometry uses.
 
-    :raises UsageError: if it is neither given nor known
+    :raises UsageError: if the track is neither given by ``--track`` nor known for the robot
     """
     known = profile.odometry_calibration
     if options.track is not None:
@@ -389,7 +401,7 @@ def _size(option: str, text: str) -> float:
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the command.
+    Run the command ``kachaka_calibrate``.
 
     :param args: the arguments without the program's name; None for the process's arguments
     :returns: the exit code

@@ -25,7 +25,7 @@ from kachaka_simple_control.text import quoted
 
 NAME = 'kachaka_calibrate'
 OUTPUT = Path('my_kachaka.yaml')
-#: The parts that need a tape measure.
+#: The names of the two measurements that need a tape measure.
 FLOOR, UMBMARK = 'floor', 'umbmark'
 EPILOG = """\
 Without a word it measures by odometry alone: what the robot makes of the velocities that it is
@@ -41,18 +41,20 @@ how unequal the wheels are and how wide the track is (after J. Borenstein and L.
 @dataclass(frozen=True)
 class CalibrateOptions(cli.Options):
     """
-    The options of ``kachaka_calibrate``: those of a drive and its own.
+    The options of ``kachaka_calibrate``, which extend the options of a drive.
 
-    :param plot: the file for a plot of the fit; None for no plot
-    :param calibrates: always true
-    :param part: the measurement: '' with odometry, ``floor`` or ``umbmark`` with a tape measure
+    :param plot: the file for a plot of the calibration drive and the fit; None for no plot
+    :param calibrates: always True
+    :param part: the name of the measurement; ``floor`` and ``umbmark`` use a tape measure, an
+        empty name means a measurement with odometry alone
     :param output: the profile to write; None if not given
-    :param floor: a description of the floor, for the profile
+    :param floor: a description of the floor, which is written to the profile
     :param dry_run: whether to show the motion without driving
-    :param measured: the answers to the questions, in order; empty to ask the user
-    :param side: the side length of the squares, as text
-    :param squares: the number of squares in each direction
-    :param track: the track that odometry uses, as text; None for the known track of the robot
+    :param measured: the tape measurements, in the order of the questions; empty to ask the user
+    :param side: the side length of the squares, as text; None for the default
+    :param squares: the number of squares in each direction; None for one
+    :param track: the distance between the wheels that odometry uses, as text; None for the known
+        value of the robot
     """
 
     calibrates: bool = True
@@ -75,7 +77,8 @@ def parse(arguments: Sequence[str]) -> CalibrateOptions:
     """
     Parse the arguments of the command.
 
-    :raises SystemExit: with code 2 and one line if an argument is invalid; with 0 after ``--help``
+    :raises SystemExit: with code 2 if an argument is invalid, after a line that says why; with
+        code 0 after ``--help``
     """
     parser = _parser()
     values = cli.parse_values(parser, arguments)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The options of the ``kachaka_simple_control`` command; needs no ROS."""
+"""The options of the command ``kachaka_simple_control``; this module needs no ROS."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ examples:
   kachaka_simple_control ./mine.yaml --sim --report run1
   kachaka_simple_control square --ros-args -p robot_timeout:=30
 """
-#: Matches a time that a user typed after ``--wait``, which has no value.
+#: Matches a time that a user typed after ``--wait`` by mistake, because ``--wait`` takes no value.
 TIME = re.compile(r'\d+(\.\d*)?(s|min)?|inf|forever')
 MAX_REPEATS = 1000
 PRECEDENCE = """
@@ -70,15 +70,17 @@ class Options:
     :param list: whether to list the motions of the package
     :param plan: whether to print the plan of each motion
     :param plot: the file for a plot of the plans; None for no plot
-    :param wait: whether to wait for the service ``~/run`` or Enter before driving
-    :param ros_arguments: the arguments of ROS, with ``--ros-args`` and ``--``
+    :param wait: whether to start the motion only when the service ``~/run`` is called or Enter is
+        pressed
+    :param ros_arguments: the arguments for ROS, including ``--ros-args`` and ``--``
     :param report: the directory for a report; None for no report
     :param repeat: the number of drives
     :param quiet: whether to print only the node's log lines while the robot drives
     :param address: the address of the real robot to start a bridge for; None for no bridge
     :param simulation: the options of the simulated robot, as text
     :param yes: whether to drive a real robot without asking
-    :param calibrates: whether the drive is for a calibration, which needs the log but no table
+    :param calibrates: whether the drive is for a calibration; such a drive records a log, and
+        prints no table
     :param command: the whole command line, for reports
     """
 
@@ -118,7 +120,8 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     Parse the arguments of the command.
 
     :param arguments: the arguments without the program's name; None for the process's arguments
-    :raises SystemExit: with code 2 and one line if an argument is invalid; with 0 after ``--help``
+    :raises SystemExit: with code 2 if an argument is invalid, after a line that says why; with
+        code 0 after ``--help``
     """
     parser = _parser()
     if '_ARGCOMPLETE' in os.environ:
@@ -149,7 +152,8 @@ def parse_values(parser: OneLineParser, arguments: Sequence[str]) -> dict[str, A
     Parse the arguments of a command that drives.
 
     :param parser: the parser of the command's own arguments
-    :returns: the options by name, with ``ros_arguments`` and ``command``
+    :returns: the values of the options, by name; ``ros_arguments`` has the arguments for ROS, and
+        ``command`` the whole command line
     """
     own, ros = split_ros_arguments(arguments)
     return {**vars(parser.parse_args(own)), 'ros_arguments': tuple(ros),
@@ -158,10 +162,12 @@ def parse_values(parser: OneLineParser, arguments: Sequence[str]) -> dict[str, A
 
 def take_simulation(parser: OneLineParser, values: dict[str, Any]) -> None:
     """
-    Check the options of the simulated robot, and replace them with their text, ``simulation``.
+    Check the options of the simulated robot, and replace them with one value, ``simulation``.
+
+    This value contains the given options as command line arguments.
 
     :param parser: the parser, which ends the program if an option is invalid
-    :param values: the options of the command by name
+    :param values: the values of the command's options, by name; changed in place
     """
     simulation = simulation_words(values)
     if simulation and not values['sim']:
@@ -274,7 +280,7 @@ def _complete(parser: OneLineParser) -> NoReturn:
 
 
 def _paths(prefix: str, *suffixes: str) -> list[str]:
-    """Return the folders, and the files with one of the suffixes, that start with a prefix."""
+    """Return paths that start with a prefix: folders, and files with one of the suffixes."""
     found = glob(f'{escape(prefix)}*')  # noqa: PTH207 (a path keeps its ./)
     return [f'{path}/' if Path(path).is_dir() else path
             for path in found if path.endswith(suffixes) or Path(path).is_dir()]
@@ -284,7 +290,7 @@ def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]
     """
     Split arguments into the command's own arguments and the ROS arguments.
 
-    ROS arguments are those from ``--ros-args`` to ``--``.
+    ROS arguments begin with ``--ros-args`` and end with ``--`` or the last argument.
 
     :returns: the command's own arguments, and the ROS arguments with ``--ros-args`` and ``--``
     """

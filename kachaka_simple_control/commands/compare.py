@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The command ``kachaka_compare``: compare where drives of the same motion end."""
+"""The command ``kachaka_compare``, which compares several drives of the same motion."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NAME = 'kachaka_compare'
 
 def compare(directories: Sequence[Path], plot: str | None) -> None:
     """
-    Print a table that compares drives, and plot their paths.
+    Print a table that compares drives, and plot the paths of the drives.
 
     :param directories: the directories of the drives' reports
     :param plot: the file of the plot; None for no plot
@@ -54,7 +54,7 @@ def compare(directories: Sequence[Path], plot: str | None) -> None:
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the command.
+    Run the command ``kachaka_compare``.
 
     :param args: the arguments without the program's name; None for the process's arguments
     :returns: the exit code

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Drive a robot according to the command's options; needs ROS."""
+"""Drive a robot according to the options of the command; this module needs ROS."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ if TYPE_CHECKING:
     from kachaka_simple_control.motion.limits import Limits
     from kachaka_simple_control.motion.steps import Motion
 
-#: The function of each key.
+#: The function that each key calls, by the character of the key.
 Keys = dict[str, Callable[[], object]]
-#: The change of the speed factor for each key press.
+#: How much one key press changes the speed factor.
 KEY_STEP = 0.1
 
 
@@ -65,11 +65,11 @@ def drive(options: Options) -> DriveLog:
 
     :returns: the log of the drive
     :raises ControlError: if the drive could not be completed; the robot was stopped
-    :raises InvalidMotionError: if the robot cannot drive the motion; nothing has moved
+    :raises InvalidMotionError: if the robot cannot drive the motion; the robot has not moved
     """
     make_nonblocking(STDOUT, STDERR)
     motion_file = _motion_file(options)
-    # The stack closes a bridge last, after its robot is stopped and released.
+    # The stack closes a bridge last, after the robot is stopped and released.
     with contextlib.ExitStack() as stack:
         if options.report is not None:
             stack.enter_context(output_file.prepare_report_dir(options.report))
@@ -121,7 +121,13 @@ def drive(options: Options) -> DriveLog:
 def _start_subscribers(
         subscribers: subscriber_process.SubscriberProcesses, options: Options, is_lesson: bool,
         guardian_memory: tuple[int, int] | None) -> subscriber_process.SubscriberProcess | None:
-    """Start the display and the report program; return the report program, or None."""
+    """
+    Start the display and the report program, if the options ask for them.
+
+    :param guardian_memory: the descriptor of the memory that is shared with the guardian, and the
+        index of the robot in this memory; None without a guardian
+    :returns: the process of the report program; None without a report
+    """
     # A lesson without a terminal needs no display, because the node logs each of its movements.
     if not options.quiet and (not is_lesson or terminal.is_terminal(STDERR)):
         subscribers.add(terminal.DisplayProcess())
@@ -137,7 +143,11 @@ def _start_subscribers(
 def _start_bridge(
         stack: contextlib.ExitStack, options: Options,
         robot_control: KachakaSimpleControl) -> None:
-    """Start the bridge of a robot in a child process until the stack closes, and require it."""
+    """
+    Start the bridge of a robot in a child process, and accept only the robot of this bridge.
+
+    The bridge runs until the stack is closed.
+    """
     from kachaka_simple_control.kachaka.bridge_process import real_bridge, simulated_bridge
     namespace = robot_control.node_parameters.robot_namespace
     bridge = stack.enter_context(
@@ -175,7 +185,7 @@ def _count_movements() -> int | None:
 
 
 def _parameters(options: Options) -> list[Parameter]:
-    # The table and the report need the odometry that ``summary`` records.
+    # The table and the report need the odometry that the parameter ``summary`` records.
     summary = options.starts_bridge or options.calibrates or options.report is not None or None
     values = {'robot': options.robot, 'rate': options.rate, 'summary': summary,
               'closed_loop': options.closed_loop, 'speed_factor': chosen_speed(options)}
@@ -201,7 +211,7 @@ def _run(
 
 def _wait_for_requests(
         robot_control: KachakaSimpleControl, motion: Motion, limits: Limits, keys: Keys) -> None:
-    """Start the motion on each ``~/run`` call or Enter key, until the node is stopped."""
+    """Start the motion at each call of ``~/run`` or press of Enter, until the node is stopped."""
     commander = robot_control.commander
     drive = partial(robot_control.run, motion, limits)
     name = commander.serve('~/run', partial(commander.request_start, drive))
@@ -216,12 +226,12 @@ def _wait_for_requests(
 
 
 def _keys(robot_control: KachakaSimpleControl) -> Keys:
-    """Return the function of each key while the robot drives."""
+    """Return the functions that the keys call while the robot drives, by key."""
     commander = robot_control.commander
     faster = partial(commander.change_speed, KEY_STEP)
     return {
         ' ': commander.pause, 'r': commander.resume_when_confirmed,
         '-': partial(commander.change_speed, -KEY_STEP), '+': faster, '=': faster,
-        # Like Ctrl+C.
+        # The same as Ctrl+C.
         'q': lambda: os.kill(os.getpid(), signal.SIGINT),
     }

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The ``kachaka_simple_control`` command: drive a motion, or show it without driving."""
+"""The command ``kachaka_simple_control``, which drives a motion or shows it without driving."""
 
 from __future__ import annotations
 
@@ -33,19 +33,20 @@ from kachaka_simple_control.run_command import run_command
 if TYPE_CHECKING:
     from kachaka_simple_control.analysis.drive_log import DriveLog
 
-#: The answers that allow a drive; the empty answer is Enter.
+#: The answers that allow a drive.  The answer is empty if the user only presses Enter.
 CONSENT = ('', 'y', 'yes')
 
 
 def confirm(floor_size: str, before: str = '') -> None:
     """
-    Ask the user whether a robot may drive, and return only if it may.
+    Ask the user whether a robot may drive, and raise an error if it may not.
 
     Lines that were typed before the question are discarded.
 
     :param floor_size: the size of the free floor that the motion needs, as text
-    :param before: an instruction for the user before the drive
-    :raises UsageError: if there is no terminal to ask at, or the answer is not Enter, y or yes
+    :param before: an instruction that the user reads before the drive; empty for none
+    :raises UsageError: if the answer is not Enter, y or yes, or there is no terminal for the
+        question
     """
     if not sys.stdin.isatty():
         raise UsageError('a robot will move: pass --yes, for there is no terminal to ask at')
@@ -60,7 +61,7 @@ def confirm(floor_size: str, before: str = '') -> None:
 
 def drive(options: Options) -> DriveLog:
     """
-    Drive, and return the log of the drive.
+    Drive according to the options, and return the log of the drive.
 
     The log is empty unless the options ask for a bridge, a report or a calibration.
 
@@ -112,7 +113,7 @@ def _drive_confirmed(options: Options) -> None:
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the command.
+    Run the command ``kachaka_simple_control``.
 
     :param args: the arguments without the program's name; None for the process's arguments
     :returns: the exit code

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Show motions without driving: --list, --plan and --plot; needs no ROS."""
+"""Show motions without driving, for --list, --plan and --plot; this module needs no ROS."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def preview(options: Options) -> None:
 
 
 def _listing(options: Options) -> str:
-    """Return a line for each motion of the package: name, duration, description."""
+    """Return a line with name, duration and description for each motion of the package."""
     rows = []
     for name in library():
         preview = plan_view(name, options)
@@ -68,7 +68,7 @@ def _print(text: str) -> None:
     except OSError as error:
         # Python flushes again at exit, and would fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):  # a reader like `head` has ended
+        if not isinstance(error, BrokenPipeError):  # the reader, such as `head`, has ended
             raise UsageError(f'it cannot be printed: {error.strerror}') from None
 
 
@@ -76,7 +76,7 @@ def plan_view(name: str, options: Options) -> PlanView:
     """
     Return the plan of a motion, with the data to print or plot it.
 
-    :param name: the name of a motion in the library, or the path of a file
+    :param name: the name of a motion in the library, or the path of a motion file
     :raises InvalidMotionError: if the motion is invalid or not found
     :raises UsageError: if an option is invalid
     """

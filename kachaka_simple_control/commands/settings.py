@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Choose the robot, the rate and closed-loop control of a motion from all their sources."""
+"""
+Choose the robot, the rate and open-loop or closed-loop control for a motion.
+
+The sources are the command's options, the ROS parameters (``-p``), and the motion's file.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +36,7 @@ if TYPE_CHECKING:
     from kachaka_simple_control.files.motion_file import MotionFile
     from kachaka_simple_control.motion.limits import Limits
 
-#: The settings that an option, ``-p`` or a motion's file can set.
+#: The settings that an option, a ROS parameter (``-p``) or a motion's file can set.
 NAMES = ('robot', 'rate', 'closed_loop')
 
 
@@ -54,7 +58,10 @@ class Settings:
 
     def limits_of(self, motion_file: MotionFile) -> Limits:
         """
-        Check a motion, and return its limits, which are lower for a closed loop.
+        Check that the robot can drive a motion, and return the limits for the motion.
+
+        For a closed loop the check uses lower limits, because a part of the robot's limits is
+        reserved for corrections.
 
         :raises MotionFileError: if the robot cannot drive the motion, with one line per problem
         """
@@ -65,7 +72,8 @@ def choose_settings(options: Options, motion_file: MotionFile | None) -> Setting
     """
     Return the settings of a motion.
 
-    Each value is from the option or ``-p``, else from the motion's file, else the default.
+    A value that an option or ``-p`` gives has priority over the value in the motion's file.  A
+    value that is not given at all is the default.
 
     :param options: the options of the command
     :param motion_file: the motion; None for the lesson
@@ -96,7 +104,7 @@ def describe_overrides(
     """
     Return a line for each value of the motion's file that an option or a parameter overrides.
 
-    :param used: the effective values
+    :param used: the values that the drive uses
     """
     lines = []
     for name, said in in_file(motion_file).items():
@@ -156,7 +164,7 @@ def _number(name: str, text: str) -> float:
 
 
 def _boolean(name: str, text: str) -> bool:
-    # The words that ROS accepts.
+    # The words that ROS accepts for a boolean.
     for value, words in ((True, ('true', 'yes', 'on', 'y')), (False, ('false', 'no', 'off', 'n'))):
         if text.lower() in words:
             return value
@@ -169,7 +177,7 @@ _READERS: dict[str, Callable[[str, str], object]] = {
 
 
 def _option(name: str, value: object) -> str:
-    """Return an option with its value as command line text."""
+    """Return an option and its value as command line text, for example ``--rate 50``."""
     word = name.replace('_', '-')
     if isinstance(value, bool):
         return f'--{word}' if value else f'--no-{word}'
