@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The program that shows a running drive, as a panel or as plain lines, in its own process.
+The program that shows a running drive, as a panel or as plain lines, in a separate process.
 
-Drawing therefore never holds the GIL of the driving program, and an error in this program does
-not end the drive.
+Because the process is separate, drawing never holds the GIL of the driving program, and an error
+in this program does not end the drive.
 """
 
 from __future__ import annotations
@@ -47,22 +47,22 @@ from kachaka_simple_control.motion.units import format_number
 from kachaka_simple_control.telemetry.subscriber_process import decode
 from kachaka_simple_control.text import one_line, pluralize
 
-#: The longest time between the kill of a process and its end [s].
+#: How long to wait for the end of the driving program after its pipe was closed [s].
 KILL_TIMEOUT = 0.5
-#: The longest time that a frame waits for the next velocity [s].
+#: How long the display waits for the next velocity before it draws [s].
 VELOCITY_TIMEOUT = 0.1
-#: The shortest time between two lines [s].
+#: The shortest time between two lines about steps [s].
 MIN_LINE_PERIOD = 0.5
-#: The time of waiting for a robot after which a line says so [s].
+#: If the program waits for a robot for this time, a line reports the wait [s].
 WAIT_NOTICE_DELAY = 2.0
-#: The largest width of a name [columns].
+#: The largest width of a motion's name [columns].
 MAX_NAME_WIDTH = 36
-#: The smallest terminal for a panel [columns], [rows].
+#: The smallest size of a terminal that shows a panel [columns], [rows].
 MIN_COLUMNS, MIN_ROWS = 60, 12
 
 
 class StepLogger:
-    """Returns a log line for each step that begins, and one for a long wait for the robot."""
+    """Creates the text lines that report each new step, and a long wait for the robot."""
 
     def __init__(self) -> None:
         self._last_line = float('-inf')
@@ -73,7 +73,7 @@ class StepLogger:
 
     def update(self, status: DriveStatus, now: float) -> list[str]:
         """
-        Return the lines that are due; usually there are none.
+        Return the new lines to print; usually there are none.
 
         :param status: the status of the drive
         :param now: the time [s on the steady clock]; not earlier than in the last call
@@ -82,7 +82,7 @@ class StepLogger:
             self._state, self._state_since = status.state, now
             begins = status.state in (DriveState.WAITING, DriveState.CONNECTING)
             if begins and (status.step is None or status.step.noun == STEP):
-                self._number = 0  # steps restart with each motion, movements continue
+                self._number = 0  # each motion counts its steps from 1; movements are counted on
         if status.state is DriveState.DRIVING and status.step is not None:
             return self._step_line(status.step, now)
         if (status.state is DriveState.WAITING and not self._has_noted_wait
@@ -109,7 +109,7 @@ class LineRenderer:
     Shows the status of a drive as plain lines.
 
     :param write: a function that writes a text in one call
-    :param has_hint: whether the first line says how to stop, for a user at the terminal
+    :param has_hint: whether to write a line that tells the user at the terminal how to stop
     """
 
     #: the period at which ``show`` must be called [s]
@@ -123,7 +123,7 @@ class LineRenderer:
 
     def show(self, status: DriveStatus, now: float, hint: str) -> None:
         """
-        Write the lines that are due; write the hint once, before the robot moves.
+        Write the new lines, and write the hint once before the robot moves.
 
         :param status: the current status
         :param now: the time [s on the steady clock]
@@ -136,9 +136,9 @@ class LineRenderer:
 
     def on_event(self, status: DriveStatus, now: float) -> None:
         """
-        Write the lines that were due at an event, also if this program is late.
+        Write the new lines for the status at an event, even if this program reads the event late.
 
-        Another thread calls this method than the other methods.
+        Two threads call this method: the thread that reads events, and the thread that draws.
 
         :param status: the status at the event
         :param now: the time of the event, which may be in the past [s on the steady clock]
@@ -148,7 +148,7 @@ class LineRenderer:
                 self._write(f'{line}\n')
 
     def close(self) -> None:
-        """Remove temporary output from the terminal; lines stay."""
+        """Remove temporary output from the terminal; plain lines are not temporary, and stay."""
 
 
 class PanelRenderer(LineRenderer):
@@ -157,7 +157,8 @@ class PanelRenderer(LineRenderer):
 
     :param write: a function that writes a text
     :param size: a function that returns the size of the terminal
-    :param render: a function that returns the lines of a panel for a width, a status and a hint
+    :param render: a function that returns the lines of a panel for a width of the terminal, a
+        status and a hint
     """
 
     #: a panel is drawn at most 5 times a second
@@ -172,7 +173,7 @@ class PanelRenderer(LineRenderer):
         self._is_small = _is_too_small(size())
 
     def show(self, status: DriveStatus, now: float, hint: str) -> None:
-        """Draw the panel if it has changed."""
+        """Draw the panel if it has changed; write plain lines if the terminal is too small."""
         size = self._size()
         if _is_too_small(size):
             self.close()
@@ -191,12 +192,12 @@ class PanelRenderer(LineRenderer):
         self._drawn = size, lines
 
     def on_event(self, status: DriveStatus, now: float) -> None:
-        """Write lines while the terminal is too small for a panel."""
+        """Write plain lines while the terminal is too small for a panel."""
         if self._is_small:
             super().on_event(status, now)
 
     def close(self) -> None:
-        """Release the rows of the panel."""
+        """Remove the panel, so that the terminal scrolls all rows again."""
         if self._drawn is not None:
             self._write(terminal.RELEASE_ROWS)
             self._drawn = None
@@ -208,7 +209,10 @@ def _is_too_small(size: os.terminal_size) -> bool:
 
 def renderer_for(descriptor: int) -> LineRenderer:
     """
-    Return a renderer: a panel if the terminal and rich support it, else plain lines.
+    Return the renderer for an output.
+
+    The renderer draws a panel if the output is a terminal that supports fixed rows, and the
+    library rich is installed.  Otherwise it writes plain lines.
 
     :param descriptor: the file descriptor for the output
     """
@@ -246,11 +250,15 @@ class TerminalDisplay:
         self._velocity_sent = threading.Event()
 
     def run(self) -> None:
-        """Show the drive until the end of standard input."""
+        """
+        Show the drive until the end of standard input.
+
+        If the driving program was killed, restore the terminal, and print a line about it.
+        """
         threading.Thread(target=self._read_events, name='events', daemon=True).start()
         try:
             while not self._end.wait(self._renderer.period):
-                # After a velocity the robot's thread sleeps, so drawing does not delay it.
+                # Draw just after a velocity: the driving thread then sleeps and is not delayed.
                 self._velocity_sent.clear()
                 self._velocity_sent.wait(VELOCITY_TIMEOUT)
                 self._show()
@@ -258,10 +266,10 @@ class TerminalDisplay:
             self._renderer.close()
         if self._tracker.session_ended is None and wait_until(
                 lambda: os.getppid() != self._parent, KILL_TIMEOUT):
-            if self._tracker.has_keys:  # the killed program could not restore the modes
+            if self._tracker.has_keys:  # the killed program left the line mode off
                 with contextlib.suppress(OSError, termios.error):
                     terminal.set_line_modes(STDERR, is_on=True)
-            # The line break is for a shell prompt that may already be there.
+            # The line break separates the text from a shell prompt that may already be printed.
             print(f'\n{describe_killed(self._tracker)}', file=sys.stderr, flush=True)
 
     def _read_events(self) -> None:
@@ -283,7 +291,7 @@ class TerminalDisplay:
 
     def _show(self) -> None:
         if processes.is_stopped(self._parent):
-            # After Ctrl+Z the terminal belongs to another program.
+            # After Ctrl+Z another program uses the terminal.
             self._renderer.close()
             return
         now = time.monotonic()
@@ -294,7 +302,7 @@ class TerminalDisplay:
 
 
 def describe_killed(tracker: DriveTracker) -> str:
-    """Return a line about a killed program: whether it was driving, and who stops the robot."""
+    """Return a line that says whether the killed program was driving, and what stops the robot."""
     killed = 'kachaka_simple_control was killed'
     if not tracker.is_under_way:
         return killed
@@ -305,10 +313,10 @@ def describe_killed(tracker: DriveTracker) -> str:
 
 def stop_hint(pid: int, has_keys: bool, is_held: bool) -> str:
     """
-    Return a short text that says how to stop a driving program, with its other keys.
+    Return a short text that says how to stop the robot, and what the other keys do.
 
-    :param pid: the process id of the program
-    :param has_keys: whether the program reads keys
+    :param pid: the process id of the driving program
+    :param has_keys: whether the driving program reads keys
     :param is_held: whether the motion is paused, or the next motion will start paused
     """
     if processes.is_in_background(pid):
@@ -319,10 +327,15 @@ def stop_hint(pid: int, has_keys: bool, is_held: bool) -> str:
 
 
 def main() -> int:
-    """Show the drive; return the exit code, which is 0 only if the terminal is restored."""
+    """
+    Show the drive of the parent process.
+
+    :returns: the exit code: 0 if the terminal is restored; 1 if the output to it failed, so that
+        the driving program must restore it
+    """
     parent = os.getppid()
     make_blocking(STDERR)  # a partly written frame would corrupt the terminal
-    processes.set_idle_priority()  # a frame may be late, a velocity may not
+    processes.set_idle_priority()  # drawing may be late, but velocities may not
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         TerminalDisplay(renderer_for(STDERR), parent).run()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compute the status of a drive at a time from its events, for the display."""
+"""Compute the current status of a drive from the events of the drive, for the display."""
 
 from __future__ import annotations
 
@@ -26,15 +26,17 @@ from kachaka_simple_control.control.standstill import StandstillDetector
 from kachaka_simple_control.motion.geometry import Displacement, Velocity
 from kachaka_simple_control.motion.plan import Plan, plan
 
-#: The rate of the plan [Hz]; a low rate is enough, because step times do not depend on it.
+#: The rate of the plan that the display computes [Hz].  A low rate is enough, because the times of
+#: the steps do not depend on it.
 PLAN_RATE = 0.001
-#: The longest interval between the zeros of a stop [s].
+#: The longest time between two zero velocities of a stop [s].
 MAX_ZERO_PERIOD = 0.1
-#: The largest age of odometry that shows the progress of a step [s].
+#: Odometry that is older than this is not used to show the progress of a step [s].
 DISPLAY_ODOMETRY_MAX_AGE = 0.5
-#: The time without a velocity after which a driving program counts as blocked [s].
+#: A driving program that sends no velocity for this time is shown as blocked [s].
 EVENT_TIMEOUT = 1.0
-#: What a number counts: steps of a motion, or movements (one for each call).
+#: The words for the two things that are counted: the steps of a motion, or movements.  A movement
+#: is one call of a method that drives, such as ``move_robot``.
 STEP, MOVEMENT = 'step', 'movement'
 
 
@@ -58,7 +60,7 @@ class Remaining:
 
     :param distance: the distance along the path [m], at least 0; None if the step has no length
     :param angle: the angle to turn [rad], at least 0; None if the step does not turn
-    :param by_odometry: whether the values are from odometry; otherwise from the sent velocities
+    :param by_odometry: True if the values are from odometry, False if from the sent velocities
     """
 
     distance: float | None
@@ -69,15 +71,16 @@ class Remaining:
 @dataclass(frozen=True)
 class StepStatus:
     """
-    The current step.
+    The status of the current step.
 
-    :param number: its number; the first step is 1
+    :param number: the number of the step; the first step is 1
     :param count: the number of all steps; None if unknown
-    :param noun: what is counted: ``step`` of a motion, or ``movement`` (one for each call)
+    :param noun: the word for what is counted: ``step``, or ``movement`` for one call of a method
+        that drives
     :param description: a text that says what the step does
-    :param duration: its planned duration [s]
-    :param time_left: the time until its end according to the plan [s]
-    :param remaining: the remaining distance and angle
+    :param duration: the planned duration of the step [s]
+    :param time_left: the time until the end of the step according to the plan [s]
+    :param remaining: the remaining distance and angle of the step
     """
 
     number: int
@@ -103,18 +106,20 @@ class DriveStatus:
     :param state: the state of the drive
     :param title: the name of the motion
     :param robot: the name of the robot; empty if not yet known
-    :param reason: the reason why the motion was cut short; None if it was not
+    :param reason: the reason why the motion ended early; None if it did not end early
     :param topic: the topic that the robot must subscribe to; empty if not yet known
-    :param wait_left: the remaining timeout of the wait for a robot [s]; None if over or unknown
+    :param wait_left: how long the program will still wait for a robot [s]; None if this time is
+        over or unknown
     :param step: the current step; None if there is none
     :param duration: the planned duration of the motion [s]; None without a plan
-    :param time_left: the time until its end according to the plan [s]
+    :param time_left: the time until the end of the motion according to the plan [s]; 0 without a
+        plan
     :param commanded: the last sent velocity; None if nothing was sent
     :param odometry: the robot's velocity from odometry; None without odometry
-    :param odometry_age: the age of the last odometry [s]
-    :param factors: the speed factors below 1, by their source
-    :param silent_for: the time since the last velocity of a run that should send [s]; None while
-        it sends
+    :param odometry_age: the age of the last odometry [s]; 0 without odometry
+    :param factors: the speed factors below 1, by the name of their source, such as ``pause``
+    :param silent_for: for how long a running motion has sent no velocity [s]; None if this time is
+        at most EVENT_TIMEOUT, or no motion runs
     """
 
     state: DriveState
@@ -134,7 +139,7 @@ class DriveStatus:
 
     @property
     def is_held(self) -> bool:
-        """Return whether the motion, or the start of the next motion, is on hold."""
+        """Return whether the speed factor is so low that the robot is kept at standstill."""
         return is_hold(self.speed)
 
     @property
@@ -146,7 +151,7 @@ class DriveStatus:
         """
         Return the duration of a part of the plan at the current speed [s].
 
-        On hold, the planned duration is returned.
+        If the robot is kept at standstill, return the planned duration.
 
         :param duration: the planned duration of the part [s]
         """
@@ -154,7 +159,7 @@ class DriveStatus:
 
     @property
     def fraction(self) -> float:
-        """Return the completed part of the motion, from 0 to 1."""
+        """Return the completed part of the motion's planned duration, from 0 to 1."""
         return 1.0 - self.time_left / self.duration if self.duration else 1.0
 
 
@@ -165,9 +170,9 @@ class StepOdometer:
     """
     Sums up the displacement since the start of the current step.
 
-    The displacements are either commanded or from odometry.
+    One object is used for commanded displacements, and another for displacements from odometry.
 
-    :param plan: the plan of the motion; None if there is none, then nothing is summed up
+    :param plan: the plan of the motion; without a plan (None) nothing is summed up
     """
 
     def __init__(self, plan: Plan | None) -> None:
@@ -176,10 +181,13 @@ class StepOdometer:
 
     def update(self, duration: float, plan_time: float, displacement: Displacement) -> None:
         """
-        Add a displacement; if it spans two steps, add only its share in the later step.
+        Add a displacement.
 
-        :param duration: its duration [s]
-        :param plan_time: its end [s of the plan]
+        If a new step began during the displacement, the sum restarts.  Then only the part of the
+        displacement after the start of the new step is added, in proportion to time.
+
+        :param duration: the duration of the displacement [s]
+        :param plan_time: the time in the plan at the end of the displacement [s]
         :param displacement: the displacement
         """
         if self._plan is None or not self._plan.steps:
@@ -193,19 +201,19 @@ class StepOdometer:
                                  self._sum.angle + share * displacement.angle)
 
     def displacement(self, step: int) -> Displacement:
-        """Return the displacement since a step began; zero if the step is not the current one."""
+        """Return the displacement since the start of a step; 0 if this is not the current step."""
         return self._sum if step == self._step else NO_DISPLACEMENT
 
 
 class DriveTracker:
-    """Tracks the status of one driving program from its events, in their order."""
+    """Tracks the status of one driving program from the events that it sends, in order."""
 
     def __init__(self) -> None:
         self._session: events.SessionStarted | None = None
         self._planned: events.MotionPlanned | None = None
         self._plan: Plan | None = None
         self._started: float | None = None
-        #: the newest message of the current run
+        #: the newest velocity message of the current run
         self._own: events.VelocitySent | None = None
         self._factors: Mapping[str, float] = {}
         self._ended: events.MotionEnded | None = None
@@ -215,7 +223,7 @@ class DriveTracker:
         self._odometry: events.OdometryReceived | None = None
         self._commanded_odometer = self._driven_odometer = StepOdometer(None)
         self._standstill = StandstillDetector()
-        #: the last event; None if the program still runs or was killed
+        #: the last event of the program; None if the program still runs or was killed
         self.session_ended: events.SessionEnded | None = None
 
     def on_event(self, event: events.Event) -> None:
@@ -230,7 +238,7 @@ class DriveTracker:
             case events.MotionStarted():
                 self._on_start(event)
             case events.StopBegan():
-                # If a motion ends early, MotionEnded follows after the whole stop, 0.4 s later.
+                # If a motion ends early, MotionEnded follows when the stop is sent, 0.4 s later.
                 self._stop_time = event.time
             case events.SpeedFactorChanged():
                 self._factors = event.factors
@@ -243,7 +251,7 @@ class DriveTracker:
 
     def status_at(self, now: float) -> DriveStatus:
         """
-        Return the status at a time.
+        Return the status of the drive at a time.
 
         :param now: the time [s on the steady clock]
         """
@@ -310,7 +318,11 @@ class DriveTracker:
                 velocity.linear_x * held, velocity.angular_z * held))
 
     def _plan_time(self, now: float) -> float:
-        """Return the position in the plan [s]; it is exact to one period during a delay."""
+        """
+        Return the current time in the plan [s].
+
+        While a speed factor slows the motion, the error is at most one period of the velocities.
+        """
         own = self._own
         if own is None or own.plan_time is None:
             return 0.0
@@ -398,7 +410,7 @@ class DriveTracker:
 
 
 def _remaining_amount(total: float, done: float) -> float | None:
-    """Return the rest of a signed distance or angle, at least 0; None if the total is 0."""
+    """Return how much of a signed total remains, at least 0; None if the total is 0."""
     if total == 0.0:
         return None
     return max(0.0, total - done if total > 0.0 else done - total)

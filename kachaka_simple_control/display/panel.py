@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Render the status of a drive as a panel of a few terminal lines; needs rich."""
+"""Render the status of a drive as a panel of a few terminal lines, with the library rich."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ HEIGHT = 6
 MAX_COLUMNS = 120
 MAX_NAME_WIDTH = 28
 LABEL_WIDTH = 11
-#: RGB values, because many terminals show the named colour "black" in bold as grey.
+#: Colours as RGB values, because many terminals show the named colour "black" in bold as grey.
 WHITE, BLACK = '#ffffff', '#000000'
-#: The colours of the report's plots.
+#: The same colours as in the plots of the report.
 BLUE, GREY, ORANGE = '#0072B2', '#666666', '#D55E00'
 #: The style of each state; colour-blind people can distinguish the colours.
 _STYLES = {
@@ -101,7 +101,7 @@ def _state(status: DriveStatus, width: int) -> list[Text]:
         second = _step(status) if status.state is not DriveState.WAITING else _row(
             'topic', one_line(status.topic, MAX_COLUMNS) or 'not known yet')
         return [Text.assemble((word, style), f'  {text}'), second]
-    # The reason may be long, and the row of the step is free.
+    # The reason may be long, so it also uses the second row, where no step is shown now.
     parts = textwrap.wrap(text, width - len(word) - 2) or ['']
     return [Text.assemble((word, style), f'  {parts[0]}'),
             Text(' ' * (len(word) + 2) + ' '.join(parts[1:]))]
@@ -135,7 +135,7 @@ def _bar(status: DriveStatus, done_sign: str, rest_sign: str, width: int) -> Tex
         f'{", planned: " if status.factors else " of "}{format_fixed(status.duration, 1)} s')
     room = max(1, width - len(figures))
     done = min(room, max(0, round(status.fraction * room)))
-    # Two different characters, because there may be no colours.
+    # The two parts of the bar use different characters, because there may be no colours.
     return Text.assemble(
         (done_sign * done, f'bold {BLUE}'), (rest_sign * (room - done), GREY), figures)
 

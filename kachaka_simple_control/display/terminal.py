@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-The terminal of a driving program: start the display, reserve rows for it, and read single keys.
+Start the display of a driving program, reserve terminal rows for it, and read single keys.
 
 The scroll region of the terminal excludes the lowest rows.  Other programs write directly to the
 terminal, and their output scrolls above the fixed rows.  Each text for the rows must be written in
 one call, so that no other output comes in between.
 
 The driving program reads the keys, because only a foreground process may read from a terminal.
-In the background it does not read: the read would suspend the program and end the drive.
+In the background it does not read, because the read would suspend the program and end the drive.
 
 The driving program imports this module, so it must load quickly, and without rich.
 """
@@ -45,25 +45,29 @@ _HIDE, _SHOW = '\x1b[?25l', '\x1b[?25h'
 _SCROLL_ALL = '\x1b[r'
 _CLEAR_BELOW, _CLEAR_LINE = '\x1b[J', '\x1b[2K'
 
-#: The text that removes the fixed rows and keeps the cursor; harmless without fixed rows.
+#: The escape sequences that remove the fixed rows and keep the cursor position.  They are harmless
+#: if there are no fixed rows.
 RELEASE_ROWS = f'{_SAVE}{_SCROLL_ALL}{_RESTORE}{_CLEAR_BELOW}{_SHOW}'
 DISPLAY_MODULE = 'kachaka_simple_control.display.display_program'
-#: The time that the display has to clear the terminal at the end [s].
+#: How long the display may take to clear the terminal at the end [s].
 DISPLAY_EXIT_TIMEOUT = 1.0
 STDIN = 0
-#: The period of the check whether the program is in the foreground [s].
+#: The time between two checks whether the program is in the foreground [s].
 FOREGROUND_PERIOD = 0.2
-#: The largest number of bytes of one read.
+#: The largest number of bytes that one read of the keyboard returns.
 KEY_COUNT = 64
-#: The index of the local modes in the attributes of a terminal.
+#: The index of the local modes in the list that ``termios.tcgetattr`` returns.
 LOCAL_MODES = 3
-#: The modes that are cleared to get each key at once and without echo; Ctrl+C stays a signal.
+#: The terminal modes that are cleared to get each key at once and without echo.  Ctrl+C still
+#: sends a signal.
 LINE_MODES = termios.ICANON | termios.ECHO
 
 
 def reserve_rows(rows: int, height: int) -> str:
     """
-    Return the text that reserves fixed rows at the bottom, and clears the rows below the cursor.
+    Return the escape sequences that reserve fixed rows at the bottom of the terminal.
+
+    They also clear the rows below the cursor.
 
     :param rows: the number of rows of the terminal
     :param height: the number of fixed rows
@@ -74,7 +78,7 @@ def reserve_rows(rows: int, height: int) -> str:
 
 def draw_rows(rows: int, lines: Sequence[str]) -> str:
     """
-    Return the text that draws the fixed rows and keeps the cursor.
+    Return the text that draws the fixed rows and keeps the cursor position.
 
     :param rows: the number of rows of the terminal
     :param lines: the lines of the fixed rows, none wider than the terminal
@@ -95,11 +99,11 @@ def is_terminal(descriptor: int) -> bool:
 
 class DisplayProcess(SubscriberProcess):
     """
-    The display process of a drive, as the driving program controls it.
+    Starts the display process of a drive, and ends it.
 
     If the display is killed, this class restores the terminal at once, so that no outdated panel
-    remains.  If the display does not exit at the end, it is killed.  If the terminal is blocked
-    by Ctrl+S, the display keeps running, and clears the terminal after Ctrl+Q.
+    remains.  If the display does not exit at the end, it is killed.  But if the terminal is
+    blocked by Ctrl+S, the display keeps running, and clears the terminal after Ctrl+Q.
     """
 
     def __init__(self) -> None:
@@ -130,11 +134,11 @@ class DisplayProcess(SubscriberProcess):
 
 class Keyboard:
     """
-    A context manager that calls a function for each pressed key, in its own thread.
+    A context manager that reads keys in a separate thread, and calls a function for each key.
 
     It does nothing if there are no functions or if standard input is not a terminal.
 
-    :param functions: the function to call for each key; other keys are ignored
+    :param functions: the function to call for each key, by character; other keys are ignored
     :param warn: called with the text of a ControlError that a function raises
     """
 
@@ -147,14 +151,14 @@ class Keyboard:
         self._thread = threading.Thread(target=self._run, name='keyboard', daemon=True)
 
     def __enter__(self) -> Keyboard:
-        """Start to read keys; keys are read only while the program is in the foreground."""
+        """Start to read keys; in the background no keys are read."""
         if self._functions and is_keyboard():
             self._thread.start()
             self._is_reading.wait(FOREGROUND_PERIOD)
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Stop reading keys, and set the terminal to line mode."""
+        """Stop reading keys, and switch the line mode and the echo of the terminal on again."""
         self._end.set()
         if self._thread.ident is not None:
             with self._setting_modes, contextlib.suppress(OSError, termios.error):
@@ -166,7 +170,7 @@ class Keyboard:
     def _run(self) -> None:
         # With blocked signals, a read in the background fails instead of suspending the program.
         signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
-        # An Enter that was typed before must not start a motion.
+        # An Enter that was pressed before this thread started must not start a motion.
         ignored = '\n'
         with contextlib.suppress(OSError, termios.error):  # the terminal was closed
             while not self._end.is_set():
@@ -174,7 +178,7 @@ class Keyboard:
                     self._end.wait(FOREGROUND_PERIOD)
                     continue
                 with self._setting_modes:
-                    # Repeated, because a shell sets its own modes while in the foreground.
+                    # Set each time, because a shell sets its own modes while in the foreground.
                     if not self._end.is_set():
                         set_line_modes(STDIN, is_on=False)
                 timeout = 0.0 if ignored else FOREGROUND_PERIOD
@@ -184,7 +188,12 @@ class Keyboard:
                 self._is_reading.set()
 
     def _read(self, ignored: str) -> bool:
-        """Read keys and call their functions; return False at the end of input."""
+        """
+        Read keys, and call the functions for them.
+
+        :param ignored: the keys for which no function is called
+        :returns: False at the end of input, otherwise True
+        """
         try:
             keys = os.read(STDIN, KEY_COUNT)
         except OSError:  # the program has just left the foreground

@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Pass the events of a drive to this process and to others; they never delay the drive."""
+"""Pass the events of a drive to readers in this and other processes without delaying the drive."""

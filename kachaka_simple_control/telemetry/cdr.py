@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Serialize ROS 2 messages as CDR without ROS: velocities, odometry, paths and numbers."""
+"""Serialize velocities, odometry, paths and numbers as ROS 2 messages in CDR, without ROS."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ import struct
 
 from kachaka_simple_control.motion.geometry import Pose, Velocity
 
-#: The encapsulation of plain little-endian CDR (CDR_LE in DDSI-RTPS); alignment starts after it.
+#: The encapsulation header of plain little-endian CDR (CDR_LE in DDSI-RTPS).  The alignment of the
+#: data is counted from the end of this header.
 ENCAPSULATION = b'\x00\x01\x00\x00'
 #: The frames of poses and of velocities, according to REP-105.
 ODOM, BASE = 'odom', 'base_link'
 #: Size of a time stamp, and of the position and orientation of a pose [bytes].
 STAMP_SIZE, POSE_SIZE = 8, 56
 NANO = 1_000_000_000
-#: From the start of the velocity, or of the pose, to the end of serialized odometry [bytes].  A
-#: covariance of 36 numbers follows each of them.
+#: The number of bytes from the start of the velocity, and from the start of the pose, to the end
+#: of a serialized Odometry message.  A covariance of 36 numbers follows the pose and the velocity.
 VELOCITY_TO_END, POSE_TO_END = (6 + 36) * 8, (7 + 36 + 6 + 36) * 8
-#: A covariance of zeros means that it is unknown.
+#: A covariance matrix of zeros means that the covariance is unknown.
 COVARIANCE = (0.0,) * 36
 
 
@@ -46,7 +47,7 @@ class CdrWriter:
         return ENCAPSULATION + bytes(self.data)
 
     def append(self, data: bytes, alignment: int = 1) -> CdrWriter:
-        """Append bytes; pad first, so that they start at a multiple of the alignment [bytes]."""
+        """Add padding up to a multiple of the alignment [bytes], and append bytes."""
         self.data += bytes(-len(self.data) % alignment) + data
         return self
 
@@ -78,22 +79,22 @@ class CdrWriter:
 
 
 def twist(velocity: Velocity) -> bytes:
-    """Return a velocity as ``geometry_msgs/msg/Twist``."""
+    """Return a velocity as a serialized ``geometry_msgs/msg/Twist``."""
     return CdrWriter().velocity(velocity).message()
 
 
 def twist_stamped(velocity: Velocity, time: int, frame: str) -> bytes:
-    """Return a velocity sent at a time [ns] as ``geometry_msgs/msg/TwistStamped``."""
+    """Return a velocity and its time stamp [ns] as a serialized TwistStamped message."""
     return CdrWriter().header(time, frame).velocity(velocity).message()
 
 
 def float64(value: float) -> bytes:
-    """Return a number as ``std_msgs/msg/Float64``."""
+    """Return a number as a serialized ``std_msgs/msg/Float64``."""
     return CdrWriter().doubles(value).message()
 
 
 def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:
-    """Return odometry with its arrival time [ns] as ``nav_msgs/msg/Odometry``."""
+    """Return odometry with its arrival time [ns] as a serialized ``nav_msgs/msg/Odometry``."""
     return (CdrWriter().header(time, ODOM).string(BASE)
             .pose(pose).doubles(*COVARIANCE)
             .velocity(velocity).doubles(*COVARIANCE).message())
@@ -101,11 +102,11 @@ def odometry(pose: Pose, velocity: Velocity, time: int) -> bytes:
 
 def read_odometry(data: bytes) -> tuple[bytes, int, Pose, Velocity]:
     """
-    Read what a drive needs of a ``nav_msgs/msg/Odometry``.
+    Read the frame, the time stamp, the pose and the velocity of an Odometry message.
 
-    :param data: the message, as a subscription receives it
-    :returns: the frame of the pose, the stamp [ns], the pose with a heading (yaw) between -pi and
-        pi [rad], and the velocity
+    :param data: the serialized ``nav_msgs/msg/Odometry``, as a raw subscription receives it
+    :returns: the frame of the pose, the time stamp [ns], the pose with a heading (yaw) between
+        -pi and pi [rad], and the velocity
     """
     order = '<' if data[1] & 1 else '>'
     seconds, nanoseconds, length = struct.unpack_from(f'{order}iII', data, len(ENCAPSULATION))
@@ -122,6 +123,7 @@ class PathSerializer:
     Serializes single poses, and builds ``nav_msgs/msg/Path`` messages from serialized poses.
 
     So each pose is serialized only once, even if it occurs in many messages of a growing path.
+
     :param frame: the frame of all poses
     """
 
@@ -139,7 +141,7 @@ class PathSerializer:
 
     def path(self, poses: Sequence[bytes], time: int) -> bytes:
         """
-        Return a path as a serialized message.
+        Return a path as a serialized ``nav_msgs/msg/Path``.
 
         :param poses: the serialized poses of the path
         :param time: the time stamp of the path [ns of ROS time]

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The diagnosis of one component, as in ``diagnostic_msgs``, but without ROS; for all layers."""
+"""
+The diagnosis of one component, as in ``diagnostic_msgs``.
+
+This module needs no ROS, so that all layers of the package can use it.
+"""
 
 from __future__ import annotations
 
@@ -31,9 +35,9 @@ class Diagnosis(NamedTuple):
     """
     The diagnosis of one component, such as the connection to the robot.
 
-    :param level: the level
+    :param level: the severity of the most severe finding
     :param message: the most severe finding, in one sentence
-    :param values: all values, by name
+    :param values: the values that the diagnosis reports, as text, by name
     """
 
     level: Level

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Pass events to readers in order, in a separate thread; a faulty reader delays nothing."""
+"""Pass events to readers in a separate thread, so that a faulty reader delays no drive."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ import time
 
 from kachaka_simple_control.control.events import Event, EventHandler
 
-#: How many events may wait in the queue.  If more wait, the slowest reader is detached.  Chosen:
-#: 10 s at the highest rate of velocities.
+#: How many events may wait in the queue.  If more wait, the slowest reader is detached.  The value
+#: is chosen: it corresponds to 10 s at the highest rate of velocities.
 MAX_WAITING = 10_000
-#: How long the thread collects events before it passes them on [s]: one wake-up for several.
+#: How long the thread collects events before it passes them on [s].  So one wake-up of the thread
+#: serves several events.
 BATCH_PERIOD = 0.02
 #: How long ``close`` waits until all events are passed on [s].
 CLOSE_TIMEOUT = 0.5
@@ -39,8 +40,9 @@ class _Reader:
     A reader of events.
 
     :param handle: called with each event
-    :param on_detached: called with the reason when the reader is detached: it gets no more events
-    :param busy: how long its handler has run since the queue was last empty [s]
+    :param on_detached: called with the reason when the reader is detached, after which it gets no
+        more events
+    :param busy: the total run time of ``handle`` since the queue was last empty [s]
     """
 
     handle: EventHandler
@@ -50,16 +52,16 @@ class _Reader:
 
 @dataclass(eq=False)
 class _Call:
-    """An event that a thread of the bus passes on, and the readers that have not got it yet."""
+    """An event that is being passed on, and the readers that have not received it yet."""
 
     event: Event
     readers: list[_Reader]
-    #: the reader that handles the event now, and since when [s on the steady clock]
+    #: the reader that handles the event now, and the start of this call [s on the steady clock]
     current: _Reader | None = None
     since: float = 0.0
-    #: whether another thread has taken over, because the current reader takes too long
+    #: whether another thread passes the event on now, because the current reader takes too long
     is_abandoned: bool = False
-    #: prevents that both threads take the next reader at the same time
+    #: a lock, so that two threads never call the same reader with this event
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     def next_reader(self) -> _Reader | None:
@@ -79,21 +81,22 @@ class EventBus:
     a stop.  A reader that raises an error is detached.  If more than MAX_WAITING events wait, the
     slowest reader is detached.  The drive and the other readers continue.  ``bool(bus)`` is True
     if the bus has readers.
+
     :param on_detached: called with the reason when a reader is detached
     """
 
     def __init__(self, on_detached: Callable[[str], None] = lambda _: None) -> None:
         self._on_detached = on_detached
         self._readers: tuple[_Reader, ...] = ()
-        #: events, functions that the thread calls, None at the end
+        #: the waiting events, functions that the thread calls, and None, which ends the thread
         self._queue: SimpleQueue[Event | Callable[[], None] | None] = SimpleQueue()
         self._hurry = threading.Event()
         self._call: _Call | None = None
         self._thread: threading.Thread | None = None
         self._lock = threading.Lock()
-        #: how many events may wait; increased after a reader was detached, until none waits
+        #: how many events may wait; raised when a reader is detached, reset when none waits
         self._limit = MAX_WAITING
-        #: the errors for which readers were detached
+        #: the errors because of which readers were detached
         self.failures: list[Exception] = []
 
     def __bool__(self) -> bool:
@@ -177,7 +180,7 @@ class EventBus:
                 self._hurry.wait(BATCH_PERIOD)
 
     def _pass_on(self, call: _Call) -> bool:
-        """Call the readers with an event; return False if another thread has taken over."""
+        """Call the readers with an event; return False if another thread does this instead."""
         self._call = call
         while (reader := call.next_reader()) is not None:
             try:
@@ -188,7 +191,11 @@ class EventBus:
         return not call.is_abandoned
 
     def _detach_slowest_reader(self) -> None:
-        """Detach the slowest reader; if its handler still runs, continue in a new thread."""
+        """
+        Detach the slowest reader.
+
+        If the reader still handles an event, a new thread passes on this and the later events.
+        """
         call, now = self._call, time.monotonic()
         if call is None:
             return

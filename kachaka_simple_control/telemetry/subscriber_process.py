@@ -41,21 +41,24 @@ from kachaka_simple_control.control.signals import signal_dispatcher
 from kachaka_simple_control.control.waiting import wait_until
 from kachaka_simple_control.telemetry.event_bus import EventBus
 
-#: The largest write that a pipe accepts completely or not at all [bytes]: PIPE_BUF of Linux.
+#: The largest write that a pipe accepts either completely or not at all [bytes].  On Linux this is
+#: PIPE_BUF.
 ATOMIC_WRITE_SIZE = 4096
-#: Size of the data in one chunk of a larger event [bytes]; the rest of the write is for pickle.
+#: Size of the data in one chunk of a larger event [bytes].  It is below ATOMIC_WRITE_SIZE, because
+#: pickle adds some bytes.
 CHUNK_SIZE = 3500
 #: Room for data that a subscriber has not read yet [bytes]: about a minute of a drive at 50 Hz.
 PIPE_SIZE = 1 << 20
-#: How long a ``SessionStarted`` or ``MotionPlanned`` may wait for room [s].  No other event waits,
-#: because only these two are sent before the robot moves.
+#: How long a ``SessionStarted`` or ``MotionPlanned`` may wait for room in the pipe [s].  No other
+#: event waits, because only these two are sent before the robot moves.
 PLAN_WRITE_TIMEOUT = 2.0
 #: How long a subscriber may take to end, mostly to write its report [s].
 FINISH_TIMEOUT = 60.0
 #: A subscriber that is suspended for this time while it should end is killed [s].  The second
 #: value is the period of this check [s].
 FROZEN_TIMEOUT, CLOSE_PERIOD = 2.0, 0.1
-#: How long a subscriber may delay a program that a signal ends [s]; then it continues alone.
+#: How long a program that a signal ends waits for a subscriber to end [s].  After this time the
+#: subscriber continues to run alone.
 FINISH_TIMEOUT_WHEN_STOPPED = 1.0
 
 
@@ -109,14 +112,15 @@ class SubscriberProcess:
     """
     Starts a process and sends events to it over a pipe.
 
-    The process runs in its own session, so Ctrl+C does not reach it.  When this process ends for
-    any reason, the pipe ends too, and the other process detects this.  During a drive, sending
-    never blocks.  If the other process does not read fast enough, or has ended, no more events are
+    The new process runs in its own session, so Ctrl+C does not reach it.  When this process ends
+    for any reason, the pipe closes too, and the new process detects this.  During a drive, sending
+    never blocks.  If the new process does not read fast enough, or has ended, no more events are
     sent to it.
 
     :param command: the command to run; it reads events from its standard input
-    :param stdout: the file for its standard output; None: the standard output of this process
-    :param pass_fds: descriptors of this process that the new process inherits
+    :param stdout: the file for the command's standard output; None for the standard output of this
+        process
+    :param pass_fds: the file descriptors of this process that the new process inherits
     """
 
     def __init__(
@@ -144,8 +148,8 @@ class SubscriberProcess:
         """
         Send an event to the process, and return at once.
 
-        Only ``SessionStarted`` and ``MotionPlanned`` may wait for room in the pipe: they are sent
-        before the robot moves.
+        Only ``SessionStarted`` and ``MotionPlanned`` may wait for room in the pipe, because they
+        are sent before the robot moves.
         """
         if self.failure is not None:
             return
@@ -161,7 +165,7 @@ class SubscriberProcess:
             self.failure = f'it is gone ({error.strerror})'
 
     def fail(self, reason: str) -> None:
-        """Send no more events, and keep the first reason in ``failure``."""
+        """Send no more events, and store the reason in ``failure`` unless it has one already."""
         self.failure = self.failure or reason
 
     def close(self, timeout: float) -> int | None:
@@ -185,7 +189,7 @@ class SubscriberProcess:
         return self.exit_code
 
     def _send_with_timeout(self, event: Event) -> None:
-        # Chunks of two events must not be mixed; other events may come between them.
+        # The chunks of two events must not be mixed, but a whole event may come between chunks.
         end = time.monotonic() + PLAN_WRITE_TIMEOUT
         with self._plan_lock:
             for packet in encode(event):
@@ -218,7 +222,8 @@ class SubscriberProcesses:
     def __init__(self, event_bus: EventBus) -> None:
         self._event_bus = event_bus
         self._subscribers: list[SubscriberProcess] = []
-        #: how long after the stop began odometry showed standstill [s]; None if it did not
+        #: the time from the start of the stop until odometry showed standstill [s]; None if it
+        #: showed none
         self.stop_confirmed_after: float | None = None
 
     def start(
@@ -278,11 +283,12 @@ class EventFile(SubscriberProcess):
     An unnamed temporary file that stores the events of a drive; another process writes it.
 
     The events are not kept in the memory of the process that drives.  There, Python's garbage
-    collector would search them during the motion: 58 ms after 38 s at 200 Hz (measured).
+    collector would search them during the motion.  After 38 s at 200 Hz one search took 58 ms
+    (measured).
     """
 
     def __init__(self) -> None:
-        self._file = tempfile.TemporaryFile()  # noqa: SIM115 (as long as the object)
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115 (open as long as the object)
         super().__init__([sys.executable, '-I', '-S', '-c', COPY], stdout=self._file)
 
     def close(self, timeout: float = WRITE_TIMEOUT) -> int | None:
