@@ -19,7 +19,7 @@ Importing this package needs no ROS, because each name is loaded at its first us
 
 from __future__ import annotations
 
-# Not typing.TYPE_CHECKING: its import is slow, and type checkers treat this name as true.
+# The import of typing.TYPE_CHECKING is slow.  Type checkers treat any name TYPE_CHECKING as true.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
@@ -54,8 +54,8 @@ __all__ = [
     'RunFaultError', 'Settle', 'Step', 'Turn', 'UsageError', 'Velocity', 'Wait', 'plan',
 ]
 
-#: The names in each module.  Loading on demand keeps the start of a command short: until its first
-#: line of code runs, Ctrl+C prints a traceback.
+#: The public names, by the module that defines them.  They are loaded at the first use, so that a
+#: command starts quickly: until the first line of its code runs, Ctrl+C prints a traceback.
 _NAMES = {
     'errors': ('ControlError', 'InvalidMotionError', 'MotionRefusedError', 'RobotNotFoundError',
                'RunFaultError', 'UsageError'),

@@ -13,7 +13,7 @@
 # limitations under the License.
 """The entry point of the command ``kachaka_simple_control``, with shell completion."""
 
-# PYTHON_ARGCOMPLETE_OK: a shell that completes all commands may ask this one.
+# PYTHON_ARGCOMPLETE_OK: with this mark, the global completion of argcomplete finds this file.
 
 import sys
 
@@ -21,7 +21,7 @@ from kachaka_simple_control.entry_points import run
 
 
 def main() -> int:
-    """Run the command; return its exit code."""
+    """Run the command ``kachaka_simple_control``; return its exit code."""
     return run('commands.drive_or_preview')
 
 

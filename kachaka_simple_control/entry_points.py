@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The entry points of the commands; they handle Ctrl+C during the slow import of modules."""
+"""
+The entry points of the commands.
+
+During the slow import of modules, Ctrl+C ends a command at once, without a traceback.
+"""
 
 from __future__ import annotations
 
@@ -20,13 +24,13 @@ from kachaka_simple_control.control.interrupts import exit_on_interrupt
 
 def run(module: str) -> int:
     """
-    Run the ``main`` of a module of this package.
+    Run the function ``main`` of a module of this package.
 
     :param module: the name of the module within the package
     :returns: the exit code
     """
     exit_on_interrupt()
-    # Imported only after this point, because before it Ctrl+C prints a traceback.
+    # Imported only here, because before ``exit_on_interrupt`` Ctrl+C prints a traceback.
     from importlib import import_module
 
     from kachaka_simple_control.control.output import open_closed_streams

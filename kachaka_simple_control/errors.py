@@ -11,33 +11,49 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The errors that refuse or end a motion; each message is one line for the user."""
+"""The errors that refuse or end a motion, with messages for the user."""
 
 from __future__ import annotations
 
 
 class ControlError(RuntimeError):
-    """The base class of all errors of this package; a file error has one line per problem."""
+    """
+    The base class of all errors of this package.
+
+    The message is one line.  The message of a file error has one line for each problem instead.
+    """
 
 
 class UsageError(ControlError):
-    """An option, a parameter or a name is invalid; nothing moved."""
+    """An option, a parameter or a name is invalid; the robot has not moved."""
 
 
 class RobotNotFoundError(ControlError):
-    """No robot was found, or no robot was ready, within the timeout; nothing moved."""
+    """No robot was found, or no robot was ready, within the timeout; the robot has not moved."""
 
 
 class RobotTakenError(RobotNotFoundError):
-    """Another program drives the robot, or runs a bridge with the same names; nothing moved."""
+    """
+    Another program drives the robot, or runs a bridge with the same ROS names.
+
+    This program has not moved the robot.
+    """
 
 
 class MotionRefusedError(ControlError):
-    """No motion may start now: after a stop, during another motion, or in a callback."""
+    """
+    A motion is refused, because no motion may start now.
+
+    Examples are a start after a stop, during another motion, or in a callback.
+    """
 
 
 class MotionRunningError(MotionRefusedError):
-    """Another thread of this program drives the robot; the other motion continues."""
+    """
+    A motion is refused, because another thread of this program drives the robot.
+
+    The motion of the other thread continues.
+    """
 
 
 class MotionStoppedError(MotionRefusedError):
@@ -53,29 +69,31 @@ class RunFaultError(ControlError):
 
 
 def control_error(error: BaseException) -> ControlError:
-    """Convert an error that ends a run to an error of this package."""
+    """Convert an error that ends a run to a ``ControlError``, unless it is one already."""
     if isinstance(error, ControlError):
         return error
     return MotionRefusedError(f'the motion was ended by {error!r}')
 
 
-#: The likely causes of a blocked program and the remedies; the end of each such message.
+#: The end of each message about a program that was blocked: the likely causes and the remedy.
 HELD_UP_ADVICE = (
     'its machine was busy or suspended, or it was stopped by Ctrl+Z. End what keeps the machine '
     'busy, and drive again')
 
 
 class PauseTimeoutError(RunFaultError):
-    """A run was paused for too long; the robot was released."""
+    """A run was paused for too long; it was ended, and other programs may drive the robot."""
 
 
 class InvalidMotionError(ControlError, ValueError):
     """
-    A motion is invalid: a value is missing, wrong or beyond a limit; nothing moved.
+    A motion is invalid, because a value is missing, wrong or beyond a limit.
+
+    The robot has not moved.
 
     :param message: the value with its unit, the limit and the remedy, without path and name
-    :param path: the key path in the motion, for example ``steps[2].turn.speed``; None if there is
-        none
+    :param path: the keys that lead to the value in the motion, for example
+        ``steps[2].turn.speed``; None if unknown
     :param name: the name of the wrong value; None if more than one value is wrong
     """
 
@@ -86,29 +104,29 @@ class InvalidMotionError(ControlError, ValueError):
         self.name = name
 
     def __str__(self) -> str:
-        """Return the path and the name, if there are any, and the message."""
+        """Return the message, after the path and the name if they are known."""
         text = self.message if self.name is None else f'{self.name} is {self.message}'
         return text if self.path is None else f'{self.path}: {text}'
 
     def at(self, path: str) -> InvalidMotionError:
-        """Return the error with a path."""
+        """Return a copy of the error with another path."""
         return InvalidMotionError(self.message, path, self.name)
 
-    def by(self, whose: str) -> InvalidMotionError:  # noqa: ARG002 (of a limit alone)
-        """Return the error itself; in ``LimitError``, change the owner of the limit."""
+    def by(self, whose: str) -> InvalidMotionError:  # noqa: ARG002 (LimitError uses it)
+        """Return the error unchanged; only a ``LimitError`` names the owner of a limit."""
         return self
 
 
 class LimitError(InvalidMotionError):
     """
-    A value is beyond a limit; nothing moved.
+    A value is beyond a limit; the robot has not moved.
 
     :param value: the value
-    :param unit: the unit of value and bounds
+    :param unit: the unit of the value and of the limits
     :param highest: the highest allowed value
     :param lowest: the lowest allowed value; None if there is no lower limit
     :param whose: the owner of the limit, for example ``the robot's``
-    :param note: a further cause that reduces the limit; empty if there is none
+    :param note: a text about what else lowers the limit; empty for none
     :param name: the name of the value; None if the path contains it
     """
 
@@ -125,11 +143,11 @@ class LimitError(InvalidMotionError):
         self.whose, self.note = whose, note
 
     def at(self, path: str) -> LimitError:
-        """Return the error with a path."""
+        """Return a copy of the error with another path."""
         return self._changed(path, self.whose)
 
     def by(self, whose: str) -> LimitError:
-        """Return the error with another owner of the limit, for example ``the robot's``."""
+        """Return a copy of the error with another owner of the limit, such as ``the robot's``."""
         return self._changed(self.path, whose)
 
     def _changed(self, path: str | None, whose: str) -> LimitError:

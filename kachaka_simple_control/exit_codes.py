@@ -26,11 +26,11 @@ from kachaka_simple_control.text import escaped
 DONE = 0
 #: The run could not continue, or an unexpected error occurred; the robot was stopped.
 FAULTED = 1
-#: An invalid option, parameter, file or motion; nothing moved.
+#: An option, parameter, file or motion is invalid; the robot has not moved.
 BAD_USAGE = 2
-#: No robot listens, or another program drives the robot; nothing moved.
+#: No robot is ready, or another program drives the robot; this program has not moved it.
 NO_ROBOT = 3
-#: Stopped by a signal: the exit code is this number plus the number of the signal.
+#: A signal stopped the program: the exit code is this number plus the number of the signal.
 SIGNALLED = 128
 
 HELP = """
@@ -56,7 +56,11 @@ class OneLineParser(argparse.ArgumentParser):
                 action.completer = completers[action.dest]  # type: ignore[attr-defined]
 
     def error(self, message: str) -> NoReturn:
-        """Print a message and exit with code 2; suggest a similar option for an unknown one."""
+        """
+        Print a message in one line, and exit with code 2.
+
+        For an unknown option, the message suggests a similar one.
+        """
         word = message.removeprefix('unrecognized arguments: ').partition('=')[0].partition(' ')[0]
         if word != message.partition('=')[0].partition(' ')[0]:
             options = [option for action in self._actions for option in action.option_strings]

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Run the program of a command, and turn its error into one line and an exit code."""
+"""Run the function of a command, print its error in one line, and return the exit code."""
 
 from __future__ import annotations
 
@@ -34,11 +34,13 @@ NAME = 'kachaka_simple_control'
 
 def run_command(body: Callable[[], None], name: str = NAME) -> int:
     """
-    Run a program, and turn the error that ends it into one line and an exit code.
+    Run the function of a command, print its error in one line, and return the exit code.
 
-    :param body: the program
-    :param name: the name of the program
-    :returns: the exit code; after a signal, always the exit code of the signal
+    If the robot's stop failed after another error, the other error is printed too.
+
+    :param body: the function that does the work of the command
+    :param name: the name of the command, which is printed before the error
+    :returns: the exit code; after a signal, always 128 plus the number of the signal
     """
     code = DONE
     try:
@@ -51,8 +53,8 @@ def run_command(body: Callable[[], None], name: str = NAME) -> int:
         # After a signal, an expected error only says that the signal stopped the motion.
         if signal_dispatcher.signum is None or not isinstance(error, ControlError):
             first = error.__context__
-            # An error of the stop must not hide the reason for the stop.
-            with contextlib.suppress(OSError):  # a full disk
+            # An error during a stop must not hide the error that caused the stop.
+            with contextlib.suppress(OSError):  # such as a full disk
                 if isinstance(first, ControlError) and not error.__suppress_context__:
                     print(_message(first, name), file=sys.stderr)
                 print(_message(error, name), file=sys.stderr)
@@ -61,7 +63,7 @@ def run_command(body: Callable[[], None], name: str = NAME) -> int:
 
 def _message(error: Exception, name: str) -> str:
     if isinstance(error, FileError) and error.problems[0].line is not None:
-        # File and line come first, because editors make a link of them.
+        # File and line come first, because many editors show them as a link.
         return escaped_lines(error)
     if isinstance(error, InvalidMotionError) and (line := _line_of_lesson(error)):
         return f'{line}: {escaped(error, MAX_LINE_LENGTH)}'
@@ -74,7 +76,7 @@ def _message(error: Exception, name: str) -> str:
 
 
 def _line_of_lesson(error: Exception) -> str:
-    """Return the file and line of the lesson's movement that failed; empty if there is none."""
+    """Return the file and line of the lesson's call that failed; empty for other errors."""
     frames = traceback.extract_tb(error.__traceback__)
     return next((escaped(location(frame.filename, frame.lineno), MAX_LINE_LENGTH)
                  for frame in reversed(frames) if frame.name == LESSON_FUNCTION), '')

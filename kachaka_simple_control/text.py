@@ -45,7 +45,7 @@ def escaped_lines(error: BaseException) -> str:
 
 def quoted(text: str, max_length: int = 40) -> str:
     """
-    Return a text in quotes, as in Python source.
+    Return a text in quotes and with escape sequences, as in Python source.
 
     :param text: the text
     :param max_length: the largest length [characters]; a longer text is cut and ends with three
@@ -55,7 +55,7 @@ def quoted(text: str, max_length: int = 40) -> str:
 
 
 def format_fixed(value: float, digits: int) -> str:
-    """Return a number with fixed decimal places; a result of zero has no sign."""
+    """Return a number with a fixed count of decimal places; a zero never has a minus sign."""
     return f'{round(value, digits) + 0.0:.{digits}f}'
 
 
@@ -65,13 +65,13 @@ def pluralize(count: int, singular: str, plural: str | None = None) -> str:
 
 
 def one_line(text: str, width: int) -> str:
-    """Return any text as one printable line, cut to a width [columns] with an ellipsis."""
+    """Return any text as one printable line, cut to a width [columns of a terminal]."""
     line = ' '.join(text.split())
     return cut(''.join(char if char.isprintable() else '?' for char in line), width)
 
 
 def cut(text: str, width: int) -> str:
-    """Return a text cut to a width [columns of a terminal], with an ellipsis if it is longer."""
+    """Return a text cut to a width [columns of a terminal]; a cut text ends with three dots."""
     if width_of(text) <= width:
         return text
     end = len(text)

@@ -11,7 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Look up the versions of the package and of ROS; a separate module, because this is slow."""
+"""
+Look up the version of this package and the distribution of ROS.
+
+This is a separate module, because the import of ``importlib.metadata`` is slow.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +27,12 @@ DISTROS = ('humble', 'jazzy', 'kilted')
 
 
 def installed_version() -> str:
-    """Return the installed version, for example ``0.1.0``; ``unknown`` if not installed."""
+    """Return the installed version of this package, such as ``0.1.0``, or ``unknown``."""
     return _version('kachaka_simple_control') or 'unknown'
 
 
 def ros_distro() -> str:
-    """Return the ROS distribution, sourced or from PyPI; ``unknown`` if there is none."""
+    """Return the ROS distribution that is sourced or installed from PyPI, or ``unknown``."""
     from_pypi = (distro for distro in DISTROS if _version(f'ros-{distro}-rclpy'))
     return os.environ.get('ROS_DISTRO') or next(from_pypi, 'unknown')
 
